@@ -1,0 +1,40 @@
+"""The contract of everything that drives."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.observation import ObservationSpec
+
+Batch = NDArray[np.float32]
+
+
+class Policy(Protocol):
+    """Maps a batch of observations to a batch of actions, one row a car.
+
+    A policy keeps no state of its own between calls: what it must remember from one tick to the
+    next is a row of `memory`, handed to it and handed back, so that one policy object can drive
+    any number of cars in any number of races at once.
+    """
+
+    observation_spec: ObservationSpec
+
+    def initial_memory(self, n: int) -> Batch:
+        """Memory of n cars at the start of a run, (n, m) float32; m may be 0."""
+        ...
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """Actions for n cars and their memory after this tick.
+
+        Args:
+            observations: (n, observation_spec.size) float32, standardised.
+            memory: (n, m) float32, as returned by the last call.
+
+        Returns:
+            actions (n, 2) float32 in [-1, 1]: throttle (+) or brake (-), steering (+ is left);
+            memory (n, m) float32.
+        """
+        ...

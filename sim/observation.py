@@ -1,0 +1,150 @@
+"""What a policy sees: a versioned description that travels with every checkpoint.
+
+The contents follow Wurman et al. (Nature 602, 2022): the car itself, course points over the next
+seconds of travel, the cars ahead and behind. The world is planar, so vectors have two components.
+Frame of every vector: the car's own, x forward, y left. Angles in radians, counter-clockwise positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import InputError
+
+VERSION = 1
+
+OPPONENT_FIELDS = 7
+
+
+@dataclass(frozen=True)
+class Field:
+    """One named stretch of the observation vector, before standardisation in [low, high] `unit`."""
+
+    name: str
+    size: int
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class ObservationSpec:
+    """Layout and scaling of an observation.
+
+    Attributes:
+        course_points: points on each of left edge, centre line and right edge (the reference has 60).
+        horizon_s: seconds of travel at the present speed that the course points span.
+        cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
+        version: layout version; a policy trained on another version cannot drive.
+    """
+
+    course_points: int = 60
+    horizon_s: float = 6.0
+    cars_ahead: int = 4
+    cars_behind: int = 4
+    version: int = VERSION
+
+    def __post_init__(self) -> None:
+        if self.version != VERSION:
+            raise InputError(
+                f"observation spec: version is {self.version}, this simulator makes version {VERSION}"
+            )
+        for name, least in (("course_points", 1), ("cars_ahead", 0), ("cars_behind", 0)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or not least <= value <= 500:
+                raise InputError(
+                    f"observation spec: {name} is {value!r}, expected a whole number from {least} to 500"
+                )
+        if not 0.0 < self.horizon_s <= 60.0:
+            raise InputError(f"observation spec: horizon_s is {self.horizon_s!r}, expected 0 to 60 s")
+
+    @cached_property
+    def fields(self) -> tuple[Field, ...]:
+        """The fields in the order in which they stand in the vector."""
+        own = (
+            Field("velocity", 2, "m/s", -10.0, 90.0),
+            Field("yaw_rate", 1, "rad/s", -1.5, 1.5),
+            Field("acceleration", 2, "m/s^2", -25.0, 25.0),
+            Field("tyre_load", 4, "N", 0.0, 8000.0),
+            Field("slip_angle", 4, "rad", -0.3, 0.3),
+            Field("progress", 2, "sin, cos of lap angle", -1.0, 1.0),
+            Field("heading_error", 1, "rad", -0.8, 0.8),
+            Field("wall_contact", 1, "flag", 0.0, 1.0),
+            Field("off_course", 1, "flag", 0.0, 1.0),
+            Field("steering", 1, "full lock", -1.0, 1.0),
+            Field("throttle", 1, "share", 0.0, 1.0),
+            Field("brake", 1, "share", 0.0, 1.0),
+            Field("car_contact", 1, "flag", 0.0, 1.0),
+            Field("slipstream", 1, "share of full draught", 0.0, 1.0),
+        )
+        course = tuple(
+            Field(f"course_{line}", 2 * self.course_points, "m", -200.0, 200.0)
+            for line in ("left", "centre", "right")
+        )
+        lists = tuple(
+            Field(f"cars_{where}", OPPONENT_FIELDS * count, "see OPPONENT_FIELDS", -1.0, 1.0)
+            for where, count in (("ahead", self.cars_ahead), ("behind", self.cars_behind))
+            if count
+        )
+        return own + course + lists
+
+    @cached_property
+    def size(self) -> int:
+        """Length of the observation vector."""
+        return sum(field.size for field in self.fields)
+
+    def slice(self, name: str) -> slice:
+        """Where the named field stands in the vector.
+
+        Raises:
+            KeyError: if there is no such field.
+        """
+        start = 0
+        for field in self.fields:
+            if field.name == name:
+                return slice(start, start + field.size)
+            start += field.size
+        raise KeyError(name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The spec as plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> ObservationSpec:
+        """The spec from plain JSON values.
+
+        Raises:
+            InputError: naming the field that is unknown or out of range.
+        """
+        unknown = set(data) - set(cls.__dataclass_fields__)
+        if unknown:
+            raise InputError(f"observation spec: unknown field {sorted(unknown)[0]!r}")
+        try:
+            return cls(**data)
+        except TypeError as error:
+            raise InputError(f"observation spec: {error}") from None
+
+    def describe(self) -> str:
+        """The layout as a table in plain text, one field a line."""
+        lines = [f"observation spec, version {self.version}, {self.size} numbers"]
+        start = 0
+        for field in self.fields:
+            stop = start + field.size
+            lines.append(
+                f"{start:5d}:{stop:<5d} {field.name:<14} [{field.low:g}, {field.high:g}] {field.unit}"
+            )
+            start = stop
+        return "\n".join(lines)
+
+    @cached_property
+    def scaling(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Mean and deviation of a uniform distribution over each number's range, each (size,) float32."""
+        low = np.concatenate([np.full(f.size, f.low) for f in self.fields])
+        high = np.concatenate([np.full(f.size, f.high) for f in self.fields])
+        return ((low + high) / 2).astype(np.float32), ((high - low) / np.sqrt(12.0)).astype(np.float32)
