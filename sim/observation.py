@@ -18,18 +18,43 @@ from sim.errors import InputError
 
 VERSION = 1
 
-OPPONENT_FIELDS = 7
+TOP_SPEED = 90.0  # m/s
+AHEAD_M = 80.0
+BEHIND_M = 40.0
+"""Opponents further away than this are not seen."""
+
+OPPONENT = (
+    ("present", 0.0, 1.0),
+    ("x", -80.0, 80.0),
+    ("y", -20.0, 20.0),
+    ("velocity_x", -40.0, 40.0),
+    ("velocity_y", -20.0, 20.0),
+    ("acceleration_x", -25.0, 25.0),
+    ("acceleration_y", -25.0, 25.0),
+)
+"""What is seen of an opponent, relative to the car: centre of mass, m, m/s, m/s^2. Absent ones are 0."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """One named stretch of the observation vector, before standardisation in [low, high] `unit`."""
+    """One named stretch of the observation vector.
+
+    Before standardisation its numbers lie in [low, high] `unit`; both have one value for each number.
+    """
 
     name: str
-    size: int
     unit: str
-    low: float
-    high: float
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @property
+    def size(self) -> int:
+        """How many numbers the field has."""
+        return len(self.low)
+
+
+def _flat(name: str, size: int, unit: str, low: float, high: float) -> Field:
+    return Field(name, unit, (low,) * size, (high,) * size)
 
 
 @dataclass(frozen=True)
@@ -37,7 +62,8 @@ class ObservationSpec:
     """Layout and scaling of an observation.
 
     Attributes:
-        course_points: points on each of left edge, centre line and right edge (the reference has 60).
+        course_points: points on each of left edge, centre line and right edge (the reference has 60),
+            each pair (x, y); the first is beside the car, the others evenly ahead of it.
         horizon_s: seconds of travel at the present speed that the course points span.
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
         version: layout version; a policy trained on another version cannot drive.
@@ -67,27 +93,38 @@ class ObservationSpec:
     def fields(self) -> tuple[Field, ...]:
         """The fields in the order in which they stand in the vector."""
         own = (
-            Field("velocity", 2, "m/s", -10.0, 90.0),
-            Field("yaw_rate", 1, "rad/s", -1.5, 1.5),
-            Field("acceleration", 2, "m/s^2", -25.0, 25.0),
-            Field("tyre_load", 4, "N", 0.0, 8000.0),
-            Field("slip_angle", 4, "rad", -0.3, 0.3),
-            Field("progress", 2, "sin, cos of lap angle", -1.0, 1.0),
-            Field("heading_error", 1, "rad", -0.8, 0.8),
-            Field("wall_contact", 1, "flag", 0.0, 1.0),
-            Field("off_course", 1, "flag", 0.0, 1.0),
-            Field("steering", 1, "full lock", -1.0, 1.0),
-            Field("throttle", 1, "share", 0.0, 1.0),
-            Field("brake", 1, "share", 0.0, 1.0),
-            Field("car_contact", 1, "flag", 0.0, 1.0),
-            Field("slipstream", 1, "share of full draught", 0.0, 1.0),
+            _flat("velocity", 2, "m/s", -10.0, 90.0),
+            _flat("yaw_rate", 1, "rad/s", -1.5, 1.5),
+            _flat("acceleration", 2, "m/s^2", -25.0, 25.0),
+            _flat("tyre_load", 4, "N", 0.0, 8000.0),
+            _flat("slip_angle", 4, "rad", -0.3, 0.3),
+            _flat("progress", 2, "sin, cos of lap angle", -1.0, 1.0),
+            _flat("heading_error", 1, "rad", -0.8, 0.8),
+            _flat("wall_contact", 1, "flag", 0.0, 1.0),
+            _flat("off_course", 1, "flag", 0.0, 1.0),
+            _flat("steering", 1, "full lock", -1.0, 1.0),
+            _flat("throttle", 1, "share", 0.0, 1.0),
+            _flat("brake", 1, "share", 0.0, 1.0),
+            _flat("car_contact", 1, "flag", 0.0, 1.0),
+            _flat("slipstream", 1, "share of full draught", 0.0, 1.0),
+        )
+        # Point i lies i/n of the horizon ahead, so its range grows with i: near points stay sharp.
+        reach = tuple(
+            15.0 + point / self.course_points * self.horizon_s * TOP_SPEED
+            for point in range(self.course_points)
+            for _ in "xy"
         )
         course = tuple(
-            Field(f"course_{line}", 2 * self.course_points, "m", -200.0, 200.0)
+            Field(f"course_{line}", "m", tuple(-x for x in reach), reach)
             for line in ("left", "centre", "right")
         )
         lists = tuple(
-            Field(f"cars_{where}", OPPONENT_FIELDS * count, "see OPPONENT_FIELDS", -1.0, 1.0)
+            Field(
+                f"cars_{where}",
+                "see OPPONENT",
+                tuple(low for _, low, _ in OPPONENT) * count,
+                tuple(high for _, _, high in OPPONENT) * count,
+            )
             for where, count in (("ahead", self.cars_ahead), ("behind", self.cars_behind))
             if count
         )
@@ -137,7 +174,7 @@ class ObservationSpec:
         for field in self.fields:
             stop = start + field.size
             lines.append(
-                f"{start:5d}:{stop:<5d} {field.name:<14} [{field.low:g}, {field.high:g}] {field.unit}"
+                f"{start:5d}:{stop:<5d} {field.name:<14} [{min(field.low):g}, {max(field.high):g}] {field.unit}"
             )
             start = stop
         return "\n".join(lines)
@@ -145,6 +182,6 @@ class ObservationSpec:
     @cached_property
     def scaling(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Mean and deviation of a uniform distribution over each number's range, each (size,) float32."""
-        low = np.concatenate([np.full(f.size, f.low) for f in self.fields])
-        high = np.concatenate([np.full(f.size, f.high) for f in self.fields])
+        low = np.concatenate([f.low for f in self.fields])
+        high = np.concatenate([f.high for f in self.fields])
         return ((low + high) / 2).astype(np.float32), ((high - low) / np.sqrt(12.0)).astype(np.float32)

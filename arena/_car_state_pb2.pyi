@@ -1,0 +1,121 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class CarState(_message.Message):
+    __slots__ = ("x_m", "y_m", "yaw_rad", "velocity_x_m_s", "velocity_y_m_s", "yaw_rate_rad_s", "acceleration_x_m_s2", "acceleration_y_m_s2", "steering", "throttle", "brake", "gear", "distance_m", "lateral_m", "lap", "place", "off_course", "wall_contact", "car_contact", "slipstream", "driving")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_X_M_S_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_Y_M_S_FIELD_NUMBER: _ClassVar[int]
+    YAW_RATE_RAD_S_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_X_M_S2_FIELD_NUMBER: _ClassVar[int]
+    ACCELERATION_Y_M_S2_FIELD_NUMBER: _ClassVar[int]
+    STEERING_FIELD_NUMBER: _ClassVar[int]
+    THROTTLE_FIELD_NUMBER: _ClassVar[int]
+    BRAKE_FIELD_NUMBER: _ClassVar[int]
+    GEAR_FIELD_NUMBER: _ClassVar[int]
+    DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
+    LATERAL_M_FIELD_NUMBER: _ClassVar[int]
+    LAP_FIELD_NUMBER: _ClassVar[int]
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    OFF_COURSE_FIELD_NUMBER: _ClassVar[int]
+    WALL_CONTACT_FIELD_NUMBER: _ClassVar[int]
+    CAR_CONTACT_FIELD_NUMBER: _ClassVar[int]
+    SLIPSTREAM_FIELD_NUMBER: _ClassVar[int]
+    DRIVING_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    velocity_x_m_s: float
+    velocity_y_m_s: float
+    yaw_rate_rad_s: float
+    acceleration_x_m_s2: float
+    acceleration_y_m_s2: float
+    steering: float
+    throttle: float
+    brake: float
+    gear: int
+    distance_m: float
+    lateral_m: float
+    lap: int
+    place: int
+    off_course: bool
+    wall_contact: bool
+    car_contact: bool
+    slipstream: float
+    driving: bool
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., velocity_x_m_s: _Optional[float] = ..., velocity_y_m_s: _Optional[float] = ..., yaw_rate_rad_s: _Optional[float] = ..., acceleration_x_m_s2: _Optional[float] = ..., acceleration_y_m_s2: _Optional[float] = ..., steering: _Optional[float] = ..., throttle: _Optional[float] = ..., brake: _Optional[float] = ..., gear: _Optional[int] = ..., distance_m: _Optional[float] = ..., lateral_m: _Optional[float] = ..., lap: _Optional[int] = ..., place: _Optional[int] = ..., off_course: _Optional[bool] = ..., wall_contact: _Optional[bool] = ..., car_contact: _Optional[bool] = ..., slipstream: _Optional[float] = ..., driving: _Optional[bool] = ...) -> None: ...
+
+class CarStates(_message.Message):
+    __slots__ = ("time_s", "cars")
+    TIME_S_FIELD_NUMBER: _ClassVar[int]
+    CARS_FIELD_NUMBER: _ClassVar[int]
+    time_s: float
+    cars: _containers.RepeatedCompositeFieldContainer[CarState]
+    def __init__(self, time_s: _Optional[float] = ..., cars: _Optional[_Iterable[_Union[CarState, _Mapping]]] = ...) -> None: ...
+
+class Incident(_message.Message):
+    __slots__ = ("time_s", "kind", "cars", "text")
+    TIME_S_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    CARS_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    time_s: float
+    kind: str
+    cars: _containers.RepeatedScalarFieldContainer[int]
+    text: str
+    def __init__(self, time_s: _Optional[float] = ..., kind: _Optional[str] = ..., cars: _Optional[_Iterable[int]] = ..., text: _Optional[str] = ...) -> None: ...
+
+class Polyline(_message.Message):
+    __slots__ = ("x_m", "y_m")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    x_m: _containers.RepeatedScalarFieldContainer[float]
+    y_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Race(_message.Message):
+    __slots__ = ("circuit", "car", "scenario", "seed", "match", "race", "version", "names", "teams", "car_length_m", "car_width_m", "left", "centre", "right", "wall_left", "wall_right", "ticks", "incidents")
+    CIRCUIT_FIELD_NUMBER: _ClassVar[int]
+    CAR_FIELD_NUMBER: _ClassVar[int]
+    SCENARIO_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
+    MATCH_FIELD_NUMBER: _ClassVar[int]
+    RACE_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    NAMES_FIELD_NUMBER: _ClassVar[int]
+    TEAMS_FIELD_NUMBER: _ClassVar[int]
+    CAR_LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    CAR_WIDTH_M_FIELD_NUMBER: _ClassVar[int]
+    LEFT_FIELD_NUMBER: _ClassVar[int]
+    CENTRE_FIELD_NUMBER: _ClassVar[int]
+    RIGHT_FIELD_NUMBER: _ClassVar[int]
+    WALL_LEFT_FIELD_NUMBER: _ClassVar[int]
+    WALL_RIGHT_FIELD_NUMBER: _ClassVar[int]
+    TICKS_FIELD_NUMBER: _ClassVar[int]
+    INCIDENTS_FIELD_NUMBER: _ClassVar[int]
+    circuit: str
+    car: str
+    scenario: str
+    seed: int
+    match: str
+    race: int
+    version: str
+    names: _containers.RepeatedScalarFieldContainer[str]
+    teams: _containers.RepeatedScalarFieldContainer[int]
+    car_length_m: float
+    car_width_m: float
+    left: Polyline
+    centre: Polyline
+    right: Polyline
+    wall_left: Polyline
+    wall_right: Polyline
+    ticks: int
+    incidents: int
+    def __init__(self, circuit: _Optional[str] = ..., car: _Optional[str] = ..., scenario: _Optional[str] = ..., seed: _Optional[int] = ..., match: _Optional[str] = ..., race: _Optional[int] = ..., version: _Optional[str] = ..., names: _Optional[_Iterable[str]] = ..., teams: _Optional[_Iterable[int]] = ..., car_length_m: _Optional[float] = ..., car_width_m: _Optional[float] = ..., left: _Optional[_Union[Polyline, _Mapping]] = ..., centre: _Optional[_Union[Polyline, _Mapping]] = ..., right: _Optional[_Union[Polyline, _Mapping]] = ..., wall_left: _Optional[_Union[Polyline, _Mapping]] = ..., wall_right: _Optional[_Union[Polyline, _Mapping]] = ..., ticks: _Optional[int] = ..., incidents: _Optional[int] = ...) -> None: ...

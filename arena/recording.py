@@ -1,0 +1,304 @@
+"""Race recordings: MCAP files of protobuf messages that Foxglove and Rerun open, and that read back exactly.
+
+Topics: `/race`, `/cars` and `/incidents` carry all of a race log in messages of our own (car_state.proto);
+`/scene`, `/transforms` and `/log` show it in Foxglove's (https://docs.foxglove.dev/docs/sdk/schemas).
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.message import DecodeError, Message
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from mcap.records import Message as Record
+from mcap.stream_reader import StreamReader
+from mcap.well_known import MessageEncoding
+from mcap.writer import MCAP0_MAGIC, Writer
+from mcap_protobuf.schema import build_file_descriptor_set, register_schema
+from numpy.typing import NDArray
+from zstandard import ZstdError
+
+from arena import _car_state_pb2 as pb
+from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
+from sim.errors import InputError
+
+CAR_HEIGHT_M = 1.25
+TEAM_COLOURS: dict[int, tuple[int, int, int]] = {0: (51, 136, 238), 1: (245, 130, 32), -1: (190, 190, 190)}
+"""Red, green and blue from 0 to 255, by team; -1 is a car without a team."""
+
+OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}
+OUTLINE_LINES = ("left", "centre", "right", "wall_left", "wall_right")
+FACTS = ("circuit", "car", "scenario", "seed", "match", "race", "version", "car_length_m", "car_width_m")
+
+DATA_END = struct.Struct("<BQI")  # opcode, length, CRC of all that stands before it
+FOOTER = struct.Struct(
+    "<BQQQI"
+)  # opcode, length, where the summary and its offsets start, CRC of the summary
+
+
+def asphalt(outline: Outline) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """The surface between the circuit's edges, which have n points each, in pairs.
+
+    Vertices (2n, 2) in metres, and triangles (2n, 3) of their indices.
+    """
+    n = len(outline.left)
+    vertices = np.concatenate([outline.left, outline.right])
+    i = np.arange(n)
+    j = (i + 1) % n
+    triangles = np.concatenate([np.stack([i, n + i, j], axis=1), np.stack([j, n + i, n + j], axis=1)])
+    return vertices, triangles.astype(np.uint32)
+
+
+def write_recording(path: Path, log: RaceLog) -> None:
+    """Write a race log as MCAP. The same log gives the same bytes; a file of that name is replaced whole."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with partial.open("wb") as file:
+            _write_messages(Writer(file, enable_data_crcs=True), log)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_recording(path: Path) -> RaceLog:
+    """The race log that `write_recording` wrote.
+
+    Raises InputError if the file is not there, is not a nathlon recording, or differs in any byte from what
+    was written.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+    if not content.startswith(MCAP0_MAGIC):
+        raise InputError(f"{path} is not an MCAP file: expected a recording that nathlon wrote.")
+    if not _checksums_match(content):
+        raise InputError(f"{path} is cut short or damaged: its checksums do not match its contents.")
+    try:
+        return _race_log(list(_own_messages(content)))
+    except (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error) as error:
+        raise InputError(f"{path} is not a recording of this version of nathlon: {error}.") from error
+
+
+def _write_messages(writer: Writer, log: RaceLog) -> None:
+    writer.start(library="nathlon")
+    channels: dict[str, int] = {}
+
+    def add(topic: str, message: Message, time_s: float) -> None:
+        if topic not in channels:
+            schema_id = register_schema(writer, type(message))
+            channels[topic] = writer.register_channel(topic, MessageEncoding.Protobuf, schema_id)
+        time_ns = round(time_s * 1e9)
+        writer.add_message(channels[topic], time_ns, message.SerializeToString(), time_ns)
+
+    start_s = float(log.time_s[0]) if len(log.time_s) else 0.0
+    add("/race", _race_message(log), start_s)
+    add("/scene", _scene(log), start_s)
+    incidents = list(log.incidents)
+    for time_s, states, transforms in _ticks(log):
+        while incidents and incidents[0].time_s <= time_s:
+            incident = incidents.pop(0)
+            add("/incidents", _incident_message(incident), incident.time_s)
+            add("/log", _log_message(incident), incident.time_s)
+        add("/cars", states, time_s)
+        add("/transforms", transforms, time_s)
+    for incident in incidents:
+        add("/incidents", _incident_message(incident), incident.time_s)
+        add("/log", _log_message(incident), incident.time_s)
+    writer.finish()  # type: ignore[no-untyped-call]
+
+
+def _race_message(log: RaceLog) -> pb.Race:
+    message = pb.Race(names=log.names, teams=log.teams)
+    for fact in FACTS:
+        setattr(message, fact, getattr(log, fact))
+    for name in OUTLINE_LINES:
+        points = getattr(log.outline, name)
+        line = getattr(message, name)
+        line.x_m.extend(points[:, 0].tolist())
+        line.y_m.extend(points[:, 1].tolist())
+    return message
+
+
+def _incident_message(incident: Incident) -> pb.Incident:
+    return pb.Incident(time_s=incident.time_s, kind=incident.kind, cars=incident.cars, text=incident.text)
+
+
+def _log_message(incident: Incident) -> Log:
+    level = Log.Level.INFO if incident.kind == "ending" else Log.Level.WARNING
+    message = Log(level=level, name=incident.kind, message=incident.text)
+    message.timestamp.FromNanoseconds(round(incident.time_s * 1e9))
+    return message
+
+
+def _ticks(log: RaceLog) -> Iterator[tuple[float, pb.CarStates, FrameTransforms]]:
+    """Time, states and frames of each tick. The messages are filled anew each time: building them is slow."""
+    cars = len(log.names)
+    states = pb.CarStates(cars=[pb.CarState() for _ in range(cars)])
+    transforms = FrameTransforms()
+    for i in range(cars):
+        frame = transforms.transforms.add(parent_frame_id="world", child_frame_id=f"car_{i}")
+        frame.translation.z = 0.0
+    fields = CAR_SAMPLE.names or ()
+    half_yaw = log.samples["yaw_rad"] / 2
+    sin, cos = np.sin(half_yaw).tolist(), np.cos(half_yaw).tolist()
+    for tick, time_s in enumerate(log.time_s.tolist()):
+        states.time_s = time_s
+        seconds, nanos = divmod(round(time_s * 1e9), 1_000_000_000)
+        for i, sample in enumerate(log.samples[tick].tolist()):
+            state = states.cars[i]
+            for field, value in zip(fields, sample, strict=True):
+                setattr(state, field, value)
+            frame = transforms.transforms[i]
+            frame.timestamp.seconds, frame.timestamp.nanos = seconds, nanos
+            frame.translation.x, frame.translation.y = state.x_m, state.y_m
+            frame.rotation.z, frame.rotation.w = sin[tick][i], cos[tick][i]
+        yield time_s, states, transforms
+
+
+def _scene(log: RaceLog) -> SceneUpdate:
+    """The circuit in the world's frame and every car as a box in its own, drawn for the whole race."""
+    here = Pose(orientation=Quaternion(w=1.0))
+    vertices, triangles = asphalt(log.outline)
+    surface = TriangleListPrimitive(
+        pose=here,
+        points=_points(vertices, 0.0),
+        indices=triangles.ravel().tolist(),
+        color=_colour(60, 60, 64),
+    )
+    lines = [
+        LinePrimitive(
+            type=LinePrimitive.LINE_LOOP,
+            pose=here,
+            thickness=width_m,
+            points=_points(line, z_m),
+            color=colour,
+        )
+        for line, z_m, width_m, colour in (
+            (log.outline.left, 0.02, 0.3, _colour(235, 235, 235)),
+            (log.outline.right, 0.02, 0.3, _colour(235, 235, 235)),
+            (log.outline.wall_left, 0.5, 0.3, _colour(150, 150, 160)),
+            (log.outline.wall_right, 0.5, 0.3, _colour(150, 150, 160)),
+        )
+    ]
+    circuit = SceneEntity(frame_id="world", id="circuit", triangles=[surface], lines=lines)
+    box = Pose(position=Vector3(z=CAR_HEIGHT_M / 2), orientation=Quaternion(w=1.0))
+    size = Vector3(x=log.car_length_m, y=log.car_width_m, z=CAR_HEIGHT_M)
+    cars = [
+        SceneEntity(
+            frame_id=f"car_{i}",
+            id=f"car_{i}",
+            frame_locked=True,
+            cubes=[CubePrimitive(pose=box, size=size, color=_colour(*TEAM_COLOURS[team]))],
+        )
+        for i, team in enumerate(log.teams)
+    ]
+    return SceneUpdate(entities=[circuit, *cars])
+
+
+def _points(line: NDArray[np.float64], z_m: float) -> list[Point3]:
+    return [Point3(x=x, y=y, z=z_m) for x, y in line.tolist()]
+
+
+def _colour(red: int, green: int, blue: int) -> Color:
+    return Color(r=red / 255, g=green / 255, b=blue / 255, a=1.0)
+
+
+def _checksums_match(content: bytes) -> bool:
+    """Whether an MCAP file ends with a checksum of its data and one of its summary, and both hold.
+
+    The `mcap` reader checks the data only, and only while it finds its end; see https://mcap.dev/spec.
+    """
+    footer_start = len(content) - len(MCAP0_MAGIC) - FOOTER.size
+    if footer_start < 0 or not content.endswith(MCAP0_MAGIC):
+        return False
+    *_, summary_start, _, summary_crc = FOOTER.unpack_from(content, footer_start)
+    data_end = summary_start - DATA_END.size
+    if not 0 <= data_end < footer_start:
+        return False
+    opcode, length, data_crc = DATA_END.unpack_from(content, data_end)
+    return (
+        (opcode, length) == (Opcode.DATA_END, 4)
+        and data_crc == zlib.crc32(content[:data_end])
+        and summary_crc == zlib.crc32(content[summary_start : -len(MCAP0_MAGIC) - 4])
+    )
+
+
+def _own_messages(content: bytes) -> Iterator[Message]:
+    """The messages of our own, in the file's order."""
+    schemas: dict[int, Schema] = {}
+    types: dict[int, type[Message]] = {}
+    for record in StreamReader(io.BytesIO(content), validate_crcs=True).records:
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel) and record.topic in OWN_MESSAGES:
+            message_type = OWN_MESSAGES[record.topic]
+            if not _is_schema_of(message_type, schemas[record.schema_id]):
+                raise ValueError(f"topic {record.topic} is of another schema")
+            types[record.id] = message_type
+        elif isinstance(record, Record) and record.channel_id in types:
+            yield types[record.channel_id].FromString(record.data)
+
+
+def _is_schema_of(message_type: type[Message], schema: Schema) -> bool:
+    """Whether the schema is to the byte the one written today: a field by another name would read as zero."""
+    return (schema.name, schema.data) == (
+        message_type.DESCRIPTOR.full_name,
+        build_file_descriptor_set(message_type).SerializeToString(),
+    )
+
+
+def _race_log(messages: list[Message]) -> RaceLog:
+    """Raises ValueError if the messages do not make up one race."""
+    races = [message for message in messages if isinstance(message, pb.Race)]
+    ticks = [message for message in messages if isinstance(message, pb.CarStates)]
+    incidents = [message for message in messages if isinstance(message, pb.Incident)]
+    if len(races) != 1:
+        raise ValueError(f"topic /race holds {len(races)} messages, expected one")
+    race, cars = races[0], len(races[0].names)
+    if len(race.teams) != cars:
+        raise ValueError(f"field teams names {len(race.teams)} cars, expected {cars}")
+    if any(len(tick.cars) != cars for tick in ticks):
+        raise ValueError(f"topic /cars holds a tick without {cars} cars")
+    if any(car >= cars for incident in incidents for car in incident.cars):
+        raise ValueError(f"topic /incidents names a car that is not among the {cars}")
+    samples = np.zeros((len(ticks), cars), CAR_SAMPLE)
+    for field in CAR_SAMPLE.names or ():
+        samples[field] = [[getattr(state, field) for state in tick.cars] for tick in ticks]
+    return RaceLog(
+        **{fact: getattr(race, fact) for fact in FACTS},
+        names=tuple(race.names),
+        teams=tuple(race.teams),
+        outline=Outline(**{name: _polyline(name, getattr(race, name)) for name in OUTLINE_LINES}),
+        time_s=np.array([tick.time_s for tick in ticks], np.float64),
+        samples=samples,
+        incidents=tuple(Incident(i.time_s, i.kind, tuple(i.cars), i.text) for i in incidents),
+    )
+
+
+def _polyline(name: str, line: pb.Polyline) -> NDArray[np.float64]:
+    if len(line.x_m) != len(line.y_m):
+        raise ValueError(
+            f"field {name} has {len(line.x_m)} x_m and {len(line.y_m)} y_m, expected as many of each"
+        )
+    return np.stack([np.array(line.x_m, np.float64), np.array(line.y_m, np.float64)], axis=1)

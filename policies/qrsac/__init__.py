@@ -1,0 +1,1 @@
+"""Quantile-regression soft actor-critic (QR-SAC): knows nothing of racing."""

@@ -1,0 +1,43 @@
+"""The numbers that QR-SAC is trained with."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Width = Annotated[int, Field(ge=1, le=8192)]
+
+
+class QRSACConfig(BaseModel):
+    """Hyperparameters of QR-SAC.
+
+    The defaults are those of Wurman et al. (Nature 602, 2022), but for `hidden`: theirs is four of 2,048.
+
+    Attributes:
+        hidden: units of each hidden layer, of the policy and of each critic.
+        quantiles: quantiles of the return that each critic estimates.
+        n_step: steps of a full transition (the replay buffer cuts them).
+        gamma: discount a step.
+        alpha: weight of the entropy bonus; tied to the scale of the reward.
+        critic_rate: Adam's learning rate of the critics.
+        policy_rate: Adam's learning rate of the policy.
+        polyak: share of the critics that is mixed into their targets after each update.
+        gradient_norm: greatest norm of the gradient of both critics together.
+        dropout: share of the policy's hidden units dropped in the pass that updates the policy.
+        batch: transitions an update.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)] = (256, 256)
+    quantiles: Annotated[int, Field(ge=1, le=512)] = 32
+    n_step: Annotated[int, Field(ge=1, le=100)] = 7
+    gamma: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9896
+    alpha: Annotated[float, Field(ge=0.0)] = 0.01
+    critic_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 5e-5
+    policy_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 2.5e-5
+    polyak: Annotated[float, Field(gt=0.0, le=1.0)] = 0.005
+    gradient_norm: Annotated[float, Field(gt=0.0)] = 10.0
+    dropout: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1
+    batch: Annotated[int, Field(ge=1, le=1_000_000)] = 1024

@@ -1,0 +1,283 @@
+"""One update of QR-SAC, and the learner that holds its state.
+
+Wurman et al., "Outracing champion Gran Turismo drivers with deep reinforcement learning", Nature 602
+(2022), Methods; the quantile loss is that of Dabney et al., "Distributional reinforcement learning with
+quantile regression" (AAAI 2018).
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from policies.qrsac.config import QRSACConfig
+from policies.qrsac.networks import Perceptron, squashed_normal
+from policies.replay import Batch
+from sim.errors import InputError
+
+log = logging.getLogger(__name__)
+
+ADAM_DECAY = (0.9, 0.999)
+ADAM_EPSILON = 1e-8
+
+Metrics = dict[str, Tensor]
+
+
+class State(NamedTuple):
+    """All that an update changes: flat parameter vectors, Adam's moments of them, the count of updates."""
+
+    policy: Tensor
+    policy_mean: Tensor
+    policy_square: Tensor
+    critic: Tensor
+    critic_mean: Tensor
+    critic_square: Tensor
+    target: Tensor
+    step: Tensor
+
+
+class Noise(NamedTuple):
+    """The random numbers of one update.
+
+    Attributes:
+        action: (n, a) standard normal, for the actions of the policy update.
+        next_action: (n, a) standard normal, for the actions of the targets.
+        kept: (n, sum of hidden widths) dropout factors of the policy update.
+    """
+
+    action: Tensor
+    next_action: Tensor
+    kept: Tensor
+
+
+def quantile_huber_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+    """Quantile Huber loss with threshold 1 over all pairs of estimates and targets, and its gradient.
+
+    It is averaged over the targets and the batch and *summed* over the quantiles estimated and the
+    critics, as Dabney et al. do: the gradient of one quantile then does not shrink as quantiles are added.
+    The bound on the gradient's norm refers to this sum.
+
+    Args:
+        estimates: (critics, n, m), the quantiles at (2j + 1) / 2m for j = 0 .. m - 1.
+        targets: (n, m), samples of the distribution sought.
+
+    Returns:
+        the loss, and its gradient with respect to the estimates (critics, n, m). It is written out because
+        automatic differentiation stores several numbers for each pair, which costs more than the networks.
+    """
+    count = estimates.shape[-1]
+    levels = (torch.arange(count, device=estimates.device) + 0.5) / count
+    difference = targets[:, None, :] - estimates[..., None]
+    clipped = difference.clamp(-1.0, 1.0)
+    weighted = clipped * torch.where(difference < 0.0, 1.0 - levels[:, None], levels[:, None])
+    loss = (weighted * (difference - 0.5 * clipped)).mean((1, 3)).sum()
+    return loss, -weighted.mean(-1) / len(targets)
+
+
+def _adam(
+    parameters: Tensor, mean: Tensor, square: Tensor, gradient: Tensor, step: Tensor, rate: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    first, second = ADAM_DECAY
+    mean = first * mean + (1.0 - first) * gradient
+    square = second * square + (1.0 - second) * gradient.square()
+    size = rate / (1.0 - torch.pow(first, step))
+    scale = torch.sqrt(1.0 - torch.pow(second, step))
+    return parameters - size * mean / (square.sqrt() / scale + ADAM_EPSILON), mean, square
+
+
+class Update:
+    """The update as a pure function of tensors, so that one graph can hold all of it."""
+
+    def __init__(self, observation_size: int, action_size: int, config: QRSACConfig) -> None:
+        self.config = config
+        self.policy = Perceptron((observation_size, *config.hidden, 2 * action_size))
+        self.critics = Perceptron((observation_size + action_size, *config.hidden, config.quantiles), (2,))
+
+    def returns(self, critics: Tensor, observation: Tensor, action: Tensor) -> Tensor:
+        """Both critics' quantiles of the return, (2, n, m)."""
+        inputs = torch.cat((observation, action), -1)
+        return self.critics(critics, inputs.expand(2, -1, -1))
+
+    def targets(self, state: State, batch: Batch, noise: Noise) -> Tensor:
+        """Samples (n, m) of R + discount * (Z_k(s', a') - alpha log pi(a' | s')).
+
+        k is, for each sample, the target critic with the smaller mean there; the entropy enters at the
+        last step only. The policy runs in evaluation mode (no dropout).
+        """
+        outputs = self.policy(state.policy, batch.next_observation)
+        action, log_density = squashed_normal(outputs, noise.next_action)
+        first, second = self.returns(state.target, batch.next_observation, action)
+        smaller = torch.where((first.mean(-1) <= second.mean(-1))[:, None], first, second)
+        soft = smaller - self.config.alpha * log_density[:, None]
+        return batch.reward[:, None] + batch.discount[:, None] * soft
+
+    def policy_loss(
+        self, policy: Tensor, critics: Tensor, batch: Batch, noise: Noise
+    ) -> tuple[Tensor, Tensor]:
+        """The mean of alpha log pi - min Q, and the mean of log pi; the policy runs with dropout."""
+        outputs = self.policy(policy, batch.observation, noise.kept)
+        action, log_density = squashed_normal(outputs, noise.action)
+        value = self.returns(critics, batch.observation, action).mean(-1).amin(0)
+        return (self.config.alpha * log_density - value).mean(), log_density.mean()
+
+    def __call__(self, state: State, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
+        """The state after one update of critics, policy (against the new critics) and targets."""
+        config = self.config
+        step = state.step + 1.0
+
+        targets = self.targets(state, batch, noise)
+        estimates, pull_back, *_ = torch.func.vjp(
+            lambda critics: self.returns(critics, batch.observation, batch.action), state.critic
+        )
+        critic_loss, slope = quantile_huber_loss(estimates, targets)
+        (gradient,) = pull_back(slope)
+        norm = gradient.square().sum().sqrt()
+        gradient = gradient * (config.gradient_norm / norm.clamp(min=config.gradient_norm))
+        critic, critic_mean, critic_square = _adam(
+            state.critic, state.critic_mean, state.critic_square, gradient, step, config.critic_rate
+        )
+
+        gradient, (policy_loss, log_density) = torch.func.grad_and_value(self.policy_loss, has_aux=True)(
+            state.policy, critic, batch, noise
+        )
+        policy, policy_mean, policy_square = _adam(
+            state.policy, state.policy_mean, state.policy_square, gradient, step, config.policy_rate
+        )
+
+        target = torch.lerp(state.target, critic, config.polyak)
+        metrics = {
+            "critic_loss": critic_loss,
+            "policy_loss": policy_loss,
+            "mean_q": estimates.mean(),
+            "entropy": -log_density,
+            "gradient_norm": norm,
+        }
+        new = State(policy, policy_mean, policy_square, critic, critic_mean, critic_square, target, step)
+        return new, metrics
+
+
+def _compiled(update: Update) -> Callable[[State, Batch, Noise], tuple[State, Metrics]]:
+    if not any(map(shutil.which, ("g++", "c++", "clang++"))):
+        log.warning("no C++ compiler found: QR-SAC runs uncompiled, at about half the speed")
+        return update
+    return torch.compile(update.__call__, fullgraph=True, dynamic=False)
+
+
+class QRSAC:
+    """Quantile-regression soft actor-critic for actions in [-1, 1]."""
+
+    def __init__(
+        self,
+        observation_size: int,
+        action_size: int,
+        config: QRSACConfig,
+        generator: torch.Generator,
+        compiled: bool = True,
+    ) -> None:
+        """A learner with fresh networks on the generator's device.
+
+        Args:
+            observation_size: length of an observation.
+            action_size: length of an action.
+            config: hyperparameters.
+            generator: the source of all randomness, advanced by updates and stochastic actions.
+            compiled: whether to compile the update, if a C++ compiler is found; the first update then takes
+                half a minute and a batch must always have the same size.
+        """
+        self.config = config
+        self.action_size = action_size
+        self._generator = generator
+        self._update = Update(observation_size, action_size, config)
+        self._run = _compiled(self._update) if compiled else self._update
+        policy = self._update.policy.initial(generator)
+        critic = self._update.critics.initial(generator)
+        self._state = State(
+            policy=policy,
+            policy_mean=torch.zeros_like(policy),
+            policy_square=torch.zeros_like(policy),
+            critic=critic,
+            critic_mean=torch.zeros_like(critic),
+            critic_square=torch.zeros_like(critic),
+            target=critic.clone(),
+            step=torch.zeros((), dtype=torch.float64, device=generator.device),
+        )
+
+    def update(self, batch: Batch) -> Metrics:
+        """Learns from one batch.
+
+        Returns:
+            scalar tensors: critic_loss, policy_loss, mean_q (of the batch, before the update), entropy (of
+            the policy, an estimate by its samples), gradient_norm (of both critics, before clipping).
+        """
+        with torch.no_grad():
+            self._state, metrics = self._run(self._state, batch, self._noise(len(batch.reward)))
+        return metrics
+
+    def _noise(self, count: int) -> Noise:
+        keep = 1.0 - self.config.dropout
+        uniform = torch.rand(
+            (count, sum(self.config.hidden)), generator=self._generator, device=self._generator.device
+        )
+        return Noise(self._normal(count), self._normal(count), (uniform < keep) / keep)
+
+    def _normal(self, count: int) -> Tensor:
+        shape = (count, self.action_size)
+        return torch.randn(shape, generator=self._generator, device=self._generator.device)
+
+    def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
+        """Actions (n, a) in [-1, 1] for observations (n, d), in evaluation mode (no dropout).
+
+        They are drawn from the policy if `stochastic`, else they are the squashed mean.
+        """
+        inputs = torch.as_tensor(observations, device=self._generator.device)
+        with torch.no_grad():
+            outputs = self._update.policy(self._state.policy, inputs)
+            if stochastic:
+                actions, _ = squashed_normal(outputs, self._normal(len(inputs)))
+            else:
+                actions = torch.tanh(outputs[:, : self.action_size])
+        return actions.cpu().numpy()
+
+    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
+        """The policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..
+
+        The last layer gives the means, then the logarithms of the standard deviations.
+        """
+        tensors = self._update.policy.tensors(self._state.policy)
+        return {
+            f"{i // 2}.{'bias' if i % 2 else 'weight'}": (tensor[0] if i % 2 else tensor).cpu().numpy()
+            for i, tensor in enumerate(tensors)
+        }
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """All that an exact resume needs, the generator's state included, as named tensors."""
+        return {**self._state._asdict(), "generator": self._generator.get_state()}
+
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
+        """Goes on from what `state_dict` of a learner of the same shape returned.
+
+        Raises:
+            InputError: naming the tensor that is missing, unknown or of another shape or type.
+        """
+        expected = self.state_dict()
+        if set(tensors) != set(expected):
+            name = sorted(set(tensors) ^ set(expected))[0]
+            raise InputError(
+                f"training state: tensor {name!r} is {'missing' if name in expected else 'unknown'}"
+            )
+        for name, old in expected.items():
+            new = tensors[name]
+            if new.shape != old.shape or new.dtype != old.dtype:
+                raise InputError(
+                    f"training state: tensor {name!r} is {tuple(new.shape)} {new.dtype}, "
+                    f"expected {tuple(old.shape)} {old.dtype}"
+                )
+        self._generator.set_state(tensors["generator"].cpu())
+        self._state = State(*(tensors[name].to(self._generator.device) for name in State._fields))

@@ -1,0 +1,99 @@
+"""Policy and critics as functions of flat parameter vectors.
+
+A network's parameters lie in one vector, so that clipping, Adam and target mixing are a few operations
+on one tensor each, and a compiled update sees plain tensors only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeVar
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+T = TypeVar("T")
+
+# Of the covariance clipped to (e^-40, e^4).
+LOG_STD_RANGE = (-20.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Perceptron:
+    """Shape of a multi-layer perceptron with ReLU between its layers, or of a stack of equal ones.
+
+    Attributes:
+        widths: sizes of the input, each hidden layer and the output.
+        stack: () for one network, (n,) for n networks that run as one batched product.
+    """
+
+    widths: tuple[int, ...]
+    stack: tuple[int, ...] = ()
+
+    @property
+    def shapes(self) -> list[tuple[int, ...]]:
+        """Shapes of weight (*stack, in, out) and bias (*stack, 1, out) of each layer in turn."""
+        return [(*self.stack, rows, width) for fan_in, width in pairwise(self.widths) for rows in (fan_in, 1)]
+
+    def initial(self, generator: torch.Generator) -> Tensor:
+        """Fresh parameters, (p,) float32: uniform within 1 / sqrt(fan in), as torch.nn.Linear."""
+        parts = []
+        for (weight, bias), fan_in in zip(_pairs(self.shapes), self.widths, strict=False):
+            for shape in (weight, bias):
+                uniform = torch.rand(math.prod(shape), generator=generator, device=generator.device)
+                parts.append((2.0 * uniform - 1.0) / math.sqrt(fan_in))
+        return torch.cat(parts)
+
+    def tensors(self, parameters: Tensor) -> list[Tensor]:
+        """The weights and biases in the order of `shapes`: views of the parameters (p,)."""
+        parts = torch.split(parameters, [math.prod(shape) for shape in self.shapes])
+        return [part.view(shape) for part, shape in zip(parts, self.shapes, strict=True)]
+
+    def __call__(self, parameters: Tensor, inputs: Tensor, kept: Tensor | None = None) -> Tensor:
+        """The outputs (*stack, n, widths[-1]) for inputs (*stack, n, widths[0]).
+
+        Args:
+            parameters: (p,).
+            inputs: one matrix of rows for each network of the stack.
+            kept: factors (n, sum of the hidden widths) on the hidden units: 0 for a dropped one,
+                1 / (1 - dropout) for a kept one; None for evaluation.
+        """
+        hidden = self.widths[1:-1]
+        factors = torch.split(kept, list(hidden), dim=-1) if kept is not None else None
+        *layers, last = _pairs(self.tensors(parameters))
+        for i, (weight, bias) in enumerate(layers):
+            inputs = torch.relu(_affine(inputs, weight, bias))
+            if factors is not None:
+                inputs = inputs * factors[i]
+        return _affine(inputs, *last)
+
+
+def _pairs(items: list[T]) -> list[tuple[T, T]]:
+    return list(zip(items[::2], items[1::2], strict=True))
+
+
+def _affine(inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    product = torch.baddbmm if weight.dim() == 3 else torch.addmm
+    return product(bias, inputs, weight)
+
+
+def squashed_normal(outputs: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+    """Actions of a tanh-squashed diagonal normal and the logarithm of their density.
+
+    Args:
+        outputs: (n, 2a), the policy's outputs: means, then logarithms of the standard deviations.
+        noise: (n, a), standard normal.
+
+    Returns:
+        actions (n, a) in [-1, 1] and log densities (n,).
+    """
+    mean, log_std = outputs.chunk(2, dim=-1)
+    log_std = log_std.clamp(*LOG_STD_RANGE)
+    raw = mean + log_std.exp() * noise
+    log_normal = -0.5 * noise.square() - log_std - 0.5 * math.log(2.0 * math.pi)
+    # log(1 - tanh(x)^2) in a form that does not cancel for large x
+    log_slope = 2.0 * (math.log(2.0) - raw - F.softplus(-2.0 * raw))
+    return torch.tanh(raw), (log_normal - log_slope).sum(-1)

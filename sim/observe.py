@@ -1,0 +1,171 @@
+"""The kernel that fills in observations as `sim.observation` describes them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.car import CarParameters
+from sim.kernel import kernel
+from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
+from sim.physics.course import CourseParameters
+from sim.track import LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y, X, Y
+
+SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
+OPPONENT_SIZE = len(OPPONENT)
+
+
+def observe(
+    state: NDArray[np.void],
+    spec: ObservationSpec,
+    races: NDArray[np.int64],
+    cars: NDArray[np.int64],
+    p: CarParameters,
+    course: CourseParameters,
+) -> NDArray[np.float32]:
+    """Standardised observations, (n, spec.size) float32, of the cars at (races[i], cars[i])."""
+    mean, deviation = spec.scaling
+    out = np.empty((len(races), spec.size), np.float32)
+    observe_cars(
+        state,
+        races,
+        cars,
+        out,
+        mean,
+        np.float32(1.0) / deviation,
+        spec.course_points,
+        spec.horizon_s,
+        spec.cars_ahead,
+        spec.cars_behind,
+        p,
+        course,
+    )
+    return out
+
+
+@kernel
+def observe_cars(
+    state: np.ndarray,
+    races: np.ndarray,
+    cars: np.ndarray,
+    out: np.ndarray,
+    mean: np.ndarray,
+    scale: np.ndarray,
+    points: int,
+    horizon: float,
+    ahead: int,
+    behind: int,
+    p: CarParameters,
+    course: CourseParameters,
+) -> None:
+    """Fill `out` (n, size) row by row; `scale` is one over the deviation."""
+    own_size = 23
+    for row in range(len(races)):
+        field = state[races[row]]
+        index = cars[row]
+        values = out[row]
+        see_self(field[index], values, p, course)
+        see_course(field[index], values[own_size:], points, horizon, course)
+        lists = own_size + 6 * points
+        see_cars(field, index, values[lists:], ahead, behind)
+        for k in range(len(values)):
+            values[k] = (values[k] - mean[k]) * scale[k]
+
+
+@kernel
+def see_self(car: np.void, values: np.ndarray, p: CarParameters, course: CourseParameters) -> None:
+    """The car's own motion, tyres, place and controls, before standardisation."""
+    values[0] = car.velocity_x
+    values[1] = car.velocity_y
+    values[2] = car.yaw_rate
+    values[3] = car.acceleration_x
+    values[4] = car.acceleration_y
+    for wheel in range(4):
+        values[5 + wheel] = car.load[wheel]
+        values[9 + wheel] = car.slip_angle[wheel]
+    angle = 2.0 * math.pi * car.progress / course.length
+    values[13] = math.sin(angle)
+    values[14] = math.cos(angle)
+    values[15] = car.heading_error
+    values[16] = 1.0 if car.wall_contact else 0.0
+    values[17] = 1.0 if car.off_course else 0.0
+    values[18] = car.steering / p.full_lock
+    values[19] = car.throttle
+    values[20] = car.brake
+    values[21] = 1.0 if car.car_contact else 0.0
+    values[22] = car.draught
+
+
+@kernel
+def see_course(
+    car: np.void, values: np.ndarray, points: int, horizon: float, course: CourseParameters
+) -> None:
+    """Points of left edge, centre line and right edge over the next seconds, in the car's frame."""
+    cos_yaw, sin_yaw = math.cos(car.yaw), math.sin(car.yaw)
+    gap = max(car.velocity_x, SLOWEST) * horizon / points / course.spacing
+    rows = len(course.table)
+    at = (car.progress - car.wraps * course.length) / course.spacing
+    for point in range(points):
+        low = int(at)
+        share = at - low
+        low %= rows
+        high = low + 1
+        if high == rows:
+            high = 0
+        here, there = course.table[low], course.table[high]
+        for line in range(3):
+            if line == 0:
+                x, y = LEFT_X, LEFT_Y
+            elif line == 1:
+                x, y = X, Y
+            else:
+                x, y = RIGHT_X, RIGHT_Y
+            dx = here[x] + share * (there[x] - here[x]) - car.x
+            dy = here[y] + share * (there[y] - here[y]) - car.y
+            k = 2 * (line * points + point)
+            values[k] = dx * cos_yaw + dy * sin_yaw
+            values[k + 1] = dy * cos_yaw - dx * sin_yaw
+        at += gap
+
+
+@kernel
+def see_cars(field: np.ndarray, index: int, values: np.ndarray, ahead: int, behind: int) -> None:
+    """The nearest cars ahead and behind, nearest first, relative in the car's frame."""
+    car = field[index]
+    cos_yaw, sin_yaw = math.cos(car.yaw), math.sin(car.yaw)
+    values[:] = 0.0
+    count = len(field)
+    taken = np.zeros(count, np.bool_)
+    taken[index] = True
+    for place in range(ahead + behind):
+        forward = place < ahead
+        nearest = 1e9
+        found = -1
+        for j in range(count):
+            if taken[j] or not field[j].driving:
+                continue
+            dx, dy = field[j].x - car.x, field[j].y - car.y
+            along = dx * cos_yaw + dy * sin_yaw
+            distance = dx * dx + dy * dy
+            limit = AHEAD_M if along >= 0.0 else BEHIND_M
+            if (along >= 0.0) == forward and distance < nearest and distance < limit * limit:
+                nearest = distance
+                found = j
+        if found < 0:
+            continue
+        taken[found] = True
+        other = field[found]
+        dx, dy = other.x - car.x, other.y - car.y
+        dvx = other.world_velocity_x - car.world_velocity_x
+        dvy = other.world_velocity_y - car.world_velocity_y
+        turn_cos, turn_sin = math.cos(other.yaw - car.yaw), math.sin(other.yaw - car.yaw)
+        k = OPPONENT_SIZE * place
+        values[k] = 1.0
+        values[k + 1] = dx * cos_yaw + dy * sin_yaw
+        values[k + 2] = dy * cos_yaw - dx * sin_yaw
+        values[k + 3] = dvx * cos_yaw + dvy * sin_yaw
+        values[k + 4] = dvy * cos_yaw - dvx * sin_yaw
+        values[k + 5] = other.acceleration_x * turn_cos - other.acceleration_y * turn_sin - car.acceleration_x
+        values[k + 6] = other.acceleration_x * turn_sin + other.acceleration_y * turn_cos - car.acceleration_y

@@ -1,0 +1,44 @@
+"""Slipstream: how deep a car sits in the wakes of the cars ahead."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.kernel import kernel
+
+LENGTH = 32.0  # m over which a wake fades by a factor e
+WIDTH = 1.1  # m, half-width of the wake right behind the car
+SPREAD = 0.04  # m of half-width gained per metre
+REACH = 110.0  # m
+
+
+@kernel
+def wake(behind: float, beside: float) -> float:
+    """Strength of a wake in [0, 1] at a place `behind` (m, gap) and `beside` (m) its car."""
+    if behind < 0.0 or behind > REACH:
+        return 0.0
+    spread = beside / (WIDTH + SPREAD * behind)
+    return math.exp(-behind / LENGTH - 0.5 * spread * spread)
+
+
+@kernel
+def set_draught(cars: np.ndarray, car_length: float) -> None:
+    """Sum the wakes that each car of one race sits in, at most 1."""
+    for i in range(len(cars)):
+        follower = cars[i]
+        if not follower.driving:
+            continue
+        total = 0.0
+        for j in range(len(cars)):
+            leader = cars[j]
+            if i == j or not leader.driving or leader.velocity_x < 10.0:
+                continue
+            dx = leader.x - follower.x
+            dy = leader.y - follower.y
+            if dx * dx + dy * dy > (REACH + car_length) ** 2:
+                continue
+            cos_yaw, sin_yaw = math.cos(leader.yaw), math.sin(leader.yaw)
+            total += wake(dx * cos_yaw + dy * sin_yaw - car_length, dy * cos_yaw - dx * sin_yaw)
+        follower.draught = min(total, 1.0)

@@ -1,0 +1,102 @@
+"""Made-up races whose every number is known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
+
+STRAIGHT_M = 400.0
+RADIUS_M = 80.0
+LAP_M = 2 * STRAIGHT_M + 2 * np.pi * RADIUS_M
+
+
+def oval_point(
+    distance_m: NDArray[np.float64], lateral_m: NDArray[np.float64] | float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """x, y (metres) and heading (radians) beside the centre line of an oval driven counter-clockwise.
+
+    The lap starts in the middle of the south straight, which lies on y = -RADIUS_M.
+    """
+    along = (distance_m + STRAIGHT_M / 2) % LAP_M
+    second_half = along >= LAP_M / 2
+    along = np.where(second_half, along - LAP_M / 2, along)
+    angle = np.maximum(along - STRAIGHT_M, 0) / RADIUS_M
+    radius = RADIUS_M - lateral_m
+    x = np.minimum(along, STRAIGHT_M) - STRAIGHT_M / 2 + radius * np.sin(angle)
+    y = -radius * np.cos(angle)
+    sign = np.where(second_half, -1.0, 1.0)
+    heading = np.where(second_half, angle + np.pi, angle)
+    return sign * x, sign * y, np.arctan2(np.sin(heading), np.cos(heading))
+
+
+def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog:
+    """A race at 10 Hz of cars that keep to their lanes on an oval, each somewhat slower than the one before.
+
+    The last car stops half-way; the first two touch once.
+    """
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(round(duration_s * 10)) / 10.0
+    top_speed = 55.0 - 0.8 * np.arange(cars) + rng.uniform(-0.3, 0.3, cars)
+    lateral = np.where(np.arange(cars) % 2 == 0, 2.5, -2.5)
+
+    driving = np.ones((len(time_s), cars), bool)
+    driving[time_s >= duration_s / 2, -1] = False
+    speed = np.minimum(12.0 * time_s[:, None], top_speed) * driving
+    distance = np.cumsum(speed, axis=0) / 10.0 - 9.0 * np.arange(cars)
+
+    samples = np.zeros((len(time_s), cars), CAR_SAMPLE)
+    samples["x_m"], samples["y_m"], samples["yaw_rad"] = oval_point(distance, lateral)
+    samples["velocity_x_m_s"] = speed
+    samples["acceleration_x_m_s2"] = np.diff(speed, axis=0, prepend=0.0) * 10.0
+    in_bend = (distance + STRAIGHT_M / 2) % (LAP_M / 2) > STRAIGHT_M
+    samples["yaw_rate_rad_s"] = np.where(in_bend, speed / RADIUS_M, 0.0)
+    samples["acceleration_y_m_s2"] = samples["yaw_rate_rad_s"] * speed
+    samples["steering"] = np.where(in_bend, 0.25, 0.0) + rng.normal(0.0, 0.01, speed.shape)
+    samples["throttle"] = np.where(driving, np.where(in_bend, 0.7, 1.0), 0.0)
+    samples["brake"] = np.where(driving, 0.0, 1.0)
+    samples["gear"] = 1 + (speed // 12).astype(int)
+    samples["distance_m"] = distance
+    samples["lateral_m"] = lateral
+    samples["lap"] = np.maximum(distance // LAP_M, 0)
+    samples["place"] = 1 + np.argsort(np.argsort(-distance, axis=1), axis=1)
+    samples["slipstream"] = np.where(np.arange(cars) > 0, 0.4, 0.0)
+    samples["off_course"][-1:, -1] = True
+    samples["car_contact"][len(time_s) // 3, :2] = True
+    samples["driving"] = driving
+
+    incidents = (
+        Incident(duration_s / 3, "contact", tuple(range(min(2, cars))), "Car 1 touches car 0 from behind."),
+        Incident(duration_s / 2, "ending", (cars - 1,), f"Car {cars - 1} is stuck."),
+    )
+    return RaceLog(
+        circuit="oval",
+        car="gt",
+        scenario="made up",
+        seed=seed,
+        match="0123456789abcdef",
+        race=3,
+        version="0.1.0",
+        names=tuple(f"entrant {'ab'[i % 2]}" for i in range(cars)),
+        teams=tuple(i % 2 for i in range(cars)),
+        car_length_m=4.6,
+        car_width_m=1.95,
+        outline=oval_outline(),
+        time_s=time_s,
+        samples=samples,
+        incidents=incidents,
+    )
+
+
+def oval_outline() -> Outline:
+    """Edges 6 m and walls 10 m from the oval's centre line, with a corner every 5 m."""
+    distance_m = np.arange(0.0, LAP_M, 5.0)
+
+    def line(lateral_m: float) -> NDArray[np.float64]:
+        x, y, _ = oval_point(distance_m, lateral_m)
+        return np.stack([x, y], axis=1)
+
+    return Outline(
+        left=line(6.0), centre=line(0.0), right=line(-6.0), wall_left=line(10.0), wall_right=line(-10.0)
+    )

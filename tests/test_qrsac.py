@@ -1,0 +1,349 @@
+"""QR-SAC against its definition, an independent implementation of it, and a bandit with a known answer."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from pydantic import ValidationError
+from safetensors.torch import load, save
+from torch import Tensor, nn
+from torch.distributions import Normal, TransformedDistribution
+from torch.distributions.transforms import TanhTransform
+
+from policies.qrsac.config import QRSACConfig
+from policies.qrsac.learner import QRSAC, Noise, State, Update, quantile_huber_loss
+from policies.qrsac.networks import squashed_normal
+from policies.replay import Batch
+from sim.errors import InputError
+
+OBSERVATION, ACTION, ROWS = 5, 2, 16
+
+
+def config(**changes: object) -> QRSACConfig:
+    values: dict[str, object] = {"hidden": (8, 12), "quantiles": 6, "critic_rate": 1e-2, "policy_rate": 1e-2}
+    return QRSACConfig.model_validate(values | changes)
+
+
+def learner(seed: int = 0, compiled: bool = False, **changes: object) -> QRSAC:
+    generator = torch.Generator().manual_seed(seed)
+    return QRSAC(OBSERVATION, ACTION, config(**changes), generator, compiled)
+
+
+def state_of(qrsac: QRSAC) -> State:
+    tensors = qrsac.state_dict()
+    return State(*(tensors[name] for name in State._fields))
+
+
+def batches(count: int, seed: int = 1) -> list[Batch]:
+    random = torch.Generator().manual_seed(seed)
+    return [
+        Batch(
+            observation=torch.randn(ROWS, OBSERVATION, generator=random),
+            action=2.0 * torch.rand(ROWS, ACTION, generator=random) - 1.0,
+            reward=3.0 * torch.randn(ROWS, generator=random),
+            discount=torch.rand(ROWS, generator=random).round() * 0.9,
+            next_observation=torch.randn(ROWS, OBSERVATION, generator=random),
+        )
+        for _ in range(count)
+    ]
+
+
+def noise_of(seed: int, hidden: int = 20, dropout: float = 0.1) -> Noise:
+    random = torch.Generator().manual_seed(seed)
+    kept = (torch.rand(ROWS, hidden, generator=random) >= dropout) / (1.0 - dropout)
+    action, next_action = torch.randn(2, ROWS, ACTION, generator=random)
+    return Noise(action, next_action, kept)
+
+
+def plain_loss(estimates: Tensor, targets: Tensor) -> Tensor:
+    """The quantile Huber loss of one critic (n, m), pair by pair as Dabney et al. write it."""
+    total = torch.zeros(())
+    count = estimates.shape[1]
+    for j in range(count):
+        level = (2 * j + 1) / (2 * count)
+        for i in range(targets.shape[1]):
+            huber = nn.functional.huber_loss(estimates[:, j], targets[:, i], reduction="none")
+            weight = (level - (targets[:, i] < estimates[:, j]).float()).abs()
+            total = total + (weight * huber).mean() / targets.shape[1]
+    return total
+
+
+def test_quantile_loss_and_gradient_are_those_of_the_definition() -> None:
+    random = torch.Generator().manual_seed(0)
+    estimates = (2.0 * torch.randn(2, 7, 5, generator=random)).requires_grad_()
+    targets = 2.0 * torch.randn(7, 4, generator=random)
+    expected = plain_loss(estimates[0], targets) + plain_loss(estimates[1], targets)
+    (slope,) = torch.autograd.grad(expected, estimates)
+    loss, gradient = quantile_huber_loss(estimates.detach(), targets)
+    torch.testing.assert_close(loss, expected.detach())
+    torch.testing.assert_close(gradient, slope)
+
+
+def test_log_density_is_that_of_a_squashed_normal() -> None:
+    random = torch.Generator().manual_seed(0)
+    outputs = 0.5 * torch.randn(50, 2 * ACTION, generator=random, dtype=torch.float64)
+    noise = torch.randn(50, ACTION, generator=random, dtype=torch.float64)
+    actions, log_density = squashed_normal(outputs, noise)
+    mean, log_std = outputs.chunk(2, -1)
+    reference = TransformedDistribution(Normal(mean, log_std.exp()), [TanhTransform()])
+    expected = reference.log_prob(actions).sum(-1)  # type: ignore[no-untyped-call]
+    torch.testing.assert_close(log_density, expected, rtol=1e-8, atol=1e-8)
+
+
+def test_covariance_is_clipped() -> None:
+    noise = torch.ones(1, 1)
+    for log_std, least in ((50.0, 2.0), (-50.0, -20.0)):
+        action, density = squashed_normal(torch.tensor([[0.0, log_std]]), noise)
+        expected, its_density = squashed_normal(torch.tensor([[0.0, least]]), noise)
+        assert action.equal(expected)
+        assert density.equal(its_density)
+        assert torch.isfinite(density).all()
+
+
+def test_each_target_uses_the_critic_with_the_smaller_mean_there() -> None:
+    update = Update(OBSERVATION, ACTION, config(alpha=0.3))
+    state = state_of(learner())
+    target = torch.randn(state.target.shape, generator=torch.Generator().manual_seed(0))
+    state = state._replace(critic=torch.full_like(target, torch.nan), target=target)
+    (batch,), noise = batches(1), noise_of(2)
+    outputs = update.policy(state.policy, batch.next_observation)
+    action, log_density = squashed_normal(outputs, noise.next_action)
+    both = update.returns(state.target, batch.next_observation, action)
+    chosen = set()
+    for row, found in enumerate(update.targets(state, batch, noise)):
+        critic = int(both[:, row].mean(-1).argmin())
+        chosen.add(critic)
+        soft = both[critic, row] - 0.3 * log_density[row]
+        torch.testing.assert_close(found, batch.reward[row] + batch.discount[row] * soft)
+    assert chosen == {0, 1}
+
+
+def test_a_true_end_leaves_only_the_reward() -> None:
+    update = Update(OBSERVATION, ACTION, config(alpha=5.0))
+    batch = batches(1)[0]._replace(discount=torch.zeros(ROWS))
+    targets = update.targets(state_of(learner()), batch, noise_of(2))
+    assert targets.equal(batch.reward[:, None].expand(-1, 6))
+
+
+def module(inputs: int, outputs: int) -> nn.ModuleList:
+    widths = (inputs, 8, 12, outputs)
+    return nn.ModuleList(nn.Linear(*pair) for pair in pairwise(widths))
+
+
+def forward(layers: nn.ModuleList, inputs: Tensor, kept: Tensor | None = None) -> Tensor:
+    factors = torch.split(kept, [8, 12], -1) if kept is not None else (torch.ones(()),) * 2
+    for layer, factor in zip(layers[:-1], factors, strict=True):
+        inputs = torch.relu(layer(inputs)) * factor
+    return layers[-1](inputs)
+
+
+def fill(layers: nn.ModuleList, tensors: list[Tensor]) -> None:
+    for layer, weight, bias in zip(layers, tensors[::2], tensors[1::2], strict=True):
+        layer.load_state_dict({"weight": weight.T, "bias": bias.flatten()})
+
+
+@pytest.mark.parametrize("bound", [0.05, 1000.0])
+def test_updates_equal_those_of_modules_and_optimisers(bound: float) -> None:
+    """The same updates with torch.nn, torch.optim.Adam and clip_grad_norm_."""
+    settings = config(gradient_norm=bound, alpha=0.2, polyak=0.1)
+    update = Update(OBSERVATION, ACTION, settings)
+    state = state_of(learner())
+    policy = module(OBSERVATION, 2 * ACTION)
+    critics, targets = ([module(OBSERVATION + ACTION, 6) for _ in range(2)] for _ in range(2))
+    fill(policy, update.policy.tensors(state.policy))
+    for copies in (critics, targets):
+        for i, layers in enumerate(copies):
+            fill(layers, [tensor[i] for tensor in update.critics.tensors(state.critic)])
+    critic_parameters = [p for layers in critics for p in layers.parameters()]
+    critic_adam = torch.optim.Adam(critic_parameters, lr=settings.critic_rate)
+    policy_adam = torch.optim.Adam(policy.parameters(), lr=settings.policy_rate)
+
+    for i, batch in enumerate(batches(4)):
+        noise = noise_of(i)
+        with torch.no_grad():
+            state, metrics = update(state, batch, noise)
+            action, log_density = squashed_normal(forward(policy, batch.next_observation), noise.next_action)
+            inputs = torch.cat((batch.next_observation, action), -1)
+            both = torch.stack([forward(layers, inputs) for layers in targets])
+            smaller = both[both.mean(-1).argmin(0), torch.arange(ROWS)]
+            samples = batch.reward[:, None] + batch.discount[:, None] * (smaller - 0.2 * log_density[:, None])
+        inputs = torch.cat((batch.observation, batch.action), -1)
+        loss = plain_loss(forward(critics[0], inputs), samples) + plain_loss(
+            forward(critics[1], inputs), samples
+        )
+        critic_adam.zero_grad()
+        torch.autograd.backward(loss)
+        norm = nn.utils.clip_grad_norm_(critic_parameters, bound)
+        critic_adam.step()
+
+        action, log_density = squashed_normal(forward(policy, batch.observation, noise.kept), noise.action)
+        inputs = torch.cat((batch.observation, action), -1)
+        value = torch.stack([forward(layers, inputs).mean(-1) for layers in critics]).amin(0)
+        policy_loss = (0.2 * log_density - value).mean()
+        policy_adam.zero_grad()
+        torch.autograd.backward(policy_loss)
+        policy_adam.step()
+        with torch.no_grad():
+            for critic, target in zip(critics, targets, strict=True):
+                for new, old in zip(critic.parameters(), target.parameters(), strict=True):
+                    old.lerp_(new, settings.polyak)
+
+        torch.testing.assert_close(metrics["critic_loss"], loss.detach())
+        torch.testing.assert_close(metrics["policy_loss"], policy_loss.detach())
+        torch.testing.assert_close(metrics["entropy"], -log_density.mean().detach())
+        torch.testing.assert_close(metrics["gradient_norm"], norm)
+        assert bool(norm > bound) == (bound < 1.0)
+
+    for copies, parameters in ((critics, state.critic), (targets, state.target)):
+        for i, layers in enumerate(copies):
+            expected = module(OBSERVATION + ACTION, 6)
+            fill(expected, [tensor[i] for tensor in update.critics.tensors(parameters)])
+            torch.testing.assert_close(layers.state_dict(), expected.state_dict(), rtol=1e-4, atol=1e-5)
+    expected = module(OBSERVATION, 2 * ACTION)
+    fill(expected, update.policy.tensors(state.policy))
+    torch.testing.assert_close(policy.state_dict(), expected.state_dict(), rtol=1e-4, atol=1e-5)
+
+
+def huber_quantile(level: float, chance: float) -> float:
+    """Where the expected quantile Huber loss is least if the return is 10 with that chance and else 0."""
+    if level <= 1.0 - chance:
+        return chance * level / ((1.0 - chance) * (1.0 - level))
+    return 10.0 - (1.0 - chance) * (1.0 - level) / (chance * level)
+
+
+def test_a_bandit_is_learnt() -> None:
+    """The return is 10 with chance 0.3 on the left and 0.8 on the right, else 0."""
+    settings = QRSACConfig(hidden=(32, 32), quantiles=8, critic_rate=3e-3, policy_rate=1e-3)
+    qrsac = QRSAC(1, 1, settings, torch.Generator().manual_seed(0), compiled=False)
+    random = torch.Generator().manual_seed(1)
+    blank = torch.zeros(256, 1)
+    for _ in range(1500):
+        action = torch.randint(2, (256, 1), generator=random) - 0.5
+        chance = torch.where(action[:, 0] < 0.0, 0.3, 0.8)
+        reward = 10.0 * (torch.rand(256, generator=random) < chance)
+        qrsac.update(Batch(blank, action, reward, torch.zeros(256), blank))
+    critic = qrsac.state_dict()["critic"]
+    for side, chance_of_ten in ((-0.5, 0.3), (0.5, 0.8)):
+        found = Update(1, 1, settings).returns(critic, torch.zeros(1, 1), torch.full((1, 1), side))
+        levels = (np.arange(8) + 0.5) / 8
+        expected = torch.tensor([huber_quantile(level, chance_of_ten) for level in levels])
+        torch.testing.assert_close(found.squeeze(1), expected.expand(2, 8).float(), rtol=0.0, atol=0.5)
+    assert qrsac.act(np.zeros((1, 1), np.float32), stochastic=False)[0, 0] > 0.3
+
+
+def test_resuming_changes_nothing() -> None:
+    first = learner()
+    for batch in batches(3):
+        first.update(batch)
+    second = learner(seed=99)
+    second.load_state_dict(load(save(first.state_dict())))
+    for batch in batches(3, seed=5):
+        metrics, others = first.update(batch), second.update(batch)
+        assert all(metrics[name].equal(others[name]) for name in metrics)
+    assert all(tensor.equal(second.state_dict()[name]) for name, tensor in first.state_dict().items())
+    observations = np.ones((3, OBSERVATION), np.float32)
+    np.testing.assert_array_equal(first.act(observations, True), second.act(observations, True))
+
+
+def test_a_state_taken_stays_as_it_was() -> None:
+    qrsac = learner()
+    before = qrsac.state_dict()
+    copies = {name: tensor.clone() for name, tensor in before.items()}
+    qrsac.update(batches(1)[0])
+    assert all(tensor.equal(copies[name]) for name, tensor in before.items())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"critic": None}, "tensor 'critic' is missing"),
+        ({"other": torch.zeros(1)}, "tensor 'other' is unknown"),
+        ({"policy": torch.zeros(3)}, r"tensor 'policy' is \(3,\) torch.float32, expected"),
+        ({"step": torch.zeros(())}, r"tensor 'step' is \(\) torch.float32, expected \(\) torch.float64"),
+    ],
+)
+def test_a_foreign_state_is_refused(change: dict[str, Tensor | None], message: str) -> None:
+    tensors = learner().state_dict() | change
+    with pytest.raises(InputError, match=message):
+        learner().load_state_dict({name: t for name, t in tensors.items() if t is not None})
+
+
+@pytest.mark.skipif(not any(map(shutil.which, ("g++", "c++", "clang++"))), reason="needs a C++ compiler")
+def test_compiled_updates_equal_eager_ones() -> None:
+    eager, compiled = learner(hidden=(8,)), learner(hidden=(8,), compiled=True)
+    for batch in batches(6):
+        expected, found = eager.update(batch), compiled.update(batch)
+        torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(compiled.state_dict(), eager.state_dict(), rtol=1e-4, atol=1e-5)
+
+
+def test_without_a_compiler_it_says_so_and_goes_on(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with caplog.at_level(logging.WARNING):
+        qrsac = learner(compiled=True)
+    assert "no C++ compiler found" in caplog.text
+    metrics, expected = (each.update(batches(1)[0]) for each in (qrsac, learner()))
+    assert metrics["critic_loss"].equal(expected["critic_loss"])
+
+
+def test_actions_are_made_without_dropout() -> None:
+    observations = np.random.default_rng(0).standard_normal((9, OBSERVATION)).astype(np.float32)
+    for stochastic in (False, True):
+        with_dropout, without = (learner(dropout=share).act(observations, stochastic) for share in (0.9, 0.0))
+        np.testing.assert_array_equal(with_dropout, without)
+    assert with_dropout.dtype == np.float32
+    assert with_dropout.shape == (9, ACTION)
+    assert np.abs(with_dropout).max() <= 1.0
+
+
+def test_dropout_keeps_its_share_and_the_mean() -> None:
+    kept = learner(dropout=0.25, hidden=(300, 200))._noise(400).kept
+    assert ((kept == 0.0) | (kept - 4 / 3).abs().lt(1e-3)).all()
+    # four standard deviations of the mean of 200,000 draws
+    assert abs(float(kept.mean()) - 1.0) < 4 * np.sqrt(1 / 3 / 200_000)
+
+
+def test_same_seed_same_updates() -> None:
+    first, again, other = (learner(seed) for seed in (0, 0, 1))
+    for batch in batches(2):
+        metrics = [each.update(batch)["policy_loss"] for each in (first, again, other)]
+        assert metrics[0].equal(metrics[1])
+        assert not metrics[0].equal(metrics[2])
+
+
+def test_policy_tensors_give_the_actions() -> None:
+    qrsac = learner()
+    tensors = qrsac.policy_tensors()
+    assert list(tensors) == ["0.weight", "0.bias", "1.weight", "1.bias", "2.weight", "2.bias"]
+    observations = np.random.default_rng(0).standard_normal((9, OBSERVATION)).astype(np.float32)
+    layer = np.maximum(observations @ tensors["0.weight"] + tensors["0.bias"], 0.0)
+    layer = np.maximum(layer @ tensors["1.weight"] + tensors["1.bias"], 0.0)
+    mean = (layer @ tensors["2.weight"] + tensors["2.bias"])[:, :ACTION]
+    np.testing.assert_allclose(np.tanh(mean), qrsac.act(observations, stochastic=False), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"hiden": (64,)},
+        {"hidden": ()},
+        {"hidden": (0,)},
+        {"quantiles": 0},
+        {"gamma": 1.5},
+        {"alpha": float("nan")},
+        {"dropout": 1.0},
+        {"polyak": 0.0},
+        {"critic_rate": -1e-3},
+    ],
+)
+def test_a_wrong_configuration_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValidationError, match=next(iter(wrong))):
+        config(**wrong)
