@@ -11,6 +11,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -283,8 +284,9 @@ def _race_log(messages: list[Message]) -> RaceLog:
     if any(car >= cars for incident in incidents for car in incident.cars):
         raise ValueError(f"topic /incidents names a car that is not among the {cars}")
     samples = np.zeros((len(ticks), cars), CAR_SAMPLE)
-    for field in CAR_SAMPLE.names or ():
-        samples[field] = [[getattr(state, field) for state in tick.cars] for tick in ticks]
+    values = attrgetter(*(CAR_SAMPLE.names or ()))
+    for tick, message in enumerate(ticks):
+        samples[tick] = [values(state) for state in message.cars]
     return RaceLog(
         **{fact: getattr(race, fact) for fact in FACTS},
         names=tuple(race.names),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
 Floats = NDArray[np.float64]
-Sizes = NDArray[np.integer]  # rows of each group, at least 1; the groups lie one after the other
+Sizes = NDArray[np.int64]  # rows of each group, at least 1; the groups lie one after the other
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ def pareto(
     An entrant without any lap neither survives nor dominates. A race with a simulator fault is void.
     """
     races = _races(results)
-    sizes = races["entrant"].rle().struct.field("len").to_numpy()
+    sizes = races["entrant"].rle().struct.field("len").cast(pl.Int64).to_numpy()
     lapped = group_sums(races["lap_s"].is_not_null().to_numpy(), sizes) > 0
     races = races.with_columns(pl.col("lap_s").fill_null(pl.col("lap_s").max()))
 

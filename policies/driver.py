@@ -110,7 +110,9 @@ class Driver:
 
     def _at(self, table: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = distance / self._track.spacing
-        return np.interp(rows, np.arange(len(table)), table, period=len(table))
+        low = np.floor(rows).astype(np.int64)
+        share = rows - low
+        return table[low % len(table)] * (1.0 - share) + table[(low + 1) % len(table)] * share
 
     def _keep_in(self, distance: NDArray[np.float64], aside: NDArray[np.float64]) -> NDArray[np.float64]:
         """Limit a move off the line so that the car stays between the edges."""

@@ -7,7 +7,6 @@ import hashlib
 import math
 import os
 import shlex
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,17 +27,15 @@ ABSENT = "–"
 
 def write_page(selection: Selection, folder: Path) -> Path:
     """Write `folder`/index.html, whole or not at all, and return its path."""
+    html = render(selection)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "index.html"
-    with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=folder, suffix=".html", delete=False) as file:
-        try:
-            file.write(render(selection))
-            file.close()
-            os.chmod(file.name, 0o644)
-            os.replace(file.name, path)
-        except BaseException:
-            os.unlink(file.name)
-            raise
+    partial = folder / "index.html.partial"
+    try:
+        partial.write_text(html, encoding="utf-8")
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
     return path
 
 
@@ -201,7 +198,7 @@ def _matchups(selection: Selection) -> dict[str, Any]:
     for row in cells.values():
         low, high = row["difference_low"], row["difference_high"]
         row["heat"] = _heat(row["difference"], largest)
-        row["clear"] = low is not None and high is not None and (low > 0 or high < 0)
+        row["decided"] = low is not None and high is not None and (low > 0 or high < 0)
     return {
         "names": [name for _, name in order],
         "largest": largest,

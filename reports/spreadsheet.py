@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -16,7 +16,7 @@ from xlsxwriter.utility import xl_rowcol_to_cell
 from reports.selection import Selection
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
-ROW_LIMIT = 100_000  # rows of a sheet; above this a spreadsheet opens too slowly to be of use
+ROW_LIMIT = 50_000  # rows of a sheet; above this a spreadsheet opens too slowly to be of use
 BLUES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#6BA3D6"}
 ORANGES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#E9A15B"}
 DIVERGING = {
@@ -83,6 +83,7 @@ PARETO = (
     *ORIGIN,
 )
 RACES = (
+    *ENTRANT,
     _Column("stage", "Stage"),
     _Column("test", "Test", width=18),
     _Column("race", "Race", "0", 8),
@@ -90,7 +91,6 @@ RACES = (
     _Column("mirrored", "Mirrored"),
     _Column("car", "Car", "0", 8),
     _Column("slot", "Starting place", "0"),
-    *ENTRANT,
     _Column("team", "Team", "0", 8),
     _Column("place", "Place", "0", 8),
     _Column("points", "Points", "0.##"),
@@ -116,23 +116,20 @@ def write_spreadsheet(selection: Selection, path: Path) -> Path:
     a link. Races holds at most `ROW_LIMIT` rows, the last stages first; Run counts the rows left out.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".xlsx")
-    os.close(handle)
+    partial = path.with_name(path.name + ".partial")
     try:
-        _write(selection, name)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+        _write(selection, partial)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
     return path
 
 
-def _write(selection: Selection, name: str) -> None:
+def _write(selection: Selection, path: Path) -> None:
     plain_text = {"strings_to_formulas": False, "strings_to_urls": False, "strings_to_numbers": False}
     names = selection.tables["entrants"].select("entrant", "name")
     opponents = names.rename({"entrant": "opponent", "name": "opponent_name"})
-    with xlsxwriter.Workbook(name, plain_text) as workbook:
+    with xlsxwriter.Workbook(str(path), plain_text) as workbook:
         workbook.set_properties({"title": selection.title, "created": CREATED})
         ranking = selection.named("ranking").sort(["rank", "points_per_race"], descending=[False, True])
         _sheet(workbook, "Ranking", RANKING, ranking)
@@ -145,7 +142,9 @@ def _write(selection: Selection, name: str) -> None:
             ["survives", "lap_s"], descending=[True, False], nulls_last=True
         )
         _sheet(workbook, "Pareto", PARETO, pareto)
-        races = selection.results.join(names, on="entrant", how="left", maintain_order="left")
+        races = selection.results.join(names, on="entrant", how="left", maintain_order="left").with_columns(
+            name=pl.coalesce("name", "entrant")  # a fixed opponent is no entrant
+        )
         latest = ["race", "tournament", "battery", "pareto"]
         races = races.sort(pl.col("stage").replace_strict(latest, range(4), default=4), maintain_order=True)
         _sheet(workbook, "Races", RACES, races.head(ROW_LIMIT).fill_nan(None))
@@ -153,34 +152,33 @@ def _write(selection: Selection, name: str) -> None:
 
 
 def _sheet(workbook: Any, title: str, columns: tuple[_Column, ...], frame: pl.DataFrame) -> Any:
-    """A sheet that holds one Excel table with a frozen header; columns named in the frame."""
-    sheet = workbook.add_worksheet(title)
-    header = workbook.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
-    rows = max(1, frame.height)  # Excel refuses a table without a row
-    sheet.add_table(
-        0,
-        0,
-        rows,
-        len(columns) - 1,
-        {
-            "name": f"{title}Table",
-            "style": "Table Style Light 1",
-            "banded_rows": False,
-            "columns": [{"header": column.header, "header_format": header} for column in columns],
-        },
-    )
+    """A sheet that holds the frame as an Excel table; header and entrant's name stay in view."""
+    sheet = _table(workbook, title, [column.header for column in columns], frame.height)
     sheet.freeze_panes(1, 1 + [column.name for column in columns].index("name"))
     sheet.set_row(0, 32)
-    sheet.set_landscape()
-    sheet.repeat_rows(0)
-    sheet.fit_to_pages(1, 0)
     for at, column in enumerate(columns):
         form = workbook.add_format({"num_format": column.form})
         sheet.set_column(at, at, column.width)
         for row, value in enumerate(frame[column.name].to_list(), start=1):
             _cell(sheet, row, at, value, form)
         if column.scale and frame.height:
-            sheet.conditional_format(1, at, rows, at, column.scale)
+            sheet.conditional_format(1, at, frame.height, at, column.scale)
+    return sheet
+
+
+def _table(workbook: Any, title: str, headers: Sequence[str], rows: int) -> Any:
+    sheet = workbook.add_worksheet(title)
+    form = workbook.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
+    table = {
+        "name": f"{title}Table",
+        "style": "Table Style Light 1",
+        "banded_rows": False,
+        "columns": [{"header": header, "header_format": form} for header in headers],
+    }
+    sheet.add_table(0, 0, max(1, rows), len(headers) - 1, table)  # Excel refuses a table without a row
+    sheet.set_landscape()
+    sheet.repeat_rows(0)
+    sheet.fit_to_pages(1, 0)
     return sheet
 
 
@@ -253,24 +251,8 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
             (f"{name}: time [s]", stage["wall_s"]),
         ]
     facts += [(f"Version of {name}", version) for name, version in sorted(summary["versions"].items())]
-    sheet = workbook.add_worksheet("Run")
-    bold = workbook.add_format({"bold": True, "bottom": 1})
+    sheet = _table(workbook, "Run", ["Fact", "Value"], len(facts))
     left = workbook.add_format({"align": "left"})
-    sheet.add_table(
-        0,
-        0,
-        len(facts),
-        1,
-        {
-            "name": "RunTable",
-            "style": "Table Style Light 1",
-            "banded_rows": False,
-            "columns": [
-                {"header": "Fact", "header_format": bold},
-                {"header": "Value", "header_format": bold},
-            ],
-        },
-    )
     sheet.freeze_panes(1, 0)
     sheet.set_column(0, 0, 36)
     sheet.set_column(1, 1, 48)

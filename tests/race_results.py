@@ -7,11 +7,12 @@ from itertools import combinations
 
 import numpy as np
 import polars as pl
+from numpy.typing import ArrayLike
 
 from arena.results import RESULTS
 from tournament.points import TEAM_POINTS
 
-DEFAULTS = {
+DEFAULTS: dict[str, ArrayLike] = {
     "match": "m",
     "stage": "tournament",
     "test": "round_robin",
@@ -37,7 +38,7 @@ DEFAULTS = {
 }
 
 
-def rows(columns: Mapping[str, object], height: int) -> pl.DataFrame:
+def rows(columns: Mapping[str, ArrayLike], height: int) -> pl.DataFrame:
     """RESULTS of the given height: the columns given, values or constants, and plain ones for the rest."""
     filled = {name: columns.get(name, plain) for name, plain in DEFAULTS.items()}
     return pl.DataFrame(

@@ -40,6 +40,11 @@ def rank(
         8 entrants        97 / 79    96 / 85    94 / 88    96 / 92    95 / 93    94 / 93
 
     They fall short for a team that sweeps all but a few races, whose pairs hardly ever differ.
+
+    Ranks compare intervals without a correction for many comparisons. Among equal entrants, measured: two
+    given ones got different ranks in 5-6 % of tournaments of 2 entrants and 1-3 % of larger ones, but some
+    two of them in 6 % (3 entrants), 6-8 % (4), 10 % (6) and 16 % (8). A false sole leader came in 5-6 %
+    with 2 entrants and in under 1 % with more.
     """
     sides = _sides(results)
     faults = pl.col("ending").is_in(POLICY_FAULTS).sum().alias("faults")
@@ -84,7 +89,7 @@ def matchups(
     return (
         sides.group_by(MATCHUP, maintain_order=True)
         .agg(
-            pairs=pl.len(),
+            pairs=pl.len().cast(pl.Int64),
             points_per_race=pl.col("points").mean(),
             contacts_per_km=pl.col("contacts").sum() / pl.col("km").sum(),
         )
@@ -153,7 +158,9 @@ def _sides(results: pl.DataFrame) -> pl.DataFrame:
 def _pairs_by_matchup(sides: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Every pair once, and one row a matchup in the same order with its `pairs` and mean `difference`."""
     pairs = sides.filter(pl.col("entrant") < pl.col("opponent"))
-    met = pairs.group_by(MATCHUP, maintain_order=True).agg(pl.col("difference").mean(), pairs=pl.len())
+    met = pairs.group_by(MATCHUP, maintain_order=True).agg(
+        pl.col("difference").mean(), pairs=pl.len().cast(pl.Int64)
+    )
     return pairs, met
 
 
@@ -190,7 +197,7 @@ def _contacts(
     if sides.is_empty():
         return sides.select("entrant", pairs=0, contacts_per_km=None, contacts_low=None, contacts_high=None)
     totals = sides.group_by("entrant", maintain_order=True).agg(
-        pl.col("contacts", "km").sum(), pairs=pl.len()
+        pl.col("contacts", "km").sum(), pairs=pl.len().cast(pl.Int64)
     )
     events, km, sizes = (totals[name].to_numpy() for name in ("contacts", "km", "pairs"))
     km = np.where(km > 0, km, np.inf)

@@ -51,20 +51,20 @@ if (source) {
     (point.rank !== null ? `\nrank ${point.rank} in the round robin` : point.survives ? "\nsurvives" : "");
 
   const laps = d3.extent(points, (point) => point.lap);
-  const lapTicks = (width) => d3.ticks(...laps, width / 70);
   // 1, 2, 5, 10, ...: a square-root axis crowds the small ones, so those too near their neighbour are left out.
   const rootTicks = (largest) => {
     const ticks = [];
-    for (let decade = 2; decade >= -4; decade--)
-      for (const digit of [5, 2, 1]) {
-        const tick = digit * 10 ** decade;
-        if (tick <= largest && (!ticks.length || Math.sqrt(ticks[0] / largest) - Math.sqrt(tick / largest) > 0.07) && tick > 0.004 * largest)
-          ticks.unshift(tick);
+    for (const decade of [100, 10, 1, 0.1, 0.01, 0.001])
+      for (const tick of [5 * decade, 2 * decade, decade]) {
+        const above = ticks.length ? Math.sqrt(ticks[0]) : Infinity;
+        const room = Math.min(above - Math.sqrt(tick), Math.sqrt(tick));
+        if (tick <= largest && room > 0.07 * Math.sqrt(largest)) ticks.unshift(tick);
       }
     return [0, ...ticks];
   };
   const chart = (value, width, format, labels) => {
     const at = { x: "lap", y: value };
+    const top = d3.max(points, (point) => point[value]);
     const plot = Plot.plot({
       width,
       height: Math.round(Math.min(420, Math.max(300, width * 0.68))),
@@ -73,10 +73,11 @@ if (source) {
       insetRight: 10,
       marginRight: 16,
       marginBottom: 40,
-      x: { type: "log", label: "Mean best lap, s", labelAnchor: "center", labelArrow: "none", ticks: lapTicks(width), tickFormat: String },
-      y: { type: "sqrt", label: null, grid: true, tickFormat: format, ticks: rootTicks(d3.max(points, (point) => point[value])), domain: [0, d3.max(points, (point) => point[value]) || 1] },
+      x: { type: "log", label: "Mean best lap, s" },
+      y: { type: "sqrt", label: null, grid: true, tickFormat: format, ticks: rootTicks(top), domain: [0, top || 1] },
       ariaLabel: `Lap time against ${value === "off" ? "off-course share" : "contacts per km"}`,
       marks: [
+        Plot.axisX(d3.ticks(...laps, width / 70), { text: String, labelAnchor: "center", labelArrow: "none" }),
         Plot.dot(field, { ...at, r: 1.9, fill: "var(--field)", fillOpacity: 0.55 }),
         Plot.dot(survivors, { ...at, r: 3.4, fill: "var(--survivor)" }),
         Plot.dot(finalists, { ...at, r: 4.6, fill: "var(--finalist)", symbol: "diamond" }),
@@ -91,7 +92,10 @@ if (source) {
             strokeWidth: 4,
           }),
         ),
-        Plot.tip(points, Plot.pointer({ ...at, title: describe, maxRadius: 30, lineWidth: 30, fontSize: 12, stroke: "var(--strong-rule)" })),
+        Plot.tip(
+          points,
+          Plot.pointer({ ...at, title: describe, maxRadius: 30, lineWidth: 30, lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)" }),
+        ),
       ],
     });
     // The page's own style sheet has these rules: its content policy admits no other style.

@@ -1,0 +1,1 @@
+"""Training: worlds make transitions, rewards value them, QR-SAC learns from them."""

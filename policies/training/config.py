@@ -1,0 +1,88 @@
+"""What a training run is made of, as a TOML file says it."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from policies.qrsac.config import QRSACConfig
+from policies.training.rewards import RewardWeights
+from sim.errors import InputError, first_fault
+from sim.observation import ObservationSpec
+
+Count = Annotated[int, Field(ge=1)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Rollouts(_Section):
+    """Races of one scenario that run side by side."""
+
+    scenario: str
+    races: Count
+    learners: Count  # cars a race that the learner drives and learns from
+    opponents: tuple[str, ...] = ()  # who drives the others, in turn; see policies.load
+
+
+class ObservationSettings(_Section):
+    """The observation spec to train on; see sim.observation."""
+
+    course_points: Count = 60
+    horizon_s: float = 6.0
+    cars_ahead: Annotated[int, Field(ge=0)] = 4
+    cars_behind: Annotated[int, Field(ge=0)] = 4
+
+    def spec(self) -> ObservationSpec:
+        """The spec itself."""
+        return ObservationSpec(**self.model_dump())
+
+
+class TrainingConfig(_Section):
+    """A training run.
+
+    Attributes:
+        updates: gradient updates of the whole run.
+        updates_per_step: updates after each step of all rollouts.
+        warm_up: transitions to gather before the first update.
+        replay: transitions to remember.
+        checkpoint_every: updates between checkpoints.
+    """
+
+    circuit: str
+    car: str
+    updates: Count
+    updates_per_step: Count
+    warm_up: Count
+    replay: Count
+    checkpoint_every: Count
+    rollouts: Annotated[tuple[Rollouts, ...], Field(min_length=1)]
+    observation: ObservationSettings = ObservationSettings()
+    qrsac: QRSACConfig = QRSACConfig()
+    reward: RewardWeights = RewardWeights()
+
+    @model_validator(mode="after")
+    def _warm_up_fits(self) -> TrainingConfig:
+        if self.warm_up > self.replay:
+            raise ValueError("warm_up must not be larger than replay")
+        return self
+
+
+def read_config(path: Path) -> TrainingConfig:
+    """Read and check a training configuration.
+
+    Raises:
+        InputError: if the file cannot be read, or a field is missing, unknown or out of range.
+    """
+    try:
+        return TrainingConfig.model_validate(tomllib.loads(path.read_text("utf-8")))
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the training configuration: {error.strerror}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: not a TOML file: {error}") from None
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error)}") from None

@@ -1,0 +1,52 @@
+"""How a policy in training laps, measured the same way every time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.car import load_car
+from sim.observation import ObservationSpec
+from sim.scenario import load_scenario
+from sim.track import load_track
+from sim.world import World
+
+SCENARIO = "time_trial"
+RUNS = 4
+
+Array = NDArray[np.float32]
+
+
+class LapEvaluation(NamedTuple):
+    """Of `RUNS` time trials: mean lap time (nan unless all were completed) and share of time off course."""
+
+    lap_s: float
+    off_course_share: float
+
+
+def evaluate_laps(
+    circuit: str, car: str, spec: ObservationSpec, act: Callable[[Array], Array], seed: int
+) -> LapEvaluation:
+    """Drive the time trial from a few starts.
+
+    Args:
+        circuit: name of the circuit.
+        car: name of the car.
+        spec: what the policy sees.
+        act: actions (n, 2) for observations (n, spec.size).
+        seed: of the starts.
+    """
+    scenario, track = load_scenario(SCENARIO), load_track(circuit)
+    world = World(track, load_car(car), RUNS, 1)
+    rng = np.random.default_rng(seed)
+    for race in range(RUNS):
+        world.reset(race, scenario.place(track, rng))
+    races, cars = np.arange(RUNS), np.zeros(RUNS, np.int64)
+    while world.state["driving"].any() and world.time[0] < scenario.time_s:
+        world.step(act(world.observe(spec, races, cars))[:, None])
+    state = world.state[:, 0]
+    driven = np.where(np.isnan(state["finish_s"]), world.time, state["finish_s"])
+    return LapEvaluation(float(state["best_lap_s"].mean()), float(state["off_course_s"].sum() / driven.sum()))

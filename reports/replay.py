@@ -1,0 +1,250 @@
+"""Replays: a race as a Rerun recording with its own layout, made from the race's log."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from arena.race_log import RaceLog
+from arena.recording import TEAM_COLOURS, asphalt, read_recording
+from reports._blueprint import TIMELINE, blueprint
+from reports.car_model import car_model
+from sim.errors import InputError
+
+FRAMES_PER_TICK = 3
+"""Pictures between two samples of the log: cars at 10 Hz would jump by several metres."""
+
+WALL_HEIGHT_M = 0.9
+GRASS_MARGIN_M = 150.0
+NO_YAW_LIMIT = None
+
+
+def replay_file(recording: Path, replay: Path) -> None:
+    """Write the replay (.rrd) of a recording (.mcap). Raises InputError as `read_recording` does."""
+    write_replay(read_recording(recording), replay)
+
+
+def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
+    """Write a race as .rrd, with the camera behind car `follow` (the winner if None).
+
+    A file of that name is replaced whole.
+    """
+    followed = winner(log) if follow is None else follow
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    stream = rr.RecordingStream("nathlon", recording_id=f"{log.match}-{log.race}", send_properties=False)
+    try:
+        stream.save(partial, default_blueprint=blueprint(log, followed))
+        _log_circuit(stream, log)
+        _log_map(stream, log)
+        _log_cars(stream, log, followed)
+        _log_series(stream, log)
+        _log_incidents(stream, log)
+        stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
+        stream.flush()
+        stream.disconnect()
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def open_viewer(replay: Path) -> None:
+    """Show a replay in Rerun's viewer and wait until its window is closed.
+
+    Raises InputError if the viewer cannot run here, for want of a display for instance.
+    """
+    viewer = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", str(replay)]
+    ended = subprocess.run(viewer, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    if ended.returncode != 0:
+        reason = (ended.stderr.strip().splitlines() or ["it gave no reason"])[-1]
+        raise InputError(f"{replay} cannot be shown, as Rerun's viewer does not run here: {reason}")
+
+
+def winner(log: RaceLog) -> int:
+    """The car that is first in the last sample; the first car of a race without samples."""
+    return int(np.argmin(log.samples["place"][-1])) if len(log.time_s) else 0
+
+
+def labels(log: RaceLog) -> list[str]:
+    """Number and name of each car."""
+    return [f"{car} {name}" for car, name in enumerate(log.names)]
+
+
+def car_colours(teams: tuple[int, ...]) -> list[tuple[int, int, int]]:
+    """A shade of its team's colour for each car, the first of a team the strongest."""
+    colours = []
+    for car, team in enumerate(teams):
+        earlier, size = teams[:car].count(team), teams.count(team)
+        white = 0.6 * earlier / size
+        red, green, blue = (round(part + white * (255 - part)) for part in TEAM_COLOURS[team])
+        colours.append((red, green, blue))
+    return colours
+
+
+def race_sheet(log: RaceLog) -> str:
+    """What was raced and how it stood at the end, as Markdown."""
+    facts = {
+        "Circuit": log.circuit,
+        "Car": log.car,
+        "Scenario": log.scenario,
+        "Match": f"{log.match}, race {log.race}",
+        "Seed": log.seed,
+        "nathlon": log.version,
+    }
+    lines = ["| | |", "|---|---|", *(f"| {fact} | {value} |" for fact, value in facts.items())]
+    if len(log.time_s):
+        last = log.samples[-1]
+        lines += ["", "| Place | Car | Team | Laps | Distance |", "|--:|---|--:|--:|--:|"]
+        for car in np.argsort(last["place"], kind="stable").tolist():
+            place, lap, distance_m = last["place"][car], last["lap"][car], last["distance_m"][car]
+            lines.append(f"| {place} | {labels(log)[car]} | {log.teams[car]} | {lap} | {distance_m:.0f} m |")
+    return "\n".join(lines)
+
+
+def _log_circuit(stream: rr.RecordingStream, log: RaceLog) -> None:
+    outline = log.outline
+    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    vertices, triangles = asphalt(outline)
+    low, high = vertices.min(axis=0) - GRASS_MARGIN_M, vertices.max(axis=0) + GRASS_MARGIN_M
+    corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
+    grass = rr.Mesh3D(
+        vertex_positions=_raised(np.array(corners), -0.25),
+        triangle_indices=[[0, 1, 2], [0, 2, 3]],
+        albedo_factor=[74, 104, 62],
+    )
+    stream.log("world/circuit/grass", grass, static=True)
+    surface = rr.Mesh3D(
+        vertex_positions=_raised(vertices, 0.0), triangle_indices=triangles, albedo_factor=[62, 63, 68]
+    )
+    stream.log("world/circuit/asphalt", surface, static=True)
+    edges = [_raised(_closed(edge), 0.03) for edge in (outline.left, outline.right)]
+    stream.log("world/circuit/edges", rr.LineStrips3D(edges, radii=0.15, colors=[240, 240, 240]), static=True)
+    line = _raised(np.stack([outline.left[0], outline.right[0]]), 0.03)
+    stream.log("world/circuit/line", rr.LineStrips3D([line], radii=0.4, colors=[255, 255, 255]), static=True)
+    for side, wall in (("left", outline.wall_left), ("right", outline.wall_right)):
+        stream.log(f"world/circuit/wall_{side}", _wall(wall), static=True)
+
+
+def _wall(line: NDArray[np.float64]) -> rr.Mesh3D:
+    """An upright band, its panels in turn lighter and darker so that speed can be seen."""
+    n = len(line)
+    ends = np.concatenate([line, np.roll(line, -1, axis=0)])
+    vertices = np.concatenate([_raised(ends, -0.25), _raised(ends, WALL_HEIGHT_M)])
+    i = np.arange(n)
+    triangles = np.concatenate(
+        [np.stack([i, n + i, 2 * n + i], 1), np.stack([n + i, 3 * n + i, 2 * n + i], 1)]
+    )
+    panel = np.where(i // 2 % 2 == 0, 150, 175).astype(np.uint8)
+    colours = np.repeat(np.tile(panel, 4)[:, None], 3, axis=1)
+    return rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colours)
+
+
+def _log_map(stream: rr.RecordingStream, log: RaceLog) -> None:
+    outline = log.outline
+    half_width_m = float(np.mean(np.linalg.norm(outline.left - outline.right, axis=1))) / 2
+    surface = rr.LineStrips2D([_north_up(_closed(outline.centre))], radii=half_width_m, colors=[70, 72, 78])
+    stream.log("map/circuit/asphalt", surface, static=True)
+    edges = [_north_up(_closed(edge)) for edge in (outline.left, outline.right)]
+    stream.log("map/circuit/edges", rr.LineStrips2D(edges, radii=-0.75, colors=[190, 190, 190]), static=True)
+    line = _north_up(np.stack([outline.left[0], outline.right[0]]))
+    stream.log("map/circuit/line", rr.LineStrips2D([line], radii=-1.5, colors=[255, 255, 255]), static=True)
+
+
+def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
+    ticks = len(log.time_s)
+    if not ticks:
+        return
+    frames = np.arange((ticks - 1) * FRAMES_PER_TICK + 1) / FRAMES_PER_TICK
+    index = [rr.TimeColumn(TIMELINE, duration=np.interp(frames, np.arange(ticks), log.time_s))]
+    for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
+        sample = log.samples[:, car]
+        x, y, yaw = (
+            np.interp(frames, np.arange(ticks), column)
+            for column in (sample["x_m"], sample["y_m"], np.unwrap(sample["yaw_rad"]))
+        )
+        zero = np.zeros_like(x)
+        pose = rr.Transform3D.columns(
+            translation=np.stack([x, y, zero], axis=1),
+            quaternion=np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=1),
+        )
+        entity = f"world/cars/{car}"
+        stream.send_columns(entity, index, pose)
+        vertices, triangles, colours = car_model(log.car_length_m, log.car_width_m, colour)
+        body = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colours)
+        stream.log(f"{entity}/body", body, static=True)
+        name = rr.Points3D([[0, 0, 1.9]], radii=0.06, colors=colour, labels=label, show_labels=True)
+        stream.log(f"{entity}/name", name, static=True)
+
+        point = _north_up(np.stack([x, y], axis=1))
+        look = rr.Points2D.from_fields(
+            radii=-5.0, colors=colour, labels=str(car), show_labels=True, draw_order=50.0
+        )
+        stream.log(f"map/cars/{car}", look, static=True)
+        stream.send_columns(f"map/cars/{car}", index, rr.Points2D.columns(positions=point))
+        path = _north_up(np.stack([sample["x_m"], sample["y_m"]], axis=1))
+        steps = np.stack([path[:-1], path[1:]], axis=1)
+        trail = rr.LineStrips2D.from_fields(radii=-1.5, colors=colour)
+        stream.log(f"map/trails/{car}", trail, static=True)
+        stream.send_columns(
+            f"map/trails/{car}",
+            [rr.TimeColumn(TIMELINE, duration=log.time_s[1:])],
+            rr.LineStrips2D.columns(strips=list(steps)),
+        )
+    camera = f"world/cars/{followed}/chase"
+    stream.log(
+        camera,
+        rr.Transform3D(
+            translation=[-9.0, 0.0, 3.4],
+            rotation=rr.RotationAxisAngle(axis=[0, 1, 0], degrees=9.0),
+        ),
+        rr.Pinhole(fov_y=1.0, aspect_ratio=1.6, camera_xyz=rr.ViewCoordinates.FLU, image_plane_distance=0.01),
+        static=True,
+    )
+
+
+def _log_series(stream: rr.RecordingStream, log: RaceLog) -> None:
+    index = [rr.TimeColumn(TIMELINE, duration=log.time_s)]
+    leader_m = log.samples["distance_m"].max(axis=1, initial=0.0)
+    for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
+        sample = log.samples[:, car]
+        speed = np.hypot(sample["velocity_x_m_s"], sample["velocity_y_m_s"])
+        series = {
+            "speed": (3.6 * speed, colour, label),
+            "throttle": (sample["throttle"], (90, 200, 90), "throttle"),
+            "brake": (sample["brake"], (225, 70, 60), "brake"),
+            "steering": (sample["steering"], (200, 200, 120), "steering"),
+            "place": (-sample["place"].astype(float), colour, label),
+            "gap": (sample["distance_m"] - leader_m, colour, label),
+        }
+        for name, (values, line_colour, line_name) in series.items():
+            entity = f"series/{name}/{car}"
+            look = rr.SeriesLines(colors=line_colour, names=line_name, widths=2.0)
+            stream.log(entity, look, static=True)
+            stream.send_columns(entity, index, rr.Scalars.columns(scalars=values))
+
+
+def _log_incidents(stream: rr.RecordingStream, log: RaceLog) -> None:
+    for kind in sorted({incident.kind for incident in log.incidents}):
+        incidents = [incident for incident in log.incidents if incident.kind == kind]
+        index = [rr.TimeColumn(TIMELINE, duration=[incident.time_s for incident in incidents])]
+        level = rr.TextLogLevel.INFO if kind == "ending" else rr.TextLogLevel.WARN
+        texts = rr.TextLog.columns(text=[i.text for i in incidents], level=[level] * len(incidents))
+        stream.send_columns(f"incidents/{kind}", index, texts)
+
+
+def _raised(points: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
+    return np.column_stack([points, np.full(len(points), z_m)])
+
+
+def _closed(line: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.concatenate([line, line[:1]])
+
+
+def _north_up(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n, 2) of the world on a map, whose y points down the screen."""
+    return points * np.array([1.0, -1.0])
