@@ -91,7 +91,9 @@ class Driver:
         sine, cosine = field("progress").T
         distance = np.arctan2(sine, cosine) / (2 * np.pi) * self._track.length
 
-        course = heading + np.arctan2(sideways, np.maximum(velocity, 1.0)) + ACTUATION_S * field("yaw_rate")[:, 0]
+        course = (
+            heading + np.arctan2(sideways, np.maximum(velocity, 1.0)) + ACTUATION_S * field("yaw_rate")[:, 0]
+        )
         aside, limit = self._mind_others(field("cars_ahead"), field("cars_behind"), velocity)
         here = distance + velocity * ACTUATION_S
         aside = self._keep_in(here, memory[:, 0] + np.clip(aside - memory[:, 0], -0.35, 0.35))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import rerun as rr
 import rerun.blueprint as rrb
 
 from arena.race_log import RaceLog
@@ -24,32 +23,29 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
         background=[150, 185, 215],
         line_grid=False,
     )
-    trails = {f"map/trails/{car}": _last(TRAIL_S) for car in range(len(log.names))}
+    shown_s = {f"map/trails/{car}": TRAIL_S for car in range(len(log.names))}
+    shown_s |= {f"map/incidents/{incident.kind}": MARK_S for incident in log.incidents}
     circuit = rrb.Spatial2DView(
         origin="map",
         name=f"Map of {log.circuit}",
         background=[28, 30, 34],
-        overrides={**trails, "map/incidents": _last(MARK_S)},
+        overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
     )
+    pedals = [f"$origin/{pedal}/{followed}" for pedal in ("throttle", "brake")]
     series = rrb.Vertical(
-        _series("Speed (km/h)", "$origin/**", "series/speed"),
-        _series(
-            "Throttle and brake",
-            [f"series/throttle/{followed}", f"series/brake/{followed}"],
-            "series",
-            (0.0, 1.0),
-        ),
-        _series("Steering (left +)", [f"series/steering/{followed}"], "series", (-1.0, 1.0)),
+        _series("Speed (km/h), all cars", ["$origin/speed/**"]),
+        _series(f"Throttle and brake of {name}", pedals, (-0.02, 1.02), legend=True),
+        _series(f"Steering of {name} (left +)", [f"$origin/steering/{followed}"], (-1.0, 1.0)),
         rrb.Tabs(
-            _series("Places", "$origin/**", "series/place", (-len(log.names) - 0.5, -0.5)),
-            _series("Gap to the leader (m)", "$origin/**", "series/gap"),
+            _series("Places", ["$origin/place/**"], (-len(log.names) - 0.5, -0.5)),
+            _series("Gap to the leader (m)", ["$origin/gap/**"]),
         ),
     )
     lists = rrb.Tabs(
         rrb.TextLogView(
             origin="incidents",
             name="Stewards",
-            columns=rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["entitypath", "body"]),
+            columns=rrb.TextLogColumns(timeline_columns=[TIMELINE], text_log_columns=["body"]),
         ),
         rrb.TextDocumentView(origin="race", name="Race"),
     )
@@ -67,14 +63,15 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
 
 
 def _series(
-    name: str, contents: str | list[str], origin: str, span: tuple[float, float] | None = None
+    name: str, contents: list[str], span: tuple[float, float] | None = None, legend: bool = False
 ) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
-        origin=origin,
+        origin="series",
         name=name,
         contents=contents,
         time_ranges=_last(SERIES_S),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
+        plot_legend=rrb.PlotLegend(visible=legend),
     )
 
 

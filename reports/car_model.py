@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 WINDOWS = (28, 32, 40)
 TYRES = (18, 18, 18)
+LIGHTS = (190, 20, 30)
 
 # The corners of a block: bottom then top, each counter-clockwise from rear right.
 FACES = np.array(
@@ -48,6 +49,9 @@ def car_model(
         ),
         _block((-half, -0.86 * half), (-half, -0.86 * half), (0.96 * side, 0.96 * side), (1.08, 1.14), TYRES),
     ]
+    for y in (-0.7 * side, 0.7 * side):
+        corners, colours = _block((-0.02, 0.0), (-0.02, 0.0), (0.22, 0.22), (0.44, 0.56), LIGHTS)
+        blocks.append((corners + np.array([-0.99 * half, y, 0.0]), colours))
     for x in (-0.62 * half, 0.62 * half):
         for y in (-0.86 * side, 0.86 * side):
             corners, colours = _block(

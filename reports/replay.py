@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from arena.race_log import RaceLog
+from arena.race_log import Incident, RaceLog
 from arena.recording import TEAM_COLOURS, asphalt, read_recording
 from reports._blueprint import TIMELINE, blueprint
 from reports.car_model import car_model
@@ -22,7 +22,7 @@ FRAMES_PER_TICK = 3
 
 WALL_HEIGHT_M = 0.9
 GRASS_MARGIN_M = 150.0
-NO_YAW_LIMIT = None
+MARK_COLOUR = (235, 60, 70)
 
 
 def replay_file(recording: Path, replay: Path) -> None:
@@ -43,7 +43,7 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
         _log_circuit(stream, log)
         _log_map(stream, log)
         _log_cars(stream, log, followed)
-        _log_series(stream, log)
+        _log_series(stream, log, followed)
         _log_incidents(stream, log)
         stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
         stream.flush()
@@ -177,12 +177,12 @@ def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
         vertices, triangles, colours = car_model(log.car_length_m, log.car_width_m, colour)
         body = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colours)
         stream.log(f"{entity}/body", body, static=True)
-        name = rr.Points3D([[0, 0, 1.9]], radii=0.06, colors=colour, labels=label, show_labels=True)
+        name = rr.Points3D([[0, 0, 1.9]], radii=0.0, colors=colour, labels=label, show_labels=True)
         stream.log(f"{entity}/name", name, static=True)
 
         point = _north_up(np.stack([x, y], axis=1))
         look = rr.Points2D.from_fields(
-            radii=-5.0, colors=colour, labels=str(car), show_labels=True, draw_order=50.0
+            radii=-5.0, colors=colour, labels=label, show_labels=car == followed, draw_order=50.0
         )
         stream.log(f"map/cars/{car}", look, static=True)
         stream.send_columns(f"map/cars/{car}", index, rr.Points2D.columns(positions=point))
@@ -199,15 +199,21 @@ def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
     stream.log(
         camera,
         rr.Transform3D(
-            translation=[-9.0, 0.0, 3.4],
+            translation=[-10.0, 0.0, 3.4],
             rotation=rr.RotationAxisAngle(axis=[0, 1, 0], degrees=9.0),
         ),
-        rr.Pinhole(fov_y=1.0, aspect_ratio=1.6, camera_xyz=rr.ViewCoordinates.FLU, image_plane_distance=0.01),
+        rr.Pinhole(
+            fov_y=1.0,
+            aspect_ratio=1.6,
+            camera_xyz=rr.ViewCoordinates.FLU,
+            image_plane_distance=0.01,
+            color=[0, 0, 0, 0],
+        ),
         static=True,
     )
 
 
-def _log_series(stream: rr.RecordingStream, log: RaceLog) -> None:
+def _log_series(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
     index = [rr.TimeColumn(TIMELINE, duration=log.time_s)]
     leader_m = log.samples["distance_m"].max(axis=1, initial=0.0)
     for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
@@ -223,7 +229,7 @@ def _log_series(stream: rr.RecordingStream, log: RaceLog) -> None:
         }
         for name, (values, line_colour, line_name) in series.items():
             entity = f"series/{name}/{car}"
-            look = rr.SeriesLines(colors=line_colour, names=line_name, widths=2.0)
+            look = rr.SeriesLines(colors=line_colour, names=line_name, widths=2.5 if car == followed else 1.0)
             stream.log(entity, look, static=True)
             stream.send_columns(entity, index, rr.Scalars.columns(scalars=values))
 
@@ -235,6 +241,17 @@ def _log_incidents(stream: rr.RecordingStream, log: RaceLog) -> None:
         level = rr.TextLogLevel.INFO if kind == "ending" else rr.TextLogLevel.WARN
         texts = rr.TextLog.columns(text=[i.text for i in incidents], level=[level] * len(incidents))
         stream.send_columns(f"incidents/{kind}", index, texts)
+        places = np.array([_place_of(incident, log) for incident in incidents])
+        mark = rr.Points2D.from_fields(radii=-8.0, colors=MARK_COLOUR, labels=kind, draw_order=40.0)
+        stream.log(f"map/incidents/{kind}", mark, static=True)
+        stream.send_columns(f"map/incidents/{kind}", index, rr.Points2D.columns(positions=_north_up(places)))
+
+
+def _place_of(incident: Incident, log: RaceLog) -> tuple[float, float]:
+    """x and y, in metres, of the first car concerned at the time of an incident."""
+    tick = min(int(np.searchsorted(log.time_s, incident.time_s)), len(log.time_s) - 1)
+    sample = log.samples[tick, incident.cars[0]]
+    return float(sample["x_m"]), float(sample["y_m"])
 
 
 def _raised(points: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:

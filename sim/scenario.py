@@ -160,5 +160,7 @@ def load_scenario(name: str) -> Scenario:
     path = Path(name) if name.endswith(".toml") else SCENARIOS / f"{name}.toml"
     if path.parent == SCENARIOS and not path.is_file():
         known = ", ".join(sorted(p.stem for p in SCENARIOS.glob("*.toml")))
-        raise InputError(f"scenario {name!r} is unknown; expected one of {known}, or the path of a .toml file")
+        raise InputError(
+            f"scenario {name!r} is unknown; expected one of {known}, or the path of a .toml file"
+        )
     return read_scenario(path)

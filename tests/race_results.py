@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import polars as pl
-from numpy.typing import ArrayLike
 
 from arena.results import RESULTS
 from tournament.points import TEAM_POINTS
 
-DEFAULTS: dict[str, ArrayLike] = {
+DEFAULTS: dict[str, Any] = {
     "match": "m",
     "stage": "tournament",
     "test": "round_robin",
@@ -38,7 +38,7 @@ DEFAULTS: dict[str, ArrayLike] = {
 }
 
 
-def rows(columns: Mapping[str, ArrayLike], height: int) -> pl.DataFrame:
+def rows(columns: Mapping[str, Any], height: int) -> pl.DataFrame:
     """RESULTS of the given height: the columns given, values or constants, and plain ones for the rest."""
     filled = {name: columns.get(name, plain) for name, plain in DEFAULTS.items()}
     return pl.DataFrame(

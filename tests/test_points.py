@@ -95,11 +95,11 @@ def test_the_intervals_cover_the_true_scores(pairs: int) -> None:
     design = np.zeros((len(meetings), len(names)))
     for row, (home, away) in enumerate(meetings):
         design[row, home], design[row, away] = 1, -1
-    solution = np.linalg.pinv(design)
+    solution = np.linalg.pinv(design).astype(np.float64)
     expected = np.array([truth[name] for name in names])
     covered = []
     for differences in sample.swapaxes(0, 1):
-        scores = solution @ np.mean(differences, axis=1, dtype=np.float64) + sum(TEAM_POINTS) / 2
+        scores: NDArray[np.float64] = solution @ differences.mean(axis=1) + sum(TEAM_POINTS) / 2
         sizes = np.full(len(meetings), pairs)
         low, high = interval(scores, solution, spread(differences.ravel(), sizes, 400, rng), 0.95)
         covered.append((low <= expected) & (expected <= high))

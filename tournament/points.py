@@ -32,7 +32,7 @@ def rank(
     points nor rank. Faults are counted in void pairs too.
 
     Intervals resample the pairs of each matchup; with 4 pairs a plain percentile bootstrap would be
-    far too short. Coverage of the nominal 95 % measured on simulated 4v4 races, here / percentile:
+    far too short. Coverage of the nominal 95 % on simulated 4v4 races (within 1 or 2 %), here / percentile:
 
         pairs a matchup      2          3          4          6         10         20
         2 entrants        92 / 54    92 / 73    92 / 78    94 / 85    94 / 89    94 / 92

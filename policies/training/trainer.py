@@ -204,11 +204,11 @@ class Trainer:
         config = self.config
         card = Card(
             algorithm="QR-SAC",
-            hidden=list(config.qrsac.hidden),
-            observation=self._spec.to_dict(),
+            hidden=config.qrsac.hidden,
+            observation=self._spec,
             circuit=config.circuit,
             car=config.car,
-            scenarios=[rollouts.scenario for rollouts in config.rollouts],
+            scenarios=tuple(rollouts.scenario for rollouts in config.rollouts),
             step=self.updates,
             transitions=self.transitions,
             seed=self.seed,

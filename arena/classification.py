@@ -1,0 +1,71 @@
+"""From the final state of a race to its rows of the results table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.match import Match, Race
+
+POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
+FAULTS = ("policy_raised", "illegal_action")
+
+
+def classify(
+    match: Match, index: int, cars: NDArray[np.void], endings: NDArray[np.str_], driven: NDArray[np.float64]
+) -> list[dict[str, Any]]:
+    """Rows (RESULTS) of one race.
+
+    Finishers are placed by time, then the others by distance, then those that their own policy
+    let down.
+
+    Args:
+        match: the match.
+        index: of the race in it.
+        cars: (cars,) CAR_STATE at the end.
+        endings: (cars,) how each run ended.
+        driven: (cars,) time until then, s.
+    """
+    race: Race = match.races[index]
+    distance = cars["progress"] - cars["start"]
+    finished = endings == "finished"
+    order = np.lexsort(
+        (
+            np.where(finished, 0.0, -distance),
+            np.where(finished, cars["finish_s"], 0.0),
+            np.where(finished, 0, np.where(np.isin(endings, FAULTS), 2, 1)),
+        )
+    )
+    place = np.empty(len(cars), np.int64)
+    place[order] = np.arange(1, len(cars) + 1)
+    rows = []
+    for car, (state, seat) in enumerate(zip(cars, race.seats, strict=True)):
+        rows.append(
+            {
+                "match": match.key,
+                "stage": match.stage,
+                "test": match.test,
+                "race": index,
+                "seed": race.seed,
+                "mirrored": race.mirrored,
+                "car": car,
+                "slot": car + 1,
+                "entrant": match.entrants[seat.entrant],
+                "team": seat.team,
+                "place": int(place[car]),
+                "points": float(POINTS[place[car] - 1]) if place[car] <= len(POINTS) else 0.0,
+                "laps": int(state["laps"]),
+                "ending": str(endings[car]),
+                "race_time_s": float(state["finish_s"]) if finished[car] else None,
+                "driven_s": float(driven[car]),
+                "distance_m": float(distance[car]),
+                "best_lap_s": float(state["best_lap_s"]) if np.isfinite(state["best_lap_s"]) else None,
+                "off_course_s": float(state["off_course_s"]),
+                "wall_s": float(state["wall_s"]),
+                "contacts": int(state["contacts"]),
+                "contacts_faster_behind": int(state["contacts_faster_behind"]),
+            }
+        )
+    return rows

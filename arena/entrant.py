@@ -1,0 +1,100 @@
+"""Who takes part: a policy by its id, with the facts that reports show."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import polars as pl
+
+from arena.results import ENTRANTS
+from policies.checkpoint import checkpoint_id, load_checkpoint
+from policies.load import DRIVER, load_policy
+from sim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A policy that races.
+
+    Attributes:
+        id: SHA-256 of a checkpoint's bytes, or the built-in driver's name with its settings.
+        name: short, unique among the entrants of a run.
+        source: path of the checkpoint, or the driver's name.
+    """
+
+    id: str
+    name: str
+    source: str
+    algorithm: str
+    circuit: str
+    car: str
+    step: int | None
+    seed: int | None
+
+
+def enter(source: str, circuit: str, car: str) -> Entrant:
+    """The entrant that a user calls by a path or a driver's name.
+
+    Raises:
+        InputError: if it cannot drive this car on this circuit.
+    """
+    if source.partition(":")[0] == DRIVER:
+        load_policy(source, circuit, car)
+        return Entrant(source, source, source, "built-in driver", circuit, car, None, None)
+    path = Path(source)
+    card = load_checkpoint(path).card
+    for field, made_for, wanted in (("circuit", card.circuit, circuit), ("car", card.car, car)):
+        if made_for != wanted:
+            raise InputError(f"{source}: {field} is {made_for!r}, expected {wanted!r}")
+    return Entrant(
+        checkpoint_id(path), path.stem, source, card.algorithm, card.circuit, card.car, card.step, card.seed
+    )
+
+
+def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
+    """The checkpoints among some paths; a folder stands for all below it.
+
+    Raises:
+        InputError: if a path does not exist or a folder holds no checkpoint.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(p for p in path.rglob("*.safetensors") if p.name != "state.safetensors")
+            if not inside:
+                raise InputError(f"{path}: holds no .safetensors checkpoint")
+            found.extend(inside)
+        else:
+            found.append(path)
+    return found
+
+
+def enter_all(sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:
+    """Entrants with unique names; of several with the same contents only the first is kept.
+
+    Raises:
+        InputError: if one cannot drive, or there is none.
+    """
+    entrants = list(
+        {entrant.id: entrant for entrant in reversed([enter(s, circuit, car) for s in sources])}.values()
+    )
+    entrants.reverse()
+    if not entrants:
+        raise InputError("no checkpoint given, expected at least one")
+    shared = Counter(entrant.name for entrant in entrants)
+    return [
+        replace(e, name=f"{Path(e.source).parent.name}/{e.name}-{e.id[:6]}") if shared[e.name] > 1 else e
+        for e in entrants
+    ]
+
+
+def entrants_table(entrants: Iterable[Entrant]) -> pl.DataFrame:
+    """The ENTRANTS table."""
+    rows = [
+        {"entrant": e.id, **{name: getattr(e, name) for name in ENTRANTS.names() if name != "entrant"}}
+        for e in entrants
+    ]
+    return pl.DataFrame(rows, schema=ENTRANTS)

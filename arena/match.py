@@ -1,0 +1,94 @@
+"""The unit of work: some races of the same policies, run as one batch of fixed shape.
+
+A match's key is a hash of everything that decides its outcome, so that a finished match need never
+run again. The batch is part of the match: matrix products round differently with the number of
+rows, so races are never regrouped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import policies
+import sim
+from sim.car import load_car
+from sim.scenario import load_scenario
+from sim.track import load_track
+
+DECISIVE = ("*.py", "*.toml", "*.csv")
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A starting place taken: by which of the match's entrants, for which team (-1 for none)."""
+
+    entrant: int
+    team: int = -1
+
+
+@dataclass(frozen=True)
+class Race:
+    """One race: the seed of its start, and who starts where, from pole to last."""
+
+    seed: int
+    seats: tuple[Seat, ...]
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
+class Match:
+    """Races of one scenario between some entrants.
+
+    Attributes:
+        stage: what it is for: pareto, battery, tournament, race.
+        test: name by which the stage knows it.
+        entrants: ids of the policies.
+        sources: where to load them from; does not decide the outcome.
+    """
+
+    stage: str
+    test: str
+    scenario: str
+    circuit: str
+    car: str
+    entrants: tuple[str, ...]
+    sources: tuple[str, ...]
+    races: tuple[Race, ...]
+
+    @cached_property
+    def key(self) -> str:
+        """SHA-256 in hexadecimal of all that decides the outcome."""
+        return hashlib.sha256(json.dumps(self.spec(), sort_keys=True).encode()).hexdigest()
+
+    def spec(self) -> dict[str, Any]:
+        """All that decides the outcome, as plain JSON values."""
+        facts = asdict(self)
+        del facts["sources"]
+        track = load_track(self.circuit)
+        facts["scenario_file"] = load_scenario(self.scenario).model_dump()
+        facts["car_file"] = load_car(self.car).model_dump()
+        facts["track"] = hashlib.sha256(track.table.tobytes()).hexdigest()
+        facts["code"] = code_fingerprint()
+        facts["numpy"] = version("numpy")
+        facts["numba"] = version("numba")
+        return facts
+
+
+@lru_cache
+def code_fingerprint() -> str:
+    """SHA-256 of the source of the simulator and of the policies that drive in it."""
+    digest = hashlib.sha256()
+    for package in (sim, policies):
+        root = Path(str(package.__file__)).parent
+        for pattern in DECISIVE:
+            for path in sorted(root.rglob(pattern)):
+                relative = path.relative_to(root)
+                if relative.parts[0] not in ("training", "qrsac", "bundled"):
+                    digest.update(str(relative).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
