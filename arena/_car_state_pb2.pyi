@@ -142,7 +142,6 @@ class Race(_message.Message):
         "car_width_m",
         "centre",
         "circuit",
-        "incidents",
         "left",
         "match",
         "names",
@@ -151,7 +150,6 @@ class Race(_message.Message):
         "scenario",
         "seed",
         "teams",
-        "ticks",
         "version",
         "wall_left",
         "wall_right",
@@ -172,8 +170,6 @@ class Race(_message.Message):
     RIGHT_FIELD_NUMBER: _ClassVar[int]
     WALL_LEFT_FIELD_NUMBER: _ClassVar[int]
     WALL_RIGHT_FIELD_NUMBER: _ClassVar[int]
-    TICKS_FIELD_NUMBER: _ClassVar[int]
-    INCIDENTS_FIELD_NUMBER: _ClassVar[int]
     circuit: str
     car: str
     scenario: str
@@ -190,8 +186,6 @@ class Race(_message.Message):
     right: Polyline
     wall_left: Polyline
     wall_right: Polyline
-    ticks: int
-    incidents: int
     def __init__(
         self,
         circuit: str | None = ...,
@@ -210,6 +204,4 @@ class Race(_message.Message):
         right: Polyline | _Mapping | None = ...,
         wall_left: Polyline | _Mapping | None = ...,
         wall_right: Polyline | _Mapping | None = ...,
-        ticks: int | None = ...,
-        incidents: int | None = ...,
     ) -> None: ...

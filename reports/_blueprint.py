@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import rerun.blueprint as rrb
 
-from arena.race_log import RaceLog
+from arena.race_log import Outline, RaceLog
 
 TIMELINE = "race_time"
 TRAIL_S = 4.0
@@ -29,6 +30,7 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
         origin="map",
         name=f"Map of {log.circuit}",
         background=[28, 30, 34],
+        visual_bounds=_around(log.outline),
         overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
     )
     pedals = [f"$origin/{pedal}/{followed}" for pedal in ("throttle", "brake")]
@@ -73,6 +75,15 @@ def _series(
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(visible=legend),
     )
+
+
+def _around(outline: Outline) -> rrb.VisualBounds2D:
+    """The whole circuit on the map, whose y points down the screen, with room for labels."""
+    points = np.concatenate([outline.left, outline.right]) * np.array([1.0, -1.0])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.08 * float((high - low).max())
+    x_range, y_range = np.stack([low - margin, high + margin], axis=1).tolist()
+    return rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
 
 
 def _last(seconds: float) -> rrb.VisibleTimeRanges:

@@ -53,7 +53,7 @@ def car_model(
         corners, colours = _block((-0.02, 0.0), (-0.02, 0.0), (0.22, 0.22), (0.44, 0.56), LIGHTS)
         blocks.append((corners + np.array([-0.99 * half, y, 0.0]), colours))
     for x in (-0.62 * half, 0.62 * half):
-        for y in (-0.86 * side, 0.86 * side):
+        for y in (0.16 - side, side - 0.16):
             corners, colours = _block(
                 (x - 0.34, x + 0.34), (x - 0.30, x + 0.30), (0.16, 0.16), (0.0, 0.66), TYRES
             )

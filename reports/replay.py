@@ -25,9 +25,15 @@ GRASS_MARGIN_M = 150.0
 MARK_COLOUR = (235, 60, 70)
 
 
-def replay_file(recording: Path, replay: Path) -> None:
-    """Write the replay (.rrd) of a recording (.mcap). Raises InputError as `read_recording` does."""
-    write_replay(read_recording(recording), replay)
+def replay_file(recording: Path, replay: Path, follow: int | None = None) -> None:
+    """Write the replay (.rrd) of a recording (.mcap), with the camera behind car `follow` or else the winner.
+
+    Raises InputError as `read_recording` does, and if there is no such car.
+    """
+    log = read_recording(recording)
+    if follow is not None and not 0 <= follow < len(log.names):
+        raise InputError(f"{recording} has no car {follow} to follow: expected 0 to {len(log.names) - 1}.")
+    write_replay(log, replay, follow)
 
 
 def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
@@ -156,15 +162,15 @@ def _log_map(stream: rr.RecordingStream, log: RaceLog) -> None:
 
 
 def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
-    ticks = len(log.time_s)
-    if not ticks:
+    ticks = np.arange(len(log.time_s))
+    if not len(ticks):
         return
-    frames = np.arange((ticks - 1) * FRAMES_PER_TICK + 1) / FRAMES_PER_TICK
-    index = [rr.TimeColumn(TIMELINE, duration=np.interp(frames, np.arange(ticks), log.time_s))]
+    frames = np.arange((len(ticks) - 1) * FRAMES_PER_TICK + 1) / FRAMES_PER_TICK
+    index = [rr.TimeColumn(TIMELINE, duration=np.interp(frames, ticks, log.time_s))]
     for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
         sample = log.samples[:, car]
         x, y, yaw = (
-            np.interp(frames, np.arange(ticks), column)
+            np.interp(frames, ticks, column)
             for column in (sample["x_m"], sample["y_m"], np.unwrap(sample["yaw_rad"]))
         )
         zero = np.zeros_like(x)
@@ -172,41 +178,50 @@ def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
             translation=np.stack([x, y, zero], axis=1),
             quaternion=np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=1),
         )
-        entity = f"world/cars/{car}"
-        stream.send_columns(entity, index, pose)
-        vertices, triangles, colours = car_model(log.car_length_m, log.car_width_m, colour)
-        body = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colours)
-        stream.log(f"{entity}/body", body, static=True)
-        name = rr.Points3D([[0, 0, 1.9]], radii=0.0, colors=colour, labels=label, show_labels=True)
-        stream.log(f"{entity}/name", name, static=True)
+        stream.send_columns(f"world/cars/{car}", index, pose)
+        _log_body(stream, log, car, colour, label)
 
-        point = _north_up(np.stack([x, y], axis=1))
+        point = rr.Points2D.columns(positions=_north_up(np.stack([x, y], axis=1)))
         look = rr.Points2D.from_fields(
             radii=-5.0, colors=colour, labels=label, show_labels=car == followed, draw_order=50.0
         )
+        stream.send_columns(f"map/cars/{car}", index, point)
         stream.log(f"map/cars/{car}", look, static=True)
-        stream.send_columns(f"map/cars/{car}", index, rr.Points2D.columns(positions=point))
-        path = _north_up(np.stack([sample["x_m"], sample["y_m"]], axis=1))
-        steps = np.stack([path[:-1], path[1:]], axis=1)
-        trail = rr.LineStrips2D.from_fields(radii=-1.5, colors=colour)
-        stream.log(f"map/trails/{car}", trail, static=True)
-        stream.send_columns(
-            f"map/trails/{car}",
-            [rr.TimeColumn(TIMELINE, duration=log.time_s[1:])],
-            rr.LineStrips2D.columns(strips=list(steps)),
-        )
-    camera = f"world/cars/{followed}/chase"
+        _log_trail(stream, log, car, colour)
+    _log_camera(stream, followed)
+
+
+def _log_body(
+    stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple[int, int, int], label: str
+) -> None:
+    vertices, triangles, colours = car_model(log.car_length_m, log.car_width_m, colour)
+    body = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colours)
+    stream.log(f"world/cars/{car}/body", body, static=True)
+    name = rr.Points3D([[0, 0, 1.9]], radii=0.0, colors=colour, labels=label, show_labels=True)
+    stream.log(f"world/cars/{car}/name", name, static=True)
+
+
+def _log_trail(stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple[int, int, int]) -> None:
+    """One stroke from each sample to the next; the map shows the last few."""
+    path = _north_up(np.stack([log.samples["x_m"][:, car], log.samples["y_m"][:, car]], axis=1))
+    strokes = rr.LineStrips2D.columns(strips=list(np.stack([path[:-1], path[1:]], axis=1)))
+    index = [rr.TimeColumn(TIMELINE, duration=log.time_s[1:])]
+    stream.send_columns(f"map/trails/{car}", index, strokes)
+    stream.log(f"map/trails/{car}", rr.LineStrips2D.from_fields(radii=-1.5, colors=colour), static=True)
+
+
+def _log_camera(stream: rr.RecordingStream, followed: int) -> None:
     stream.log(
-        camera,
+        f"world/cars/{followed}/chase",
         rr.Transform3D(
-            translation=[-10.0, 0.0, 3.4],
-            rotation=rr.RotationAxisAngle(axis=[0, 1, 0], degrees=9.0),
+            translation=[-10.0, 0.0, 3.4], rotation=rr.RotationAxisAngle(axis=[0, 1, 0], degrees=9.0)
         ),
         rr.Pinhole(
             fov_y=1.0,
             aspect_ratio=1.6,
             camera_xyz=rr.ViewCoordinates.FLU,
-            image_plane_distance=0.01,
+            # The camera's own frame would stand in the picture.
+            image_plane_distance=1e-4,
             color=[0, 0, 0, 0],
         ),
         static=True,

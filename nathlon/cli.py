@@ -1,0 +1,116 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from nathlon import commands
+from nathlon.pipeline import Settings
+from sim.errors import InputError
+
+app = typer.Typer(
+    help="Which of my thousands of racing checkpoints do I send to the race, and why?",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; one for each core by default.")]
+Shortlist = Annotated[int, typer.Option(min=1, help="Entrants that reach the round robin.")]
+Pairs = Annotated[int, typer.Option(min=1, help="Mirrored pairs of races for every two of them.")]
+
+
+@app.command()
+def demo(
+    out: Out = Path("runs/demo"),
+    seed: Seed = 1,
+    shortlist: Shortlist = 6,
+    pairs: Pairs = 6,
+    workers: Workers = None,
+) -> None:
+    """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
+    settings = Settings(seed, shortlist, pairs, commands.worker_count(workers))
+    commands.evaluate([commands.BUNDLED], out, settings)
+
+
+@app.command()
+def evaluate(
+    checkpoints: Annotated[
+        list[Path], typer.Argument(help="Checkpoints (.safetensors), or folders of them.")
+    ],
+    out: Out = Path("runs/evaluation"),
+    seed: Seed = 1,
+    shortlist: Shortlist = 6,
+    pairs: Pairs = 6,
+    workers: Workers = None,
+) -> None:
+    """Select the best of your own checkpoints, the same way as the demo."""
+    commands.evaluate(checkpoints, out, Settings(seed, shortlist, pairs, commands.worker_count(workers)))
+
+
+@app.command()
+def train(
+    config: Annotated[
+        str, typer.Argument(help="time_trial, racing, or the path of a training configuration (.toml).")
+    ] = "time_trial",
+    out: Out = Path("runs/training"),
+    seed: Seed = 1,
+    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the learner.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
+) -> None:
+    """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
+    commands.train(config, out, seed, threads, resume)
+
+
+@app.command()
+def race(
+    entrants: Annotated[
+        list[str],
+        typer.Argument(help="Checkpoints or built-in drivers (driver:pace=0.95), from pole in turn."),
+    ],
+    scenario: Annotated[str, typer.Option(help="Name or path of the scenario.")] = "race",
+    circuit: Annotated[str, typer.Option(help="Name or path of the circuit.")] = "lindenring",
+    car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
+    seed: Seed = 1,
+    record: Annotated[bool, typer.Option("--record", help="Keep the race as OUT/race.mcap.")] = False,
+    out: Out = Path("runs/race"),
+) -> None:
+    """Run one race and print its result; the entrants fill the grid in turn."""
+    commands.race(entrants, scenario, circuit, car, seed, out if record else None)
+
+
+@app.command()
+def replay(
+    recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the Rerun viewer.")] = True,
+) -> None:
+    """Make a Rerun replay (.rrd) beside a recording and open it."""
+    commands.replay(recording, show)
+
+
+@app.command()
+def observation(
+    course_points: Annotated[int, typer.Option(help="Points on each line of the course.")] = 60,
+) -> None:
+    """Print the layout of the observations that a policy gets."""
+    commands.observation(course_points)
+
+
+def main() -> None:
+    """Entry point: bad input is one sentence and exit code 2."""
+    try:
+        app()
+    except InputError as error:
+        Console(stderr=True, soft_wrap=True).print(f"nathlon: {error}", markup=False, highlight=False)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,40 @@
+"""The folder that a selection leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sim.errors import InputError
+
+
+class OutputFolder:
+    """Where each part of a run goes."""
+
+    def __init__(self, root: Path) -> None:
+        """Make the folder and those in it.
+
+        Raises:
+            InputError: if it cannot be written.
+        """
+        self.root = root
+        self.report, self.races, self.replays = root / "report", root / "races", root / "replays"
+        self.store = root / "store.sqlite"
+        try:
+            for folder in (self.report, self.races, self.replays):
+                folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=root):
+                pass
+        except OSError as error:
+            raise InputError(f"{root}: output folder cannot be written: {error.strerror}") from None
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """Write `summary.json`, whole or not at all."""
+        path = self.root / "summary.json"
+        partial = path.with_suffix(".partial")
+        partial.write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
+        os.replace(partial, path)

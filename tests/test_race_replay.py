@@ -1,0 +1,189 @@
+"""A replay holds the race, as Rerun's own tools read it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from arena.race_log import RaceLog
+from arena.recording import TEAM_COLOURS, write_recording
+from reports.car_model import car_model
+from reports.replay import (
+    FRAMES_PER_TICK,
+    car_colours,
+    open_viewer,
+    race_sheet,
+    replay_file,
+    winner,
+    write_replay,
+)
+from sim.errors import InputError
+from tests.race_logs import oval_race
+
+RERUN = Path(sys.executable).with_name("rerun")
+
+
+def rerun_rrd(*arguments: str | Path) -> str:
+    done = subprocess.run([RERUN, "rrd", *arguments], capture_output=True, text=True, check=True)
+    return done.stdout + done.stderr
+
+
+def entities(path: Path) -> dict[str, dict[str, Any]]:
+    """The columns of each entity of a replay; static ones and those in time together."""
+    found: dict[str, dict[str, Any]] = {}
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        found.setdefault(chunk.entity_path, {}).update(zip(batch.schema.names, batch.columns, strict=True))
+    return found
+
+
+@pytest.fixture(scope="module")
+def log() -> RaceLog:
+    return oval_race(cars=3, duration_s=20.0)
+
+
+@pytest.fixture(scope="module")
+def replay(tmp_path_factory: pytest.TempPathFactory, log: RaceLog) -> Path:
+    path = tmp_path_factory.mktemp("replay") / "race.rrd"
+    write_replay(log, path)
+    return path
+
+
+def test_rerun_verifies_the_file_and_finds_all_entities(replay: Path, log: RaceLog) -> None:
+    assert "verified without error" in rerun_rrd("verify", replay)
+    stats = rerun_rrd("stats", replay)
+    circuit = ["asphalt", "edges", "grass", "line", "wall_left", "wall_right"]
+    wanted = [f"/world/circuit/{part}" for part in circuit]
+    wanted += ["/race", "/incidents/contact", "/incidents/ending", "/map/incidents/contact"]
+    for car in range(len(log.names)):
+        wanted += [f"/world/cars/{car}", f"/world/cars/{car}/body", f"/map/cars/{car}", f"/map/trails/{car}"]
+        wanted += [
+            f"/series/{name}/{car}" for name in ("speed", "throttle", "brake", "steering", "place", "gap")
+        ]
+    for entity in wanted:
+        assert f"\n{entity}: " in stats, entity
+    assert [path.name for path in replay.parent.iterdir()] == ["race.rrd"]
+
+
+def test_it_carries_its_own_layout(replay: Path) -> None:
+    (recording,), (blueprint,) = RrdReader(replay).recordings(), RrdReader(replay).blueprints()
+    assert (recording.application_id, recording.recording_id) == ("nathlon", "0123456789abcdef-3")
+    assert blueprint.application_id == "nathlon"
+
+
+def test_poses_are_those_of_the_log(replay: Path, log: RaceLog) -> None:
+    columns = entities(replay)["/world/cars/1"]
+    translation = np.array([row[0] for row in columns["Transform3D:translation"].to_pylist()])
+    quaternion = np.array([row[0] for row in columns["Transform3D:quaternion"].to_pylist()])
+    time_s = columns["race_time"].to_numpy() / np.timedelta64(1, "s")
+    sample = log.samples[:, 1]
+    at_ticks = slice(None, None, FRAMES_PER_TICK)
+
+    np.testing.assert_allclose(time_s[at_ticks], log.time_s, atol=1e-8)
+    np.testing.assert_allclose(translation[at_ticks, 0], sample["x_m"], atol=1e-3)
+    np.testing.assert_allclose(translation[at_ticks, 1], sample["y_m"], atol=1e-3)
+    yaw = 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])
+    np.testing.assert_allclose(np.exp(1j * yaw[at_ticks]), np.exp(1j * sample["yaw_rad"]), atol=1e-5)
+    turns = np.angle(np.exp(1j * np.diff(yaw)))
+    assert np.abs(turns).max() < 0.05, "the car spins between two samples"
+
+
+def test_north_is_up_on_the_map(replay: Path, log: RaceLog) -> None:
+    positions = entities(replay)["/map/cars/0"]["Points2D:positions"].to_pylist()
+    np.testing.assert_allclose(
+        positions[-1][0], [log.samples["x_m"][-1, 0], -log.samples["y_m"][-1, 0]], rtol=1e-6
+    )
+
+
+def test_series_and_incidents_are_those_of_the_log(replay: Path, log: RaceLog) -> None:
+    found = entities(replay)
+    speed = [row[0] for row in found["/series/speed/2"]["Scalars:scalars"].to_pylist()]
+    np.testing.assert_allclose(speed, 3.6 * log.samples["velocity_x_m_s"][:, 2], rtol=1e-6)
+    place = [row[0] for row in found["/series/place/2"]["Scalars:scalars"].to_pylist()]
+    np.testing.assert_array_equal(place, -log.samples["place"][:, 2])
+    assert found["/incidents/contact"]["TextLog:text"].to_pylist() == [["Car 1 touches car 0 from behind."]]
+    assert found["/incidents/ending"]["race_time"].to_numpy() == np.timedelta64(10, "s")
+    mark = found["/map/incidents/ending"]["Points2D:positions"].to_pylist()[0][0]
+    stopped = log.samples[-1, 2]
+    np.testing.assert_allclose(mark, [stopped["x_m"], -stopped["y_m"]], rtol=1e-6)
+
+
+def test_the_camera_follows_the_winner_or_the_car_asked_for(
+    replay: Path, log: RaceLog, tmp_path: Path
+) -> None:
+    assert winner(log) == 0
+    assert "/world/cars/0/chase" in entities(replay)
+    write_replay(log, tmp_path / "other.rrd", follow=2)
+    assert [path for path in entities(tmp_path / "other.rrd") if "chase" in path] == ["/world/cars/2/chase"]
+
+
+def test_two_writings_compare_equal(replay: Path, log: RaceLog, tmp_path: Path) -> None:
+    write_recording(tmp_path / "race.mcap", log)
+    replay_file(tmp_path / "race.mcap", tmp_path / "again.rrd")
+    rerun_rrd("compare", "--unordered", replay, tmp_path / "again.rrd")
+    write_replay(replace(log, names=("x", "y", "z")), tmp_path / "other.rrd")
+    with pytest.raises(subprocess.CalledProcessError):
+        rerun_rrd("compare", "--unordered", replay, tmp_path / "other.rrd")
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 2])
+def test_the_shortest_races_can_be_shown(tmp_path: Path, ticks: int, log: RaceLog) -> None:
+    short = replace(
+        log, time_s=log.time_s[:ticks], samples=log.samples[:ticks], incidents=(), teams=(-1, -1, -1)
+    )
+    write_replay(short, tmp_path / "short.rrd")
+    assert "verified without error" in rerun_rrd("verify", tmp_path / "short.rrd")
+    assert ("/world/cars/0" in entities(tmp_path / "short.rrd")) == (ticks > 0)
+
+
+def test_what_is_no_recording_leaves_no_replay(tmp_path: Path) -> None:
+    (tmp_path / "race.mcap").write_bytes(b"not a race")
+    with pytest.raises(InputError, match=r"race\.mcap is not an MCAP file"):
+        replay_file(tmp_path / "race.mcap", tmp_path / "race.rrd")
+    assert not (tmp_path / "race.rrd").exists()
+
+
+def test_only_a_car_of_the_race_can_be_followed(tmp_path: Path, log: RaceLog) -> None:
+    write_recording(tmp_path / "race.mcap", log)
+    with pytest.raises(InputError, match=r"race\.mcap has no car 3 to follow: expected 0 to 2"):
+        replay_file(tmp_path / "race.mcap", tmp_path / "race.rrd", follow=3)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a window would open")
+def test_without_a_display_the_viewer_says_why(replay: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(variable, raising=False)
+    with pytest.raises(InputError, match=r"race\.rrd cannot be shown, .*DISPLAY"):
+        open_viewer(replay)
+
+
+def test_the_race_sheet_lists_cars_by_place(log: RaceLog) -> None:
+    last = log.samples.copy()
+    last["place"][-1] = [2, 1, 3]
+    rows = [line for line in race_sheet(replace(log, samples=last)).splitlines() if "entrant" in line]
+    assert [row.split(" | ")[1] for row in rows] == ["1 entrant b", "0 entrant a", "2 entrant a"]
+
+
+def test_cars_of_a_team_differ_in_shade_only() -> None:
+    colours = car_colours((0, 1, 0, -1))
+    assert colours[0] == TEAM_COLOURS[0]
+    assert colours[1] == TEAM_COLOURS[1]
+    assert len(set(colours)) == 4
+    assert colours[2][2] == max(colours[2]), "a lighter blue is still blue"
+
+
+def test_the_car_model_fills_the_cars_size() -> None:
+    vertices, triangles, colours = car_model(4.6, 1.95, (200, 100, 50))
+    np.testing.assert_allclose(np.ptp(vertices[:, :2], axis=0), [4.6, 1.95], atol=0.02)
+    assert vertices[:, 2].min() == 0.0
+    assert triangles.max() < len(vertices) == len(colours)
+    centre = vertices[triangles[:, 0]]
+    normal = np.cross(vertices[triangles[:, 1]] - centre, vertices[triangles[:, 2]] - centre)
+    assert (np.linalg.norm(normal, axis=1) > 0).all()
