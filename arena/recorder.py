@@ -80,7 +80,8 @@ class _Recorder:
         self._samples.append(sample)
 
     def _note(self, world: World, now: NDArray[np.void], before: NDArray[np.void]) -> None:
-        time, names = float(world.time[self._race]), self._names
+        time = float(world.time[self._race])
+        names = [f"{car} {name}" for car, name in enumerate(self._names)]
         impact, blame = world.impact[self._race], world.blame[self._race]
         where = [_section(world.track, progress) for progress in world.state[self._race]["progress"]]
         for i, j in np.argwhere(np.triu(impact >= 0.0, 1)):
@@ -101,7 +102,7 @@ class _Recorder:
         race, body = match.races[self._race], self._world.car.body
         incidents = list(self._incidents)
         for car, ending in endings.items():
-            text = f"{self._names[car]}: {ending.replace('_', ' ')} after {driven[car]:.3f} s"
+            text = f"{car} {self._names[car]}: {ending.replace('_', ' ')} after {driven[car]:.3f} s"
             incidents.append(Incident(float(driven[car]), "ending", (car,), text))
         return RaceLog(
             circuit=match.circuit,

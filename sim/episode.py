@@ -63,11 +63,11 @@ class Episode:
         """How each car's run ended: 'finished', 'stuck' or 'time_up'; '' while it drives. (cars,)"""
         return self._endings[0]
 
-    def observation_space(self) -> Box:
+    def observation_space(self) -> Box[np.float32]:
         """Space of one car's observation. Standardised, but not bounded: a spinning car leaves any range."""
         return Box(-np.inf, np.inf, (self.observation_spec.size,), np.float32)
 
-    def action_space(self) -> Box:
+    def action_space(self) -> Box[np.float32]:
         """Space of one car's action: throttle (+) or brake (-), steering (+ is left)."""
         return Box(-1.0, 1.0, (2,), np.float32)
 
@@ -95,7 +95,7 @@ class Episode:
             )
         cars = self.world.state[0]
         before = cars["progress"].copy()
-        self.world.step(actions[None])
+        self.world.step(np.asarray(actions, np.float64)[None])
         end_runs(self.world, self._endings, self._scenario.time_s)
         return np.where(cars["off_course"], 0.0, cars["progress"] - before)
 

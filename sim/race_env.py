@@ -41,11 +41,11 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
         self._action_spaces = {agent: self._episode.action_space() for agent in self.possible_agents}
         self._rng = np.random.default_rng()
 
-    def observation_space(self, agent: str) -> Box:
+    def observation_space(self, agent: str) -> Box[np.float32]:
         """The agent's observation space, always the same object."""
         return self._observation_spaces[agent]
 
-    def action_space(self, agent: str) -> Box:
+    def action_space(self, agent: str) -> Box[np.float32]:
         """The agent's action space, always the same object."""
         return self._action_spaces[agent]
 

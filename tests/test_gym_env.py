@@ -15,7 +15,6 @@ from stable_baselines3.common.env_checker import check_env as check_env_for_stab
 import sim
 from policies.driver import Driver
 from sim.errors import InputError
-from sim.observation import ObservationSpec
 from sim.race_env import RaceEnv
 
 ENV = "nathlon/TimeTrial-v0"

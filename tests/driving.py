@@ -1,0 +1,86 @@
+"""Roads with known answers, and cars put on them, for the tests of the simulator."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.car import Car, load_car
+from sim.track import CircuitFile, Grid, Track, build_track
+from sim.world import Start, World
+
+GT3: Car = load_car("gt3")
+FACTS = CircuitFile(
+    name="test road",
+    description="",
+    centre_line="",
+    kerb_width_m=1.0,
+    verge_grip=0.55,
+    verge_rolling_resistance=0.08,
+    grid=Grid(pole_m=0.0, spacing_m=9.0, lateral_m=2.0),
+)
+
+
+def road(x: NDArray[np.float64], y: NDArray[np.float64], half_width: float, wall: float) -> Track:
+    """A road through the points of a closed line, as wide and walled on both sides, m."""
+    widths = [np.full_like(x, value) for value in (half_width, half_width, wall, wall)]
+    return build_track(np.stack([x, y, *widths], axis=1), FACTS)
+
+
+@cache
+def circle(radius: float, half_width: float = 6.0, wall: float = 15.0) -> Track:
+    """A circle driven counter-clockwise from (radius, 0)."""
+    angle = np.linspace(0.0, 2 * np.pi, 360, endpoint=False)
+    return road(radius * np.cos(angle), radius * np.sin(angle), half_width, wall)
+
+
+STRAIGHT_M = 6000.0
+
+
+@cache
+def stadium(half_width: float = 20.0, wall: float = 40.0) -> Track:
+    """Two parallel straights, the first from (0, 0) to (STRAIGHT_M, 0), with half circles of 200 m between."""
+    along = np.arange(0.0, STRAIGHT_M, 10.0)
+    angle = np.arange(0.0, np.pi, 10.0 / 200.0)
+    x = [along, STRAIGHT_M + 200 * np.sin(angle), STRAIGHT_M - along, -200 * np.sin(angle)]
+    y = [0 * along, 200 - 200 * np.cos(angle), 0 * along + 400, 200 + 200 * np.cos(angle)]
+    return road(np.concatenate(x), np.concatenate(y), half_width, wall)
+
+
+def world_with(
+    track: Track,
+    distance: list[float],
+    lateral: list[float] | float = 0.0,
+    speed: list[float] | float = 0.0,
+    heading: list[float] | float = 0.0,
+    finish: float = np.inf,
+) -> World:
+    """A world of one race with cars at the given places, m, m/s, rad."""
+    world = World(track, GT3, 1, len(distance))
+    world.reset(0, start_at(distance, lateral, speed, heading, finish))
+    return world
+
+
+def start_at(
+    distance: list[float],
+    lateral: list[float] | float = 0.0,
+    speed: list[float] | float = 0.0,
+    heading: list[float] | float = 0.0,
+    finish: float = np.inf,
+) -> Start:
+    """A start; numbers in place of lists hold for all cars."""
+
+    def spread(value: list[float] | float) -> NDArray[np.float64]:
+        return np.broadcast_to(np.array(value, np.float64), len(distance)).copy()
+
+    return Start(spread(distance), spread(lateral), spread(heading), spread(speed), spread(finish))
+
+
+def drive(world: World, throttle: float, steering: float = 0.0, seconds: float = 0.1) -> NDArray[np.void]:
+    """Give all cars of all races the same action for some time; returns their state, a view."""
+    actions = np.broadcast_to([throttle, steering], (*world.state.shape, 2))
+    for _ in range(round(seconds * 10)):
+        world.step(actions)
+    return world.state
