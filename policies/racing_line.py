@@ -19,7 +19,9 @@ SPEEDS = np.linspace(0.0, 95.0, 96)
 USED = np.linspace(0.0, 1.0, 21)
 """Shares of the largest lateral acceleration."""
 REAR_RESERVE = 0.75
-"""Share of the rear axle's friction ellipse to use while it also brakes or drives: past its peak the car spins."""
+"""Share of the rear axle's friction ellipse to use while it also brakes or drives.
+
+Past the peak of its rear tyres the car spins."""
 Line = NDArray[np.float64]
 
 
@@ -121,18 +123,19 @@ def _longitudinal(p: CarParameters, sign: float, corner: Line) -> NDArray[np.flo
     return low
 
 
-def understeer(car: Car, speed: Line, curvature: Line) -> Line:
-    """Front minus rear slip angle, rad, that a steady bend asks for; signed like the curvature.
+def understeer(car: Car) -> NDArray[np.float64]:
+    """Front minus rear slip angle, rad, in a steady left bend, (SPEEDS, USED).
 
     Inverts the magic formula of each axle at its share of the largest lateral acceleration.
     """
     p = parameters(car)
     limits = envelope(car)
+    lateral = limits.corner[:, None] * USED
     slips = []
-    loads = _axle_loads(p, speed, np.zeros_like(speed))
+    loads = _axle_loads(p, SPEEDS, np.zeros_like(SPEEDS))
     for most, load in zip((limits.corner_front, limits.corner_rear), loads, strict=True):
-        used = np.clip(speed**2 * curvature / np.interp(speed, SPEEDS, most), -0.99, 0.99)
-        peak = p.peak_y + p.peak_y_slope * (load * (1 + np.abs(used) / 2) / 2 - p.load_low)
+        used = np.minimum(lateral / most[:, None], 0.99)
+        peak = p.peak_y + p.peak_y_slope * (load[:, None] * (1 + used / 2) / 2 - p.load_low)
         slips.append(peak * np.tan(np.arcsin(used) / p.shape) / p.stiffness)
     return slips[0] - slips[1]
 
