@@ -47,7 +47,7 @@ class _Team:
             return np.zeros((n, 2), np.float32), np.full(n, "policy_raised")
         if not isinstance(actions, np.ndarray) or actions.shape != (n, 2) or actions.dtype.kind != "f":
             return np.zeros((n, 2), np.float32), np.full(n, "illegal_action")
-        legal = np.isfinite(actions).all(axis=1)
+        legal = np.asarray(np.isfinite(actions).all(axis=1))
         return np.where(legal[:, None], actions, 0.0), np.where(legal, "", "illegal_action")
 
 

@@ -52,8 +52,8 @@ class Layout(NamedTuple):
 def layout(spec: ObservationSpec) -> Layout:
     """The layout of a spec with cars ahead and behind."""
     fields = ("velocity", "yaw_rate", "slip_angle", "progress", "heading_error", "course_centre")
-    starts = [spec.slice(name).start for name in (*fields, "cars_ahead", "cars_behind")]
-    return Layout(*starts, spec.cars_ahead, spec.cars_behind)
+    starts = [int(spec.slice(name).start) for name in (*fields, "cars_ahead", "cars_behind")]
+    return Layout._make((*starts, spec.cars_ahead, spec.cars_behind))
 
 
 class Knowledge(NamedTuple):

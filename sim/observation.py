@@ -173,9 +173,8 @@ class ObservationSpec:
         start = 0
         for field in self.fields:
             stop = start + field.size
-            lines.append(
-                f"{start:5d}:{stop:<5d} {field.name:<14} [{min(field.low):g}, {max(field.high):g}] {field.unit}"
-            )
+            span = f"[{min(field.low):g}, {max(field.high):g}]"
+            lines.append(f"{start:5d}:{stop:<5d} {field.name:<14} {span} {field.unit}")
             start = stop
         return "\n".join(lines)
 

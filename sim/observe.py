@@ -11,6 +11,7 @@ from sim.car import CarParameters
 from sim.kernel import kernel
 from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from sim.physics.course import CourseParameters
+from sim.state import CarRecord
 from sim.track import LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y, X, Y
 
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
@@ -75,7 +76,7 @@ def observe_cars(
 
 
 @kernel
-def see_self(car: np.void, values: np.ndarray, p: CarParameters, course: CourseParameters) -> None:
+def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: CourseParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
     values[0] = car.velocity_x
     values[1] = car.velocity_y
@@ -100,7 +101,7 @@ def see_self(car: np.void, values: np.ndarray, p: CarParameters, course: CourseP
 
 @kernel
 def see_course(
-    car: np.void, values: np.ndarray, points: int, horizon: float, course: CourseParameters
+    car: CarRecord, values: np.ndarray, points: int, horizon: float, course: CourseParameters
 ) -> None:
     """Points of left edge, centre line and right edge over the next seconds, in the car's frame."""
     cos_yaw, sin_yaw = math.cos(car.yaw), math.sin(car.yaw)

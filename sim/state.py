@@ -1,6 +1,11 @@
 """The state of one car as a record; a world holds an array of them, (races, cars)."""
 
+from typing import Any, TypeAlias
+
 import numpy as np
+
+CarRecord: TypeAlias = Any
+"""One record of CAR_STATE: kernels read and write its fields as attributes, which types cannot say."""
 
 CAR_STATE = np.dtype(
     [

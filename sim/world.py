@@ -190,7 +190,7 @@ class World:
         self.time[race] = 0.0
         self._touched[race] = -np.inf
 
-    def step(self, actions: NDArray[np.float64]) -> None:
+    def step(self, actions: NDArray[np.floating]) -> None:
         """Advance all races by one agent step, 0.1 s.
 
         Args:

@@ -41,7 +41,7 @@ STRAIGHT_M = 6000.0
 
 @cache
 def stadium(half_width: float = 20.0, wall: float = 40.0) -> Track:
-    """Two parallel straights, the first from (0, 0) to (STRAIGHT_M, 0), with half circles of 200 m between."""
+    """Two straights, the first from (0, 0) to (STRAIGHT_M, 0), joined by half circles of 200 m radius."""
     along = np.arange(0.0, STRAIGHT_M, 10.0)
     angle = np.arange(0.0, np.pi, 10.0 / 200.0)
     x = [along, STRAIGHT_M + 200 * np.sin(angle), STRAIGHT_M - along, -200 * np.sin(angle)]

@@ -95,4 +95,4 @@ class Transition:
 
 def total(components: dict[str, Rewards], weights: RewardWeights) -> Rewards:
     """The weighted sum of the components."""
-    return sum((getattr(weights, name) * value for name, value in components.items()), np.float64(0.0))
+    return np.sum([getattr(weights, name) * value for name, value in components.items()], axis=0)

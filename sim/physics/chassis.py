@@ -15,6 +15,7 @@ from sim.car import CarParameters
 from sim.kernel import kernel
 from sim.physics.powertrain import drive_torque, shift
 from sim.physics.tyre import tyre_force
+from sim.state import CarRecord
 
 GRAVITY = 9.81
 AIR_DENSITY = 1.2
@@ -23,7 +24,7 @@ ROLLING_SPEED = 0.5  # m/s over which rolling resistance builds up
 
 
 @kernel
-def set_loads(car: np.void, speed_squared: float, p: CarParameters) -> None:
+def set_loads(car: CarRecord, speed_squared: float, p: CarParameters) -> None:
     """Normal loads of the four tyres from weight, downforce and load transfer, N."""
     wheelbase = p.a + p.b
     downforce = 0.5 * AIR_DENSITY * p.downforce_area * speed_squared
@@ -62,7 +63,7 @@ def brake_torque(spin: float, limit: float, other: float) -> float:
 
 @kernel
 def advance(
-    car: np.void, steer: float, grip: np.ndarray, drag: np.ndarray, dt: float, p: CarParameters
+    car: CarRecord, steer: float, grip: np.ndarray, drag: np.ndarray, dt: float, p: CarParameters
 ) -> None:
     """Advance one car by dt seconds on a surface of given grip.
 
@@ -184,7 +185,7 @@ def advance(
 
 
 @kernel
-def move(car: np.void, force_x: float, force_y: float, moment: float, dt: float, p: CarParameters) -> None:
+def move(car: CarRecord, force_x: float, force_y: float, moment: float, dt: float, p: CarParameters) -> None:
     """Advance the rigid body under a force (N, car frame) and a moment (N m) by dt seconds."""
     car.acceleration_x = force_x / p.mass
     car.acceleration_y = force_y / p.mass
@@ -202,7 +203,7 @@ def move(car: np.void, force_x: float, force_y: float, moment: float, dt: float,
 
 
 @kernel
-def set_body_velocity(car: np.void) -> None:
+def set_body_velocity(car: CarRecord) -> None:
     """Velocity in the car's frame from velocity in the world's."""
     sin_yaw, cos_yaw = math.sin(car.yaw), math.cos(car.yaw)
     car.velocity_x = car.world_velocity_x * cos_yaw + car.world_velocity_y * sin_yaw

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from sim.car import CarParameters
 from sim.kernel import kernel
 from sim.physics.chassis import set_body_velocity
+from sim.state import CarRecord
 
 CAR_RESTITUTION = 0.15
 CAR_FRICTION = 0.35
@@ -18,7 +17,7 @@ WALL_FRICTION = 0.4
 
 @kernel
 def push(
-    car: np.void, arm_x: float, arm_y: float, impulse_x: float, impulse_y: float, p: CarParameters
+    car: CarRecord, arm_x: float, arm_y: float, impulse_x: float, impulse_y: float, p: CarParameters
 ) -> None:
     """Apply an impulse (N s, world frame) at an arm (m, world frame) from the centre of mass."""
     car.world_velocity_x += impulse_x / p.mass
@@ -28,7 +27,7 @@ def push(
 
 @kernel
 def overlap_on(
-    axis_x: float, axis_y: float, dx: float, dy: float, a: np.void, b: np.void, p: CarParameters
+    axis_x: float, axis_y: float, dx: float, dy: float, a: CarRecord, b: CarRecord, p: CarParameters
 ) -> float:
     """Overlap (m) of two cars' boxes projected on a unit axis; negative where they are apart."""
     reach = 0.0
@@ -40,7 +39,7 @@ def overlap_on(
 
 
 @kernel
-def corners_inside(a: np.void, b: np.void, p: CarParameters) -> tuple[float, float, int]:
+def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float, float, int]:
     """Sum of the world positions of a's corners that lie in b's box, and their number."""
     sum_x = sum_y = 0.0
     count = 0
@@ -61,7 +60,7 @@ def corners_inside(a: np.void, b: np.void, p: CarParameters) -> tuple[float, flo
 
 
 @kernel
-def collide(a: np.void, b: np.void, p: CarParameters) -> float:
+def collide(a: CarRecord, b: CarRecord, p: CarParameters) -> float:
     """Resolve the contact of two cars, if there is one.
 
     Returns:
@@ -127,7 +126,13 @@ def collide(a: np.void, b: np.void, p: CarParameters) -> float:
 
 @kernel
 def hit_wall(
-    car: np.void, arm_x: float, arm_y: float, normal_x: float, normal_y: float, depth: float, p: CarParameters
+    car: CarRecord,
+    arm_x: float,
+    arm_y: float,
+    normal_x: float,
+    normal_y: float,
+    depth: float,
+    p: CarParameters,
 ) -> None:
     """Push a car off a wall that its corner is `depth` metres inside.
 

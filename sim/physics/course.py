@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sim.car import CarParameters
 from sim.kernel import kernel
 from sim.physics.contact import hit_wall
+from sim.state import CarRecord
 from sim.track import (
     CURVATURE,
     LEFT,
@@ -49,7 +50,7 @@ def course_parameters(track: Track) -> CourseParameters:
 
 
 @kernel
-def locate(car: np.void, course: CourseParameters) -> None:
+def locate(car: CarRecord, course: CourseParameters) -> None:
     """Follow the car along the centre line from where it was last found.
 
     Between two rows the centre line is taken as a circular arc.
@@ -104,7 +105,7 @@ def locate(car: np.void, course: CourseParameters) -> None:
 
 @kernel
 def stand_on(
-    car: np.void, grip: np.ndarray, drag: np.ndarray, p: CarParameters, course: CourseParameters
+    car: CarRecord, grip: np.ndarray, drag: np.ndarray, p: CarParameters, course: CourseParameters
 ) -> int:
     """Set grip and rolling resistance under each tyre.
 
@@ -141,7 +142,7 @@ def stand_on(
 
 
 @kernel
-def meet_walls(car: np.void, p: CarParameters, course: CourseParameters) -> bool:
+def meet_walls(car: CarRecord, p: CarParameters, course: CourseParameters) -> bool:
     """Resolve the contact of the car's deepest corner with a wall, if there is one."""
     line = course.table[car.row]
     reach = p.half_length + p.half_width
@@ -171,7 +172,7 @@ def meet_walls(car: np.void, p: CarParameters, course: CourseParameters) -> bool
 
 
 @kernel
-def time_laps(car: np.void, before: float, time: float, dt: float, course: CourseParameters) -> None:
+def time_laps(car: CarRecord, before: float, time: float, dt: float, course: CourseParameters) -> None:
     """Time the crossing of the line and of the finish within the step that began at `time`.
 
     Args:

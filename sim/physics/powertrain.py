@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from sim.car import TORQUE_POINTS, CarParameters
 from sim.kernel import kernel
+from sim.state import CarRecord
 
 RPM = 60.0 / (2.0 * math.pi)
+DOWNSHIFT_MARGIN_RPM = 700.0
+"""A lower gear is taken only if it leaves the engine so far below its upshift."""
 
 
 @kernel
@@ -25,7 +26,7 @@ def engine_torque(throttle: float, rpm: float, p: CarParameters) -> float:
 
 
 @kernel
-def shift(car: np.void, driven_spin: float, dt: float, p: CarParameters) -> None:
+def shift(car: CarRecord, driven_spin: float, dt: float, p: CarParameters) -> None:
     """Change gear by engine speed; the torque is cut while `shifting` lasts."""
     if car.shifting > 0.0:
         car.shifting -= dt
@@ -34,14 +35,15 @@ def shift(car: np.void, driven_spin: float, dt: float, p: CarParameters) -> None
     if rpm > p.shift_up_rpm and car.gear < len(p.ratios) - 1:
         car.gear += 1
         car.shifting = p.shift_time
-    elif car.gear > 0 and rpm * p.ratios[car.gear - 1] / p.ratios[car.gear] < p.shift_up_rpm - 700.0:
-        if rpm < p.shift_down_rpm:
+    elif car.gear > 0 and rpm < p.shift_down_rpm:
+        lower = rpm * p.ratios[car.gear - 1] / p.ratios[car.gear]
+        if lower < p.shift_up_rpm - DOWNSHIFT_MARGIN_RPM:
             car.gear -= 1
             car.shifting = p.shift_time
 
 
 @kernel
-def drive_torque(car: np.void, driven_spin: float, p: CarParameters) -> tuple[float, float]:
+def drive_torque(car: CarRecord, driven_spin: float, p: CarParameters) -> tuple[float, float]:
     """Torque on the driven axle, N m, and the engine's inertia as the axle feels it, kg m^2.
 
     Below `launch_rpm` the clutch slips: the engine turns at that speed and its inertia is not felt.
