@@ -1,14 +1,12 @@
 """Speed of the batched world on one core: agent steps a second, where their time goes, and compilation.
 
-Run as `python -m benchmarks.world`. The last line of the output is one JSON object. By number
-of cars in a race it tells:
+Run as `python -m benchmarks.world`; the last line of the output is one JSON object. Its entries, the first
+four by number of cars in a race:
 
 - `agent_steps_per_s_core`: cars advanced by 0.1 s and observed in full, a CPU second, under random actions;
 - `agent_steps_per_s_core_trained`: the same while the first bundled checkpoint drives, if there is one;
 - `car_seconds_per_cpu_second`: time simulated, without observing, under random actions;
 - `step_share`: share of the CPU time that goes to stepping under random actions; the rest goes to observing;
-and besides
-
 - `compile_s`: CPU time of the first start, step and observation of a process, `cold` without compiled kernels
   in the cache and `warm` with them;
 - `machine` and `versions`.

@@ -1,4 +1,4 @@
-"""The command line."""
+"""The command line; each command imports what it needs when it runs, so that help comes at once."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from nathlon import commands
-from nathlon.pipeline import Settings
 from sim.errors import InputError
 
 app = typer.Typer(
@@ -24,7 +22,9 @@ Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; one for each core by default.")]
 Shortlist = Annotated[int, typer.Option(min=1, help="Entrants that reach the round robin.")]
-Pairs = Annotated[int, typer.Option(min=1, help="Mirrored pairs of races for every two of them.")]
+Pairs = Annotated[
+    int, typer.Option(min=2, help="Mirrored pairs of races for every two of them; an interval needs two.")
+]
 
 
 @app.command()
@@ -36,8 +36,12 @@ def demo(
     workers: Workers = None,
 ) -> None:
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
-    settings = Settings(seed, shortlist, pairs, commands.worker_count(workers))
-    commands.evaluate([commands.BUNDLED], out, settings)
+    from nathlon.commands.console import worker_count
+    from nathlon.commands.selection import evaluate as run
+    from nathlon.pipeline import Settings
+    from policies.bundled import BUNDLED
+
+    run([BUNDLED], out, Settings(seed, shortlist, pairs, worker_count(workers)))
 
 
 @app.command()
@@ -52,7 +56,11 @@ def evaluate(
     workers: Workers = None,
 ) -> None:
     """Select the best of your own checkpoints, the same way as the demo."""
-    commands.evaluate(checkpoints, out, Settings(seed, shortlist, pairs, commands.worker_count(workers)))
+    from nathlon.commands.console import worker_count
+    from nathlon.commands.selection import evaluate as run
+    from nathlon.pipeline import Settings
+
+    run(checkpoints, out, Settings(seed, shortlist, pairs, worker_count(workers)))
 
 
 @app.command()
@@ -66,7 +74,9 @@ def train(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
 ) -> None:
     """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
-    commands.train(config, out, seed, threads, resume)
+    from nathlon.commands.training import train as run
+
+    run(config, out, seed, threads, resume)
 
 
 @app.command()
@@ -83,7 +93,9 @@ def race(
     out: Out = Path("runs/race"),
 ) -> None:
     """Run one race and print its result; the entrants fill the grid in turn."""
-    commands.race(entrants, scenario, circuit, car, seed, out if record else None)
+    from nathlon.commands.racing import race as run
+
+    run(entrants, scenario, circuit, car, seed, out if record else None)
 
 
 @app.command()
@@ -92,7 +104,9 @@ def replay(
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the Rerun viewer.")] = True,
 ) -> None:
     """Make a Rerun replay (.rrd) beside a recording and open it."""
-    commands.replay(recording, show)
+    from nathlon.commands.racing import replay as run
+
+    run(recording, show)
 
 
 @app.command()
@@ -100,7 +114,9 @@ def observation(
     course_points: Annotated[int, typer.Option(help="Points on each line of the course.")] = 60,
 ) -> None:
     """Print the layout of the observations that a policy gets."""
-    commands.observation(course_points)
+    from sim.observation import ObservationSpec
+
+    print(ObservationSpec(course_points=course_points).describe())
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ from policies.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import InputError
 from tests.test_cli import BUNDLED
 
-SETTINGS = Settings(seed=5, shortlist=3, pairs=1, workers=2)
+SETTINGS = Settings(seed=5, shortlist=3, pairs=2, workers=2)
 
 
 def spoilt(path: Path) -> None:

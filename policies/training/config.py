@@ -15,6 +15,9 @@ from sim.observation import ObservationSpec
 
 Count = Annotated[int, Field(ge=1)]
 
+CONFIGS = Path(__file__).parent / "configs"
+"""The configurations that come with nathlon."""
+
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

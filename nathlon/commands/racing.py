@@ -1,0 +1,82 @@
+"""`nathlon race` and `nathlon replay`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.table import Table
+
+from arena.entrant import Entrant, enter
+from arena.match import Match, Race, Seat
+from arena.pool import match_policies
+from arena.recorder import record_race
+from arena.recording import write_recording
+from arena.runner import run_match
+from nathlon.commands.console import console, say
+from nathlon.output import OutputFolder
+from reports.replay import open_viewer, replay_file
+from sim.errors import InputError
+from sim.scenario import load_scenario
+
+
+def race(
+    sources: Sequence[str], scenario: str, circuit: str, car: str, seed: int, record: Path | None
+) -> None:
+    """Run one race, print its result, and keep it if a folder is given."""
+    entrants = [enter(source, circuit, car) for source in dict.fromkeys(sources)]
+    cars = load_scenario(scenario).cars
+    seats = tuple(Seat(slot % len(entrants), slot % 2 if len(entrants) == 2 else -1) for slot in range(cars))
+    if len(entrants) > cars:
+        raise InputError(f"scenario {scenario}: {len(entrants)} entrants, expected at most {cars}")
+    match = Match(
+        "race",
+        scenario,
+        scenario,
+        circuit,
+        car,
+        tuple(entrant.id for entrant in entrants),
+        tuple(entrant.source for entrant in entrants),
+        (Race(seed, seats),),
+    )
+    output = OutputFolder(record) if record else None
+    policies_ = match_policies(match)
+    _print_race(match, entrants)
+    if output:
+        log = record_race(match, policies_, 0, [entrant.name for entrant in entrants])
+        path = output.races / "race.mcap"
+        write_recording(path, log)
+        say(f"Recording    {path}")
+
+
+def _print_race(match: Match, entrants: Sequence[Entrant]) -> None:
+    names = {entrant.id: entrant.name for entrant in entrants}
+    results = run_match(match, match_policies(match)).sort("place")
+    table = Table(title=f"{match.scenario} on {match.circuit}")
+    for column in ("Place", "Grid", "Entrant", "Ending", "Time s", "Best lap s", "Off course s", "Contacts"):
+        table.add_column(column, justify="left" if column in ("Entrant", "Ending") else "right")
+
+    def seconds(value: float | None) -> str:
+        return "" if value is None else f"{value:.3f}"
+
+    for row in results.iter_rows(named=True):
+        table.add_row(
+            str(row["place"]),
+            str(row["slot"]),
+            names[row["entrant"]],
+            row["ending"].replace("_", " "),
+            seconds(row["race_time_s"]),
+            seconds(row["best_lap_s"]),
+            f"{row['off_course_s']:.1f}",
+            str(row["contacts"]),
+        )
+    console.print(table)
+
+
+def replay(recording: Path, show: bool) -> None:
+    """Make the Rerun replay of a recording, and open it if wanted."""
+    path = recording.with_suffix(".rrd")
+    replay_file(recording, path)
+    say(f"Replay       {path}")
+    if show:
+        open_viewer(path)

@@ -1,0 +1,50 @@
+"""`nathlon train`."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+from pathlib import Path
+
+import torch
+
+from nathlon.commands.console import progress_bars, say
+from policies.training.config import CONFIGS, TrainingConfig, read_config
+from policies.training.trainer import Status, Trainer
+from sim.errors import InputError
+
+
+def train(config: str, out: Path, seed: int, threads: int | None, resume: bool) -> None:
+    """Train to the end of a configuration, or until Ctrl-C."""
+    logging.basicConfig(format="%(message)s")
+    torch.set_num_threads(threads or os.cpu_count() or 1)
+    trainer = Trainer.resume(out) if resume else Trainer.start(out, _training_config(config), seed)
+    gigabytes = trainer.replay.nbytes / 1e9
+    say(f"Training in {out}; the replay buffer may take {gigabytes:.1f} GB.")
+    try:
+        with progress_bars() as progress:
+            task = progress.add_task("updates", total=trainer.config.updates, note="warming up")
+
+            def on_status(status: Status) -> None:
+                lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
+                note = f"{status.updates_per_s:.0f}/s, {lap}, {status.off_course_share:.1%} off course"
+                progress.update(task, completed=status.updates, note=note)
+
+            trainer.run(on_status)
+    except KeyboardInterrupt:
+        say(f"Stopped at {trainer.updates} updates. Go on with: nathlon train --resume --out {out}")
+        raise SystemExit(130) from None
+    say(f"Done: {out / 'checkpoints'}")
+
+
+def _training_config(name: str) -> TrainingConfig:
+    if name.endswith(".toml"):
+        return read_config(Path(name))
+    path = CONFIGS / f"{name}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in CONFIGS.glob("*.toml")))
+        raise InputError(
+            f"training configuration {name!r} is unknown; expected one of {known}, or a .toml path"
+        )
+    return read_config(path)
