@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.car import CarParameters
-from sim.kernel import kernel
+from sim.kernel import inlined, kernel
 from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from sim.physics.course import CourseParameters
 from sim.state import CarRecord
@@ -75,7 +75,7 @@ def observe_cars(
             values[k] = (values[k] - mean[k]) * scale[k]
 
 
-@kernel
+@inlined
 def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: CourseParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
     values[0] = car.velocity_x
@@ -99,7 +99,7 @@ def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: Cours
     values[22] = car.draught
 
 
-@kernel
+@inlined
 def see_course(
     car: CarRecord, values: np.ndarray, points: int, horizon: float, course: CourseParameters
 ) -> None:
@@ -109,9 +109,10 @@ def see_course(
     rows = len(course.table)
     at = (car.progress - car.wraps * course.length) / course.spacing
     for point in range(points):
+        while at >= rows:
+            at -= rows
         low = int(at)
         share = at - low
-        low %= rows
         high = low + 1
         if high == rows:
             high = 0
@@ -131,7 +132,7 @@ def see_course(
         at += gap
 
 
-@kernel
+@inlined
 def see_cars(field: np.ndarray, index: int, values: np.ndarray, ahead: int, behind: int) -> None:
     """The nearest cars ahead and behind, nearest first, relative in the car's frame."""
     car = field[index]

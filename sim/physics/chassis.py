@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from sim.car import CarParameters
-from sim.kernel import kernel
+from sim.kernel import inlined
 from sim.physics.powertrain import drive_torque, shift
 from sim.physics.tyre import tyre_force
 from sim.state import CarRecord
@@ -23,7 +23,7 @@ SLOWEST = 6.0  # m/s: slips are formed with at least this speed, which keeps a c
 ROLLING_SPEED = 0.5  # m/s over which rolling resistance builds up
 
 
-@kernel
+@inlined
 def set_loads(car: CarRecord, speed_squared: float, p: CarParameters) -> None:
     """Normal loads of the four tyres from weight, downforce and load transfer, N."""
     wheelbase = p.a + p.b
@@ -41,7 +41,7 @@ def set_loads(car: CarRecord, speed_squared: float, p: CarParameters) -> None:
     car.load[3] = max(0.5 * rear + roll_rear, 0.0)
 
 
-@kernel
+@inlined
 def eased(slip: float, threshold: float) -> tuple[float, float]:
     """Share of the torque that a mild slip control lets through, and how fast it falls with slip."""
     if slip <= threshold:
@@ -51,7 +51,7 @@ def eased(slip: float, threshold: float) -> tuple[float, float]:
     return 1.0 - 0.9 * (slip - threshold) / (0.5 * threshold), 0.9 / (0.5 * threshold)
 
 
-@kernel
+@inlined
 def brake_torque(spin: float, limit: float, other: float) -> float:
     """Torque of a brake that can apply `limit` N m: against the spin, or holding a locked wheel."""
     if spin > 1e-3:
@@ -61,7 +61,7 @@ def brake_torque(spin: float, limit: float, other: float) -> float:
     return -min(max(other, -limit), limit)
 
 
-@kernel
+@inlined
 def advance(
     car: CarRecord, steer: float, grip: np.ndarray, drag: np.ndarray, dt: float, p: CarParameters
 ) -> None:
@@ -184,7 +184,7 @@ def advance(
     move(car, force_x, force_y, moment, dt, p)
 
 
-@kernel
+@inlined
 def move(car: CarRecord, force_x: float, force_y: float, moment: float, dt: float, p: CarParameters) -> None:
     """Advance the rigid body under a force (N, car frame) and a moment (N m) by dt seconds."""
     car.acceleration_x = force_x / p.mass
@@ -202,7 +202,7 @@ def move(car: CarRecord, force_x: float, force_y: float, moment: float, dt: floa
     set_body_velocity(car)
 
 
-@kernel
+@inlined
 def set_body_velocity(car: CarRecord) -> None:
     """Velocity in the car's frame from velocity in the world's."""
     sin_yaw, cos_yaw = math.sin(car.yaw), math.cos(car.yaw)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sim.car import CarParameters
-from sim.kernel import kernel
+from sim.kernel import inlined
 from sim.physics.chassis import set_body_velocity
 from sim.state import CarRecord
 
@@ -15,7 +15,7 @@ WALL_RESTITUTION = 0.1
 WALL_FRICTION = 0.4
 
 
-@kernel
+@inlined
 def push(
     car: CarRecord, arm_x: float, arm_y: float, impulse_x: float, impulse_y: float, p: CarParameters
 ) -> None:
@@ -25,7 +25,7 @@ def push(
     car.yaw_rate += (arm_x * impulse_y - arm_y * impulse_x) / p.yaw_inertia
 
 
-@kernel
+@inlined
 def overlap_on(
     axis_x: float, axis_y: float, dx: float, dy: float, a: CarRecord, b: CarRecord, p: CarParameters
 ) -> float:
@@ -38,7 +38,7 @@ def overlap_on(
     return reach - abs(dx * axis_x + dy * axis_y)
 
 
-@kernel
+@inlined
 def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float, float, int]:
     """Sum of the world positions of a's corners that lie in b's box, and their number."""
     sum_x = sum_y = 0.0
@@ -59,7 +59,7 @@ def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float,
     return sum_x, sum_y, count
 
 
-@kernel
+@inlined
 def collide(a: CarRecord, b: CarRecord, p: CarParameters) -> float:
     """Resolve the contact of two cars, if there is one.
 
@@ -68,8 +68,7 @@ def collide(a: CarRecord, b: CarRecord, p: CarParameters) -> float:
         where the boxes do not overlap.
     """
     dx, dy = b.x - a.x, b.y - a.y
-    reach = 2.0 * math.hypot(p.half_length, p.half_width)
-    if dx * dx + dy * dy > reach * reach:
+    if dx * dx + dy * dy > 4.0 * (p.half_length * p.half_length + p.half_width * p.half_width):
         return -1.0
 
     depth = 1e9
@@ -124,7 +123,7 @@ def collide(a: CarRecord, b: CarRecord, p: CarParameters) -> float:
     return max(-parting, 0.0)
 
 
-@kernel
+@inlined
 def hit_wall(
     car: CarRecord,
     arm_x: float,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.car import CarParameters
-from sim.kernel import kernel
+from sim.kernel import inlined
 from sim.physics.contact import hit_wall
 from sim.state import CarRecord
 from sim.track import (
@@ -49,7 +49,7 @@ def course_parameters(track: Track) -> CourseParameters:
     )
 
 
-@kernel
+@inlined
 def locate(car: CarRecord, course: CourseParameters) -> None:
     """Follow the car along the centre line from where it was last found.
 
@@ -103,7 +103,7 @@ def locate(car: CarRecord, course: CourseParameters) -> None:
     )
 
 
-@kernel
+@inlined
 def stand_on(
     car: CarRecord, grip: np.ndarray, drag: np.ndarray, p: CarParameters, course: CourseParameters
 ) -> int:
@@ -141,7 +141,7 @@ def stand_on(
     return out
 
 
-@kernel
+@inlined
 def meet_walls(car: CarRecord, p: CarParameters, course: CourseParameters) -> bool:
     """Resolve the contact of the car's deepest corner with a wall, if there is one."""
     line = course.table[car.row]
@@ -171,7 +171,7 @@ def meet_walls(car: CarRecord, p: CarParameters, course: CourseParameters) -> bo
     return True
 
 
-@kernel
+@inlined
 def time_laps(car: CarRecord, before: float, time: float, dt: float, course: CourseParameters) -> None:
     """Time the crossing of the line and of the finish within the step that began at `time`.
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sim.kernel import kernel
+from sim.kernel import inlined
 
 LENGTH = 32.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car
@@ -14,7 +14,7 @@ SPREAD = 0.04  # m of half-width gained per metre
 REACH = 110.0  # m
 
 
-@kernel
+@inlined
 def wake(behind: float, beside: float) -> float:
     """Strength of a wake in [0, 1] at a place `behind` (m, gap) and `beside` (m) its car."""
     if behind < 0.0 or behind > REACH:
@@ -23,7 +23,7 @@ def wake(behind: float, beside: float) -> float:
     return math.exp(-behind / LENGTH - 0.5 * spread * spread)
 
 
-@kernel
+@inlined
 def set_draught(cars: np.ndarray, car_length: float) -> None:
     """Sum the wakes that each car of one race sits in, at most 1."""
     for i in range(len(cars)):

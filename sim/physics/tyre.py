@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 from sim.car import CarParameters
-from sim.kernel import kernel
+from sim.kernel import inlined
 
 
-@kernel
+@inlined
 def tyre_force(
     slip_ratio: float, slip_angle: float, load: float, grip: float, p: CarParameters
 ) -> tuple[float, float, float]:
