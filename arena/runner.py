@@ -14,12 +14,10 @@ from arena.match import Match
 from arena.results import RESULTS
 from policies.policy import Batch, Policy
 from sim.car import load_car
+from sim.episode import end_runs
 from sim.scenario import load_scenario
 from sim.track import load_track
 from sim.world import World
-
-STUCK_S = 15.0
-"""A car at rest for so long is out of the race."""
 
 log = logging.getLogger(__name__)
 
@@ -42,8 +40,8 @@ class _Team:
             seen = world.observe(self.policy.observation_spec, self.races, self.cars)
             actions, self.memory = self.policy.act(seen, self.memory)
         # Whatever a policy raises is its own fault and must not stop the others.
-        except Exception:
-            log.warning("a policy raised; its cars are out", exc_info=True)
+        except Exception as error:
+            log.warning("a policy raised %r: its cars are out", error)
             return np.zeros((n, 2), np.float32), np.full(n, "policy_raised")
         if not isinstance(actions, np.ndarray) or actions.shape != (n, 2) or actions.dtype.kind != "f":
             return np.zeros((n, 2), np.float32), np.full(n, "illegal_action")
@@ -78,10 +76,20 @@ def run_match(match: Match, policies: Sequence[Policy], observer: Observer | Non
     while state["driving"].any():
         for team in teams:
             mine = (team.races, team.cars)
+            if not state["driving"][mine].any():
+                continue
             actions[mine], faults = team.act(world)
-            _retire(endings, state, mine, faults)
+            out = state["driving"][mine] & (faults != "")
+            retired = (team.races[out], team.cars[out])
+            endings[retired] = faults[out]
+            driven[retired] = world.time[retired[0]]
+            state["driving"][retired] = False
+        running = endings == ""
         world.step(actions)
-        _end(world, endings, driven, scenario.time_s)
+        end_runs(world, endings, scenario.time_s)
+        ended = running & (endings != "")
+        now = np.where(endings == "finished", state["finish_s"], world.time[:, None])
+        driven[ended] = now[ended]
         if observer:
             observer(world)
     rows = [
@@ -90,33 +98,3 @@ def run_match(match: Match, policies: Sequence[Policy], observer: Observer | Non
         for row in classify(match, index, state[index], endings[index], driven[index])
     ]
     return pl.DataFrame(rows, schema=RESULTS)
-
-
-def _retire(
-    endings: NDArray[np.str_],
-    state: NDArray[np.void],
-    mine: tuple[NDArray[np.int64], NDArray[np.int64]],
-    faults: NDArray[np.str_],
-) -> None:
-    out = state["driving"][mine] & (faults != "")
-    races, cars = mine[0][out], mine[1][out]
-    endings[races, cars] = faults[out]
-    state["driving"][races, cars] = False
-
-
-def _end(world: World, endings: NDArray[np.str_], driven: NDArray[np.float64], time_s: float) -> None:
-    """Note how runs ended in the last tick, and end those that are stuck or out of time."""
-    state = world.state
-    finished = ~state["driving"] & (endings == "")
-    endings[finished] = "finished"
-    stuck = state["driving"] & (state["stationary_s"] > STUCK_S)
-    endings[stuck] = "stuck"
-    state["driving"] &= ~stuck
-    late = state["driving"] & (world.time >= time_s - 1e-9)[:, None]
-    endings[late] = "time_up"
-    state["driving"] &= ~late
-    now = np.broadcast_to(world.time[:, None], driven.shape)
-    ended = finished | stuck | late
-    driven[ended] = np.where(finished, state["finish_s"], now)[ended]
-    faulty = np.isin(endings, ("policy_raised", "illegal_action")) & (driven == 0.0)
-    driven[faulty] = now[faulty]
