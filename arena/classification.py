@@ -18,8 +18,8 @@ def classify(
 ) -> list[dict[str, Any]]:
     """Rows (RESULTS) of one race.
 
-    Finishers are placed by time, then the others by distance, then those that their own policy
-    let down.
+    Finishers are placed by time, then the others by their progress on the road, then those that
+    their own policy let down.
 
     Args:
         match: the match.
@@ -33,7 +33,7 @@ def classify(
     finished = endings == "finished"
     order = np.lexsort(
         (
-            np.where(finished, 0.0, -distance),
+            np.where(finished, 0.0, -cars["progress"]),
             np.where(finished, cars["finish_s"], 0.0),
             np.where(finished, 0, np.where(np.isin(endings, FAULTS), 2, 1)),
         )

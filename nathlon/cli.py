@@ -22,7 +22,7 @@ Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; one for each core by default.")]
 Shortlist = Annotated[int, typer.Option(min=1, help="Entrants that reach the round robin.")]
-Pairs = Annotated[int, typer.Option(min=2, help="Mirrored pairs of races for every two; an interval needs two.")]
+Pairs = Annotated[
     int, typer.Option(min=2, help="Mirrored pairs of races for every two of them; an interval needs two.")
 ]
 

@@ -23,11 +23,16 @@ class _Section(BaseModel):
 
 
 class Marks(_Section):
-    """The marks that give 500 (`base`, the built-in driver's) and 1,000 points."""
+    """The marks that give 500 (`base`, the built-in driver's) and 1,000 points.
+
+    No mark counts for more than `limit`: what lies beyond owes more to the opponents' accidents than
+    to skill, and must not outweigh the other runs.
+    """
 
     base: float
     reference: float
     exponent: Annotated[float, Field(gt=0)]
+    limit: float
 
 
 class Skill(_Section):
@@ -54,8 +59,9 @@ class Skill(_Section):
 
     @model_validator(mode="after")
     def _better(self) -> Skill:
-        if (self.scoring.reference < self.scoring.base) != (self.measure == "time"):
-            raise ValueError("scoring.reference must be better than scoring.base")
+        sign = -1.0 if self.measure == "time" else 1.0
+        if not sign * self.scoring.base < sign * self.scoring.reference <= sign * self.scoring.limit:
+            raise ValueError("scoring.base, reference and limit must be each better than the last")
         return self
 
     def points(self) -> Scoring:
@@ -102,10 +108,11 @@ def measure_runs(skill: Skill, entrant: str, results: pl.DataFrame) -> pl.DataFr
         if mark is not None:
             penalty = skill.contact_penalty_s * own["contacts_faster_behind"]
             if skill.measure == "time":
-                mark += penalty
+                mark = max(mark + penalty, skill.scoring.limit)
             else:
                 others = race.filter(pl.col("entrant") != entrant)
-                mark = others["race_time_s"].fill_null(others["driven_s"]).min() - mark - penalty
+                lead = others["race_time_s"].fill_null(others["driven_s"]).min() - mark
+                mark = min(lead - penalty, skill.scoring.limit)
         points = 0.0 if mark is None else float(scoring.points(mark))
         rows.append(
             {

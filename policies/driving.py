@@ -25,6 +25,11 @@ ALONGSIDE_M = 0.4
 """Room wanted beyond the passing gap by a car alongside."""
 SIDESTEP_M = 0.35
 """Largest change of the move off the line a tick."""
+CLOSE_M = 10.0
+REACTION_S = 2.5
+"""A car ahead is passed when it is closer than this, or will be reached within the time."""
+OFF_LINE_CARE = 0.03
+"""Share of the speed given up for each metre off the line, whose speeds hold only on it."""
 BRAKING = 4.0
 """m/s^2 at which the driver plans to slow down behind a car in its path."""
 
@@ -143,14 +148,24 @@ def press(distance: float, velocity: float, pace: float, limit: float, knows: Kn
 
 
 @kernel
-def mind_others(values: np.ndarray, where: Layout, velocity: float, knows: Knowledge) -> tuple[float, float]:
-    """Where to move (m, + is left) and how fast to go at most (m/s) because of other cars.
+def mind_others(
+    values: np.ndarray, where: Layout, velocity: float, left: float, right: float, knows: Knowledge
+) -> tuple[float, float]:
+    """How far to move from here (m, + is left; nan for back to the line) and how fast to go at most
+    (m/s) because of other cars.
 
-    A slower car ahead is passed on the side that has more room; until the cars are beside each
+    A slower car ahead is passed on the nearer side that has room; until the cars are beside each
     other's paths the driver keeps a speed from which it can still slow down. A car alongside is
     given room.
+
+    Args:
+        values: the observation in its own units.
+        where: its layout.
+        velocity: m/s.
+        left, right: room between the car and the edges, m.
+        knows: circuit and car.
     """
-    aside = 0.0
+    move = math.nan
     limit = math.inf
     for place in range(where.cars_ahead - 1, -where.cars_behind - 1, -1):
         k = where.ahead + OPPONENT_SIZE * place if place >= 0 else where.behind + OPPONENT_SIZE * (-place - 1)
@@ -159,13 +174,19 @@ def mind_others(values: np.ndarray, where: Layout, velocity: float, knows: Knowl
         x, y, closing = values[k + 1], values[k + 2], values[k + 3]
         gap = x - knows.car_length
         if abs(x) < knows.car_length + 1.0 and abs(y) < PASSING_GAP_M + ALONGSIDE_M:
-            aside -= math.copysign(PASSING_GAP_M + ALONGSIDE_M - abs(y), y)
-        elif x > 0.0 and gap < max(8.0, -2.5 * closing) and abs(y) < PASSING_GAP_M:
-            aside = y - PASSING_GAP_M if y > 0.0 else y + PASSING_GAP_M
+            move = math.copysign(abs(y) - PASSING_GAP_M - ALONGSIDE_M, y)
+        elif x > 0.0 and gap < max(CLOSE_M, -REACTION_S * closing) and abs(y) < PASSING_GAP_M:
+            by_left, by_right = y + PASSING_GAP_M, PASSING_GAP_M - y
+            if by_left > left and by_right > right:
+                move = 0.0
+            elif by_right > right or (by_left <= by_right and by_left <= left):
+                move = by_left
+            else:
+                move = -by_right
         if place >= 0 and gap > -1.0 and abs(y) < knows.car_width + 0.25:
             safe = velocity + closing + math.sqrt(2.0 * BRAKING * max(gap - 1.0, 0.0)) - 0.5
             limit = min(limit, max(safe, 3.0))
-    return aside, limit
+    return move, limit
 
 
 @kernel
@@ -188,16 +209,18 @@ def drive_one(
     distance = lap_angle / (2.0 * math.pi) * knows.length + velocity * ACTUATION_S
     course = heading + math.atan2(sideways, max(velocity, 1.0)) + ACTUATION_S * yaw_rate
 
-    aside, limit = mind_others(values, where, velocity, knows)
-    aside = before + clip(aside - before, -SIDESTEP_M, SIDESTEP_M)
     line = along(knows.offset, distance, knows.spacing)
     left = along(knows.left, distance, knows.spacing) - EDGE_MARGIN_M
     right = along(knows.right, distance, knows.spacing) - EDGE_MARGIN_M
+    move, limit = mind_others(values, where, velocity, left - lateral, right + lateral, knows)
+    wanted = 0.0 if math.isnan(move) else lateral + move - line
+    aside = before + clip(wanted - before, -SIDESTEP_M, SIDESTEP_M)
     aside = clip(line + aside, -right, left) - line
 
     rear_slip = 0.5 * (abs(values[where.slip_angle + 2]) + abs(values[where.slip_angle + 3]))
     ease = clip(2.0 - rear_slip / knows.peak_slip, 0.1, 1.0)
-    pedal = press(distance, velocity, pace, limit, knows) * ease
+    careful = pace * (1.0 - OFF_LINE_CARE * abs(aside))
+    pedal = press(distance, velocity, careful, limit, knows) * ease
     error = lateral + velocity * ACTUATION_S * math.sin(course) - aside
     return (
         clip(pedal, -1.0, 1.0),

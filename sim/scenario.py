@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sim.errors import InputError, first_fault
 from sim.track import CURVATURE, LEFT, RIGHT, Track
@@ -19,7 +19,14 @@ SAFE_LATERAL = 11.0
 """m/s^2 of cornering that every car can hold: random starts are no faster than it allows."""
 LOOK_AHEAD_M = 120.0
 
-Span = tuple[float, float]
+
+def _rising(span: tuple[float, float]) -> tuple[float, float]:
+    if span[0] > span[1]:
+        raise ValueError("expected the smaller number first")
+    return span
+
+
+Span = Annotated[tuple[float, float], AfterValidator(_rising)]
 
 
 class _Section(BaseModel):

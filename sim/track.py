@@ -118,6 +118,10 @@ def _read_centre_line(path: Path) -> NDArray[np.float64]:
         raise InputError(f"{path}: expected at least 20 lines of {len(COLUMNS)} numbers")
     if not np.isfinite(points).all() or (points[:, 2:] <= 0).any():
         raise InputError(f"{path}: expected finite positions and positive widths on every line")
+    if (np.hypot(*(points[:, :2] - np.roll(points[:, :2], 1, axis=0)).T) < 0.01).any():
+        raise InputError(
+            f"{path}: x_m, y_m: expected no point twice in a row, nor the first again at the end"
+        )
     if (points[:, 4:] < points[:, 2:4]).any():
         raise InputError(f"{path}: wall_right_m, wall_left_m: expected walls outside the edges on every line")
     return points

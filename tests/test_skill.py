@@ -39,9 +39,11 @@ def test_the_marks_give_500_and_1000_points() -> None:
 
 def test_a_time_is_worsened_by_contacts_and_a_run_without_a_time_scores_nothing() -> None:
     skill = SHIPPED["standing start"]
-    results = pl.DataFrame([result(0, "me", 30.0, blame=2), result(1, "me", None)], schema=RESULTS)
+    results = pl.DataFrame(
+        [result(0, "me", 30.0, blame=2), result(1, "me", None), result(2, "me", 5.0)], schema=RESULTS
+    )
     marks = measure_runs(skill, "me", results)
-    assert marks["measure"].to_list() == [30.0 + 2 * skill.contact_penalty_s, None]
+    assert marks["measure"].to_list() == [30.0 + 2 * skill.contact_penalty_s, None, skill.scoring.limit]
     assert marks["points"][1] == 0.0
     assert marks["points"][0] == pytest.approx(float(skill.points().points(31.0)))
 
@@ -57,7 +59,7 @@ def test_a_lead_is_over_the_best_opponent() -> None:
         result(2, "you", None),
     ]
     marks = measure_runs(skill, "me", pl.DataFrame(rows, schema=RESULTS))
-    assert marks["measure"].to_list() == pytest.approx([1.5, -0.5 - skill.contact_penalty_s, 21.0])
+    assert marks["measure"].to_list() == pytest.approx([1.5, -0.5 - skill.contact_penalty_s, 3.0])
 
 
 @pytest.mark.parametrize(

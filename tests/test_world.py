@@ -205,7 +205,6 @@ class TestLaps:
         assert car["laps"] == 0
         assert np.isnan(car["line_s"])
 
-    @pytest.mark.xfail(strict=True, reason="a start exactly on the line never crosses it")
     def test_a_start_on_the_line_counts_laps(self) -> None:
         car = self.timed([float(i) for i in range(1500)], 0.0)
         assert car["laps"] == 1

@@ -183,7 +183,7 @@ def time_laps(car: CarRecord, before: float, time: float, dt: float, course: Cou
     if gained <= 0.0:
         return
     next_line = (car.laps + 1) * course.length
-    if car.line_s != car.line_s and car.start <= 0.0:
+    if car.line_s != car.line_s and car.start < 0.0:
         next_line = 0.0
     if before < next_line <= car.progress:
         crossed = time + dt * (next_line - before) / gained
