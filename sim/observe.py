@@ -63,6 +63,8 @@ def observe_cars(
 ) -> None:
     """Fill `out` (n, size) row by row; `scale` is one over the deviation."""
     own_size = 23
+    nearest = np.empty(ahead + behind, np.int64)
+    distance = np.empty(ahead + behind)
     for row in range(len(races)):
         field = state[races[row]]
         index = cars[row]
@@ -70,7 +72,8 @@ def observe_cars(
         see_self(field[index], values, p, course)
         see_course(field[index], values[own_size:], points, horizon, course)
         lists = own_size + 6 * points
-        see_cars(field, index, values[lists:], ahead, behind)
+        find_cars(field, index, ahead, nearest, distance)
+        see_cars(field, index, nearest, values[lists:])
         for k in range(len(values)):
             values[k] = (values[k] - mean[k]) * scale[k]
 
@@ -104,7 +107,7 @@ def see_course(
     car: CarRecord, values: np.ndarray, points: int, horizon: float, course: CourseParameters
 ) -> None:
     """Points of left edge, centre line and right edge over the next seconds, in the car's frame."""
-    cos_yaw, sin_yaw = math.cos(car.yaw), math.sin(car.yaw)
+    cos_yaw, sin_yaw = car.cos_yaw, car.sin_yaw
     gap = max(car.velocity_x, SLOWEST) * horizon / points / course.spacing
     rows = len(course.table)
     at = (car.progress - car.wraps * course.length) / course.spacing
@@ -133,41 +136,57 @@ def see_course(
 
 
 @inlined
-def see_cars(field: np.ndarray, index: int, values: np.ndarray, ahead: int, behind: int) -> None:
-    """The nearest cars ahead and behind, nearest first, relative in the car's frame."""
+def find_cars(field: np.ndarray, index: int, ahead: int, nearest: np.ndarray, distance: np.ndarray) -> None:
+    """Sort the cars in sight into two lists, nearest first.
+
+    Args:
+        field: the cars of the race.
+        index: of the car that looks.
+        ahead: length of the list of cars ahead.
+        nearest: (ahead + behind,) set to indices of cars ahead, then of cars behind; -1 for none.
+        distance: (ahead + behind,) scratch.
+    """
     car = field[index]
-    cos_yaw, sin_yaw = math.cos(car.yaw), math.sin(car.yaw)
-    values[:] = 0.0
-    count = len(field)
-    taken = np.zeros(count, np.bool_)
-    taken[index] = True
-    for place in range(ahead + behind):
-        forward = place < ahead
-        nearest = 1e9
-        found = -1
-        for j in range(count):
-            if taken[j] or not field[j].driving:
-                continue
-            dx, dy = field[j].x - car.x, field[j].y - car.y
-            along = dx * cos_yaw + dy * sin_yaw
-            distance = dx * dx + dy * dy
-            limit = AHEAD_M if along >= 0.0 else BEHIND_M
-            if (along >= 0.0) == forward and distance < nearest and distance < limit * limit:
-                nearest = distance
-                found = j
-        if found < 0:
+    nearest[:] = -1
+    distance[:] = np.inf
+    for j in range(len(field)):
+        if j == index or not field[j].driving:
             continue
-        taken[found] = True
-        other = field[found]
+        dx, dy = field[j].x - car.x, field[j].y - car.y
+        forward = dx * car.cos_yaw + dy * car.sin_yaw >= 0.0
+        limit = AHEAD_M if forward else BEHIND_M
+        apart = dx * dx + dy * dy
+        if apart >= limit * limit:
+            continue
+        first, end = (0, ahead) if forward else (ahead, len(nearest))
+        place = end
+        while place > first and apart < distance[place - 1]:
+            place -= 1
+            if place + 1 < end:
+                distance[place + 1], nearest[place + 1] = distance[place], nearest[place]
+        if place < end:
+            distance[place], nearest[place] = apart, j
+
+
+@inlined
+def see_cars(field: np.ndarray, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
+    """What is seen of the listed cars, relative in the car's frame."""
+    car = field[index]
+    values[:] = 0.0
+    for place in range(len(nearest)):
+        if nearest[place] < 0:
+            continue
+        other = field[nearest[place]]
         dx, dy = other.x - car.x, other.y - car.y
         dvx = other.world_velocity_x - car.world_velocity_x
         dvy = other.world_velocity_y - car.world_velocity_y
-        turn_cos, turn_sin = math.cos(other.yaw - car.yaw), math.sin(other.yaw - car.yaw)
+        turn_cos = other.cos_yaw * car.cos_yaw + other.sin_yaw * car.sin_yaw
+        turn_sin = other.sin_yaw * car.cos_yaw - other.cos_yaw * car.sin_yaw
         k = OPPONENT_SIZE * place
         values[k] = 1.0
-        values[k + 1] = dx * cos_yaw + dy * sin_yaw
-        values[k + 2] = dy * cos_yaw - dx * sin_yaw
-        values[k + 3] = dvx * cos_yaw + dvy * sin_yaw
-        values[k + 4] = dvy * cos_yaw - dvx * sin_yaw
+        values[k + 1] = dx * car.cos_yaw + dy * car.sin_yaw
+        values[k + 2] = dy * car.cos_yaw - dx * car.sin_yaw
+        values[k + 3] = dvx * car.cos_yaw + dvy * car.sin_yaw
+        values[k + 4] = dvy * car.cos_yaw - dvx * car.sin_yaw
         values[k + 5] = other.acceleration_x * turn_cos - other.acceleration_y * turn_sin - car.acceleration_x
         values[k + 6] = other.acceleration_x * turn_sin + other.acceleration_y * turn_cos - car.acceleration_y

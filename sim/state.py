@@ -16,6 +16,8 @@ CAR_STATE = np.dtype(
         ("world_velocity_x", "f8"),
         ("world_velocity_y", "f8"),
         ("yaw_rate", "f8"),
+        ("cos_yaw", "f8"),  # kept beside the yaw, which is needed many times a step
+        ("sin_yaw", "f8"),
         # The same in the car's frame, x forward, y left.
         ("velocity_x", "f8"),
         ("velocity_y", "f8"),

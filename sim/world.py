@@ -11,11 +11,12 @@ from sim.car import Car, CarParameters, parameters
 from sim.kernel import kernel
 from sim.observation import ObservationSpec
 from sim.observe import observe
-from sim.physics.chassis import GRAVITY, advance, set_body_velocity
+from sim.physics.chassis import GRAVITY, advance, set_body_velocity, set_direction
 from sim.physics.contact import collide
 from sim.physics.course import (
     CourseParameters,
     course_parameters,
+    heading_error,
     locate,
     meet_walls,
     stand_on,
@@ -128,6 +129,7 @@ def step_races(
         time[race] += SUBSTEPS * DYNAMICS_DT
         for i in range(count):
             car = cars[i]
+            car.heading_error = heading_error(car, course)
             if car.velocity_x > MOVING_M_S:
                 car.stationary_s = 0.0
             else:
@@ -138,8 +140,10 @@ def step_races(
 def locate_all(cars: np.ndarray, course: CourseParameters) -> None:
     """Locate every car of one race, their rows being near the truth."""
     for i in range(len(cars)):
+        set_direction(cars[i])
         set_body_velocity(cars[i])
         locate(cars[i], course)
+        cars[i].heading_error = heading_error(cars[i], course)
 
 
 class World:

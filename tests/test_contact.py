@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from sim.car import parameters
+from sim.physics.chassis import set_direction
 from sim.physics.contact import CAR_RESTITUTION, collide, hit_wall
 from sim.state import CAR_STATE
 from sim.track import TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, X, Y, load_track
@@ -26,6 +27,12 @@ def number(least: float, most: float) -> st.SearchStrategy[float]:
     return st.floats(least, most, allow_nan=False)
 
 
+def face(cars: NDArray[np.void]) -> None:
+    """Make the cars' directions those of their yaw."""
+    for car in cars:
+        set_direction(car)
+
+
 @st.composite
 def cars(draw: st.DrawFn) -> NDArray[np.void]:
     """Two cars close to each other in any motion."""
@@ -34,6 +41,7 @@ def cars(draw: st.DrawFn) -> NDArray[np.void]:
         car["x"], car["y"] = draw(number(-2.5, 2.5)), draw(number(-2.5, 2.5))
         car["yaw"], car["yaw_rate"] = draw(number(-4.0, 4.0)), draw(number(-4.0, 4.0))
         car["world_velocity_x"], car["world_velocity_y"] = draw(number(-60, 60)), draw(number(-60, 60))
+    face(pair)
     return pair
 
 
@@ -69,6 +77,7 @@ def test_contact_is_the_same_for_both_cars() -> None:
         for name, most in (("x", 2.5), ("y", 2.5), ("yaw", 4.0), ("yaw_rate", 4.0)):
             pair[name] = rng.uniform(-most, most, 2)
         pair["world_velocity_x"], pair["world_velocity_y"] = rng.uniform(-60.0, 60.0, (2, 2))
+        face(pair)
         swapped = pair[::-1].copy()
         closing = collide(pair[0], pair[1], P)
         assert closing == pytest.approx(collide(swapped[0], swapped[1], P), abs=1e-9)
@@ -91,6 +100,7 @@ def test_wall_turns_the_corner_back_and_never_makes_energy(
 ) -> None:
     car = np.zeros(1, CAR_STATE)
     car["yaw"], car["yaw_rate"], car["world_velocity_x"], car["world_velocity_y"] = yaw, turn, u, v
+    face(car)
     x, y = corner[0] * LENGTH / 2, corner[1] * GT3.body.width_m / 2
     arm_x, arm_y = x * math.cos(yaw) - y * math.sin(yaw), x * math.sin(yaw) + y * math.cos(yaw)
     before = energy(car)
@@ -104,6 +114,7 @@ def test_wall_turns_the_corner_back_and_never_makes_energy(
 
 def test_square_hit_from_behind_follows_the_textbook() -> None:
     pair = np.zeros(2, CAR_STATE)
+    face(pair)
     pair["x"] = [0.0, LENGTH - 0.05]
     pair["world_velocity_x"] = [50.0, 40.0]
     assert collide(pair[0], pair[1], P) == pytest.approx(10.0)

@@ -192,11 +192,11 @@ def move(car: CarRecord, force_x: float, force_y: float, moment: float, dt: floa
     follow = dt / (p.load_lag + dt)
     car.carried_x += (car.acceleration_x - car.carried_x) * follow
     car.carried_y += (car.acceleration_y - car.carried_y) * follow
-    sin_yaw, cos_yaw = math.sin(car.yaw), math.cos(car.yaw)
-    car.world_velocity_x += dt * (car.acceleration_x * cos_yaw - car.acceleration_y * sin_yaw)
-    car.world_velocity_y += dt * (car.acceleration_x * sin_yaw + car.acceleration_y * cos_yaw)
+    car.world_velocity_x += dt * (car.acceleration_x * car.cos_yaw - car.acceleration_y * car.sin_yaw)
+    car.world_velocity_y += dt * (car.acceleration_x * car.sin_yaw + car.acceleration_y * car.cos_yaw)
     car.yaw_rate += dt * moment / p.yaw_inertia
     car.yaw += dt * car.yaw_rate
+    set_direction(car)
     car.x += dt * car.world_velocity_x
     car.y += dt * car.world_velocity_y
     set_body_velocity(car)
@@ -205,6 +205,11 @@ def move(car: CarRecord, force_x: float, force_y: float, moment: float, dt: floa
 @inlined
 def set_body_velocity(car: CarRecord) -> None:
     """Velocity in the car's frame from velocity in the world's."""
-    sin_yaw, cos_yaw = math.sin(car.yaw), math.cos(car.yaw)
-    car.velocity_x = car.world_velocity_x * cos_yaw + car.world_velocity_y * sin_yaw
-    car.velocity_y = car.world_velocity_y * cos_yaw - car.world_velocity_x * sin_yaw
+    car.velocity_x = car.world_velocity_x * car.cos_yaw + car.world_velocity_y * car.sin_yaw
+    car.velocity_y = car.world_velocity_y * car.cos_yaw - car.world_velocity_x * car.sin_yaw
+
+
+@inlined
+def set_direction(car: CarRecord) -> None:
+    """Cosine and sine of the yaw; to be called whenever the yaw changes."""
+    car.cos_yaw, car.sin_yaw = math.cos(car.yaw), math.sin(car.yaw)

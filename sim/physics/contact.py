@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from sim.car import CarParameters
 from sim.kernel import inlined
 from sim.physics.chassis import set_body_velocity
@@ -31,9 +29,9 @@ def overlap_on(
 ) -> float:
     """Overlap (m) of two cars' boxes projected on a unit axis; negative where they are apart."""
     reach = 0.0
-    for yaw in (a.yaw, b.yaw):
-        along = math.cos(yaw) * axis_x + math.sin(yaw) * axis_y
-        across = math.cos(yaw) * axis_y - math.sin(yaw) * axis_x
+    for cos_yaw, sin_yaw in ((a.cos_yaw, a.sin_yaw), (b.cos_yaw, b.sin_yaw)):
+        along = cos_yaw * axis_x + sin_yaw * axis_y
+        across = cos_yaw * axis_y - sin_yaw * axis_x
         reach += p.half_length * abs(along) + p.half_width * abs(across)
     return reach - abs(dx * axis_x + dy * axis_y)
 
@@ -43,15 +41,13 @@ def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float,
     """Sum of the world positions of a's corners that lie in b's box, and their number."""
     sum_x = sum_y = 0.0
     count = 0
-    cos_a, sin_a = math.cos(a.yaw), math.sin(a.yaw)
-    cos_b, sin_b = math.cos(b.yaw), math.sin(b.yaw)
     for corner in range(4):
         x = p.half_length if corner < 2 else -p.half_length
         y = p.half_width if corner % 2 == 0 else -p.half_width
-        world_x = a.x + x * cos_a - y * sin_a
-        world_y = a.y + x * sin_a + y * cos_a
-        along = (world_x - b.x) * cos_b + (world_y - b.y) * sin_b
-        across = (world_y - b.y) * cos_b - (world_x - b.x) * sin_b
+        world_x = a.x + x * a.cos_yaw - y * a.sin_yaw
+        world_y = a.y + x * a.sin_yaw + y * a.cos_yaw
+        along = (world_x - b.x) * b.cos_yaw + (world_y - b.y) * b.sin_yaw
+        across = (world_y - b.y) * b.cos_yaw - (world_x - b.x) * b.sin_yaw
         if abs(along) <= p.half_length and abs(across) <= p.half_width:
             sum_x += world_x
             sum_y += world_y
@@ -74,8 +70,8 @@ def collide(a: CarRecord, b: CarRecord, p: CarParameters) -> float:
     depth = 1e9
     normal_x = normal_y = 0.0
     for side in range(4):
-        yaw = (a.yaw if side < 2 else b.yaw) + (0.0 if side % 2 == 0 else 0.5 * math.pi)
-        axis_x, axis_y = math.cos(yaw), math.sin(yaw)
+        car = a if side < 2 else b
+        axis_x, axis_y = (car.cos_yaw, car.sin_yaw) if side % 2 == 0 else (-car.sin_yaw, car.cos_yaw)
         overlap = overlap_on(axis_x, axis_y, dx, dy, a, b, p)
         if overlap <= 0.0:
             return -1.0

@@ -93,14 +93,18 @@ def locate(car: CarRecord, course: CourseParameters) -> None:
     line = course.table[car.row]
     car.lateral = aside - 0.5 * line[CURVATURE] * ahead * ahead / bend
     car.progress = car.wraps * course.length + car.row * course.spacing + along
-    cos_yaw, sin_yaw = math.cos(car.yaw), math.sin(car.yaw)
-    car.heading_error = (
-        math.atan2(
-            sin_yaw * line[TANGENT_X] - cos_yaw * line[TANGENT_Y],
-            cos_yaw * line[TANGENT_X] + sin_yaw * line[TANGENT_Y],
-        )
-        - line[CURVATURE] * along
+
+
+@inlined
+def heading_error(car: CarRecord, course: CourseParameters) -> float:
+    """Yaw of a located car minus the direction of the centre line beside it, rad in [-pi, pi]."""
+    line = course.table[car.row]
+    along = car.progress - car.wraps * course.length - car.row * course.spacing
+    error = math.atan2(
+        car.sin_yaw * line[TANGENT_X] - car.cos_yaw * line[TANGENT_Y],
+        car.cos_yaw * line[TANGENT_X] + car.sin_yaw * line[TANGENT_Y],
     )
+    return error - line[CURVATURE] * along
 
 
 @inlined
@@ -121,7 +125,8 @@ def stand_on(
             grip[wheel] = 1.0
             drag[wheel] = p.rolling_resistance
         return 0
-    sin_error, cos_error = math.sin(car.heading_error), math.cos(car.heading_error)
+    error = heading_error(car, course)
+    sin_error, cos_error = math.sin(error), math.cos(error)
     out = 0
     for wheel in range(4):
         x = p.a if wheel < 2 else -p.b
@@ -148,7 +153,8 @@ def meet_walls(car: CarRecord, p: CarParameters, course: CourseParameters) -> bo
     reach = p.half_length + p.half_width
     if car.lateral + reach < line[WALL_LEFT] and car.lateral - reach > -line[WALL_RIGHT]:
         return False
-    sin_error, cos_error = math.sin(car.heading_error), math.cos(car.heading_error)
+    error = heading_error(car, course)
+    sin_error, cos_error = math.sin(error), math.cos(error)
     depth = 0.0
     side = deepest_x = deepest_y = 0.0
     for corner in range(4):
@@ -164,9 +170,8 @@ def meet_walls(car: CarRecord, p: CarParameters, course: CourseParameters) -> bo
             depth, side, deepest_x, deepest_y = beyond_right, 1.0, x, y
     if side == 0.0:
         return False
-    cos_yaw, sin_yaw = math.cos(car.yaw), math.sin(car.yaw)
-    arm_x = deepest_x * cos_yaw - deepest_y * sin_yaw
-    arm_y = deepest_x * sin_yaw + deepest_y * cos_yaw
+    arm_x = deepest_x * car.cos_yaw - deepest_y * car.sin_yaw
+    arm_y = deepest_x * car.sin_yaw + deepest_y * car.cos_yaw
     hit_wall(car, arm_x, arm_y, -side * line[TANGENT_Y], side * line[TANGENT_X], depth, p)
     return True
 

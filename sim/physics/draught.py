@@ -39,6 +39,6 @@ def set_draught(cars: np.ndarray, car_length: float) -> None:
             dy = leader.y - follower.y
             if dx * dx + dy * dy > (REACH + car_length) ** 2:
                 continue
-            cos_yaw, sin_yaw = math.cos(leader.yaw), math.sin(leader.yaw)
-            total += wake(dx * cos_yaw + dy * sin_yaw - car_length, dy * cos_yaw - dx * sin_yaw)
+            behind = dx * leader.cos_yaw + dy * leader.sin_yaw - car_length
+            total += wake(behind, dy * leader.cos_yaw - dx * leader.sin_yaw)
         follower.draught = min(total, 1.0)
