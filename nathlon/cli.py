@@ -32,7 +32,7 @@ def demo(
     out: Out = Path("runs/demo"),
     seed: Seed = 1,
     shortlist: Shortlist = 6,
-    pairs: Pairs = 6,
+    pairs: Pairs = 12,
     workers: Workers = None,
 ) -> None:
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
@@ -52,7 +52,7 @@ def evaluate(
     out: Out = Path("runs/evaluation"),
     seed: Seed = 1,
     shortlist: Shortlist = 6,
-    pairs: Pairs = 6,
+    pairs: Pairs = 12,
     workers: Workers = None,
 ) -> None:
     """Select the best of your own checkpoints, the same way as the demo."""

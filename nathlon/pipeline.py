@@ -53,7 +53,7 @@ class Settings:
 
     seed: int = 1
     shortlist: int = 6
-    pairs: int = 6
+    pairs: int = 12
     workers: int = 1
 
 

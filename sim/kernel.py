@@ -5,9 +5,11 @@ marks a lap that was not driven. The order of sums is kept, so that results do n
 races are batched.
 """
 
+from typing import Any
+
 from numba import njit
 
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     "nogil": True,
     "cache": True,
     "error_model": "numpy",
