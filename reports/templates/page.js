@@ -132,7 +132,7 @@ if (source) {
     host.append(chart(value, width, format, labels));
   };
 
-  for (const [id, value, format] of [["off-chart", "off", "~%"], ["contact-chart", "contacts", "~r"]]) {
+  for (const [id, value, format] of [["off-chart", "off", "~p"], ["contact-chart", "contacts", "~r"]]) {
     const host = document.getElementById(id);
     let drawn = 0;
     new ResizeObserver(() => {

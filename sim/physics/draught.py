@@ -12,6 +12,7 @@ LENGTH = 32.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car
 SPREAD = 0.04  # m of half-width gained per metre
 REACH = 110.0  # m
+EDGE = 4.0  # half-widths beside the wake where nothing of it is left: exp(-8) = 0.0003
 
 
 @inlined
@@ -20,6 +21,8 @@ def wake(behind: float, beside: float) -> float:
     if behind < 0.0 or behind > REACH:
         return 0.0
     spread = beside / (WIDTH + SPREAD * behind)
+    if abs(spread) > EDGE:
+        return 0.0
     return math.exp(-behind / LENGTH - 0.5 * spread * spread)
 
 
