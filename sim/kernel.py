@@ -5,9 +5,35 @@ marks a lap that was not driven. The order of sums is kept, so that results do n
 races are batched.
 """
 
+import hashlib
+import os
+from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import config, njit
+
+
+def _cache_by_source() -> None:
+    """Keep compiled functions apart by the source of the whole simulator, unless NUMBA_CACHE_DIR is set.
+
+    Numba notices a change in a function's own file, but not in the constants and functions that it
+    takes from others: it would go on with the old ones.
+    """
+    if config.CACHE_DIR:  # type: ignore[attr-defined]  # set when numba loads
+        return
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(home) / "nathlon" / digest.hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return  # without a writable home, Numba's own choice of a place has to do
+    config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+
+
+_cache_by_source()
 
 OPTIONS: dict[str, Any] = {
     "nogil": True,
