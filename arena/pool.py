@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import lru_cache
@@ -43,7 +44,13 @@ def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match,
     before = {name: os.environ.get(name) for name in BLAS_THREADS}
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
     try:
-        with ProcessPoolExecutor(min(workers, len(matches)), mp_context=get_context("spawn")) as pool:
+        # Ctrl-C is for this process to handle: workers end what they are at.
+        with ProcessPoolExecutor(
+            min(workers, len(matches)),
+            mp_context=get_context("spawn"),
+            initializer=signal.signal,
+            initargs=(signal.SIGINT, signal.SIG_IGN),
+        ) as pool:
             try:
                 running = {pool.submit(_run, match): match for match in matches}
                 for done in as_completed(running):
