@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import lru_cache
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 
 import polars as pl
 
@@ -44,7 +44,8 @@ def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match,
     before = {name: os.environ.get(name) for name in BLAS_THREADS}
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
     try:
-        # Ctrl-C is for this process to handle: workers end what they are at.
+        # Ctrl-C is for this process to handle; it then ends its workers at once, for a match that is
+        # not finished is not stored.
         with ProcessPoolExecutor(
             min(workers, len(matches)),
             mp_context=get_context("spawn"),
@@ -57,6 +58,8 @@ def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match,
                     yield running[done], done.result()
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
+                for worker in active_children():
+                    worker.terminate()
                 raise
     finally:
         for name, value in before.items():
