@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from nathlon.battery import MEASURES
 from nathlon.scoring import Scoring
-from sim.errors import InputError, first_fault
+from sim.data_file import read_toml
+from sim.errors import InputError
 from sim.scenario import load_scenario
 
 SKILLS_FOLDER = Path(__file__).parent / "data" / "skills"
@@ -77,14 +77,7 @@ def read_skill(path: Path) -> Skill:
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
-    try:
-        skill = Skill.model_validate(tomllib.loads(path.read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the skill file: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+    skill = read_toml(path, Skill, "skill file")
     cars = load_scenario(skill.scenario).cars
     if not all(1 <= slot <= cars for slot in skill.slots):
         raise InputError(f"{path}: field slots is {skill.slots}: expected places from 1 to {cars}")

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from sim.errors import InputError, first_fault
+from sim.data_file import read_toml
+from sim.errors import InputError
 
 CARS = Path(__file__).parent / "data" / "cars"
 TORQUE_POINTS = 64
@@ -240,14 +240,7 @@ def read_car(path: Path) -> Car:
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
-    try:
-        return Car.model_validate(tomllib.loads(path.read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the car file: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+    return read_toml(path, Car, "car file")
 
 
 @lru_cache

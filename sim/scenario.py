@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from sim.errors import InputError, first_fault
+from sim.data_file import read_toml
+from sim.errors import InputError
 from sim.track import CURVATURE, LEFT, RIGHT, Track
 from sim.world import Start
 
@@ -147,14 +147,7 @@ def read_scenario(path: Path) -> Scenario:
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
-    try:
-        return Scenario.model_validate(tomllib.loads(path.read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the scenario file: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+    return read_toml(path, Scenario, "scenario file")
 
 
 @lru_cache

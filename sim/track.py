@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,10 +9,11 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from scipy.interpolate import CubicSpline
 
-from sim.errors import InputError, first_fault
+from sim.data_file import read_toml
+from sim.errors import InputError
 
 CIRCUITS = Path(__file__).parent / "data" / "circuits"
 SPACING_M = 2.0
@@ -177,14 +177,7 @@ def read_track(path: Path) -> Track:
     Raises:
         InputError: if a file cannot be read, or a field is missing, unknown or out of range.
     """
-    try:
-        facts = CircuitFile.model_validate(tomllib.loads(path.read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the circuit file: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+    facts = read_toml(path, CircuitFile, "circuit file")
     return build_track(_read_centre_line(path.parent / facts.centre_line), facts)
 
 

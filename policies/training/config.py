@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from policies.qrsac.config import QRSACConfig
 from policies.training.rewards import RewardWeights
-from sim.errors import InputError, first_fault
+from sim.data_file import read_toml
 from sim.observation import ObservationSpec
 
 Count = Annotated[int, Field(ge=1)]
@@ -81,11 +80,4 @@ def read_config(path: Path) -> TrainingConfig:
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
-    try:
-        return TrainingConfig.model_validate(tomllib.loads(path.read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the training configuration: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+    return read_toml(path, TrainingConfig, "training configuration")
