@@ -1,92 +1,155 @@
-"""Circuits: a closed centre line with widths and walls, sampled evenly along its length."""
+"""Circuits: a closed ribbon of road in space, sampled evenly along its centre line."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline
 
-from sim.data_file import read_toml
+from sim.data_file import DATA, Section, find_data, read_toml
 from sim.errors import InputError
 
-CIRCUITS = Path(__file__).parent / "data" / "circuits"
 SPACING_M = 2.0
-COLUMNS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m", "wall_right_m", "wall_left_m")
+TAPER_M = 8.0
+"""Over this length a kerb grows to its width."""
+COLUMNS = (
+    "x_m",
+    "y_m",
+    "z_m",
+    "w_tr_right_m",
+    "w_tr_left_m",
+    "bank_rad",
+    "wall_right_m",
+    "wall_left_m",
+)
+RIGHT_WIDTH, LEFT_WIDTH, BANK_ANGLE, RIGHT_WALL, LEFT_WALL = range(3, 8)
 
-# Columns of `Track.table`, so that what one look-up needs lies in one cache line.
+# Columns of `Track.table`, so that what one look-up needs lies close together.
 X, Y, TANGENT_X, TANGENT_Y, CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT = range(9)
-LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y = range(9, 13)
-TABLE_WIDTH = 16
+SLOPE, BANK, CREST, TWIST, KERB_LEFT, KERB_RIGHT, RUNOFF_LEFT, RUNOFF_RIGHT, Z, SECTION, ZONE = range(9, 20)
+TABLE_WIDTH = 20
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+SURFACES = ("tarmac", "kerb", "grass", "gravel")
+Runoff = Literal["tarmac", "grass", "gravel"]
+Side = Literal["left", "right"]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Grid(_Section):
+class Grid(Section):
     """Where the starting places lie."""
 
     pole_m: float
     spacing_m: Positive
-    lateral_m: Annotated[float, Field(ge=0)]
+    lateral_m: NotNegative
 
 
-class Corner(_Section):
-    """A named stretch of the circuit."""
+class Stretch(Section):
+    """A part of the lap, m along the centre line."""
+
+    start_m: NotNegative
+    end_m: Positive
+
+    @model_validator(mode="after")
+    def _forward(self) -> Stretch:
+        if self.start_m >= self.end_m:
+            raise ValueError("start_m must lie before end_m")
+        return self
+
+
+class NamedSection(Stretch):
+    """A stretch with a name of its own."""
 
     name: str
-    start_m: Annotated[float, Field(ge=0)]
-    end_m: Annotated[float, Field(ge=0)]
+    kind: Literal["corner", "chicane", "straight"]
 
 
-class CircuitFile(_Section):
+class Kerb(Stretch):
+    """A kerb beside the road: in bounds, with less grip."""
+
+    side: Side
+    width_m: Positive
+
+
+class RunoffStretch(Stretch):
+    """Run-off that differs from the circuit's usual one."""
+
+    side: Side
+    surface: Runoff
+
+
+class CircuitFile(Section):
     """The circuit's TOML file."""
 
     name: str
     description: str
     centre_line: str
-    kerb_width_m: Annotated[float, Field(ge=0)]
-    verge_grip: Annotated[float, Field(gt=0, le=1)]
-    verge_rolling_resistance: Annotated[float, Field(ge=0)]
+    runoff: Runoff
+    sectors_m: tuple[Positive, Positive]
     grid: Grid
-    corner: tuple[Corner, ...] = ()
+    section: tuple[NamedSection, ...] = ()
+    kerb: tuple[Kerb, ...] = ()
+    runoff_stretch: tuple[RunoffStretch, ...] = ()
+    penalty_zone: tuple[Stretch, ...] = ()
+
+    @model_validator(mode="after")
+    def _in_order(self) -> CircuitFile:
+        if self.sectors_m[0] >= self.sectors_m[1]:
+            raise ValueError("sectors_m must rise")
+        for before, after in pairwise(self.section):
+            if after.start_m < before.end_m:
+                raise ValueError(f"section {after.name!r} must begin where {before.name!r} ends, or later")
+        return self
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
     """A circuit ready to drive on.
 
+    Lengths, speeds and angles are those of the map, the projection on the horizontal plane.
+
     Attributes:
-        table: (n, TABLE_WIDTH) float64, one row every `spacing` metres of centre line: position,
-            unit tangent, curvature (1/m, + is left), distances from the centre line to edges and
-            walls (m), positions of the edges. World frame, x east, y north.
+        table: (n, TABLE_WIDTH) float64, one row every `spacing` metres of centre line. World frame,
+            x east, y north, z up. Position, unit tangent, curvature (1/m, + is left), distances from
+            the centre line to edges and walls (m), slope dz/ds, bank dz/dn (n is left), their
+            derivatives along the line (crest, twist, 1/m), widths of the kerbs (m), surfaces of the
+            run-off (indices of SURFACES), index of the section or -1, whether it is a penalty zone.
+        edges: (n, 12) float32: x of left edge, centre line and right edge, a zero; y alike; z alike.
         length: of the centre line, m.
         spacing: of the rows, m.
+        sectors: where the sectors begin, m; the first at 0.
     """
 
     name: str
     description: str
     table: NDArray[np.float64]
+    edges: NDArray[np.float32]
     length: float
     spacing: float
-    kerb_width: float
-    verge_grip: float
-    verge_rolling_resistance: float
+    sectors: tuple[float, ...]
     grid: Grid
-    corners: tuple[Corner, ...]
+    sections: tuple[NamedSection, ...]
 
     def offset_line(self, offset: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """The closed line at `offset` metres left of the centre line, (n, 2)."""
-        normal = np.stack([-self.table[:, TANGENT_Y], self.table[:, TANGENT_X]], axis=1)
-        return self.table[:, [X, Y]] + normal * np.reshape(np.broadcast_to(offset, len(self.table)), (-1, 1))
+        """The closed line at `offset` metres left of the centre line, (n, 3)."""
+        aside = np.broadcast_to(offset, len(self.table))
+        table = self.table
+        return np.stack(
+            [
+                table[:, X] - table[:, TANGENT_Y] * aside,
+                table[:, Y] + table[:, TANGENT_X] * aside,
+                table[:, Z] + table[:, BANK] * aside,
+            ],
+            axis=1,
+        )
 
     def pose(
         self, distance: NDArray[np.float64], lateral: NDArray[np.float64]
@@ -102,6 +165,28 @@ class Track:
         y = row[..., Y] + np.cos(heading) * lateral
         return x, y, heading
 
+    def stretch(self, name: str) -> tuple[float, float]:
+        """Where a section begins and ends, m.
+
+        Args:
+            name: of a section, or `longest straight`, `last chicane`.
+
+        Raises:
+            InputError: if the circuit has no such section.
+        """
+        kind = {"longest straight": "straight", "last chicane": "chicane"}.get(name)
+        found = [section for section in self.sections if name == section.name or kind == section.kind]
+        if not found:
+            raise InputError(f"circuit {self.name!r} has no section {name!r}")
+        section = max(found, key=lambda s: s.end_m - s.start_m) if kind == "straight" else found[-1]
+        return section.start_m, section.end_m
+
+    def section_at(self, distance: float) -> str:
+        """Name of the section at a distance along the centre line, m; '' where there is none."""
+        row = math.floor(distance / self.spacing) % len(self.table)
+        index = int(self.table[row, SECTION])
+        return self.sections[index].name if index >= 0 else ""
+
 
 def _read_centre_line(path: Path) -> NDArray[np.float64]:
     try:
@@ -116,59 +201,114 @@ def _read_centre_line(path: Path) -> NDArray[np.float64]:
         raise InputError(f"{path}: expected {len(COLUMNS)} numbers on every line") from None
     if points.ndim != 2 or points.shape[1:] != (len(COLUMNS),) or len(points) < 20:
         raise InputError(f"{path}: expected at least 20 lines of {len(COLUMNS)} numbers")
-    if not np.isfinite(points).all() or (points[:, 2:] <= 0).any():
+    widths = points[:, [RIGHT_WIDTH, LEFT_WIDTH]]
+    if not np.isfinite(points).all() or (widths <= 0).any():
         raise InputError(f"{path}: expected finite positions and positive widths on every line")
     if (np.hypot(*(points[:, :2] - np.roll(points[:, :2], 1, axis=0)).T) < 0.01).any():
         raise InputError(
             f"{path}: x_m, y_m: expected no point twice in a row, nor the first again at the end"
         )
-    if (points[:, 4:] < points[:, 2:4]).any():
+    if (np.abs(points[:, BANK_ANGLE]) > 0.6).any():
+        raise InputError(f"{path}: bank_rad: expected angles from -0.6 to 0.6 rad on every line")
+    if (points[:, [RIGHT_WALL, LEFT_WALL]] < widths).any():
         raise InputError(f"{path}: wall_right_m, wall_left_m: expected walls outside the edges on every line")
     return points
+
+
+def _kerb_widths(kerbs: tuple[Kerb, ...], side: Side, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    widths = np.zeros(len(distance))
+    for kerb in kerbs:
+        if kerb.side == side:
+            inside = np.minimum(distance - kerb.start_m, kerb.end_m - distance)
+            widths = np.maximum(widths, kerb.width_m * np.clip(inside / TAPER_M, 0.0, 1.0))
+    return widths
+
+
+def _runoff(facts: CircuitFile, side: Side, distance: NDArray[np.float64]) -> NDArray[np.int64]:
+    surfaces = np.full(len(distance), SURFACES.index(facts.runoff))
+    for stretch in facts.runoff_stretch:
+        if stretch.side == side:
+            surfaces[_within(stretch, distance)] = SURFACES.index(stretch.surface)
+    return surfaces
+
+
+def _within(stretch: Stretch, distance: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return (distance >= stretch.start_m) & (distance < stretch.end_m)
 
 
 def build_track(points: NDArray[np.float64], facts: CircuitFile) -> Track:
     """A track through the points of a closed centre line.
 
     Args:
-        points: (n, 6) float64, columns as in COLUMNS.
+        points: (n, 8) float64, columns as in COLUMNS.
         facts: everything else about the circuit.
     """
     closed = np.vstack([points, points[:1]])
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed[:, :2], axis=0).T))])
-    line = CubicSpline(chord, closed[:, :2], bc_type="periodic")
+    line = CubicSpline(chord, closed[:, :3], bc_type="periodic")
     fine = np.linspace(0.0, chord[-1], 20 * len(points) + 1)
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line(fine), axis=0).T))])
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line(fine)[:, :2], axis=0).T))])
     length = float(arc[-1])
     rows = round(length / SPACING_M)
-    at = np.interp(np.arange(rows) * (length / rows), arc, fine)
+    spacing = length / rows
+    distance = np.arange(rows).astype(np.float64) * spacing
+    at = np.interp(distance, arc, fine)
     position, first, second = line(at), line(at, 1), line(at, 2)
     speed = np.hypot(first[:, 0], first[:, 1])
-    tangent = first / speed[:, None]
-    curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3
-    widths = np.stack([np.interp(at, chord, closed[:, column]) for column in range(2, 6)], axis=1)
-    right, left, wall_right, wall_left = widths.T
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    tangent = first[:, :2] / speed[:, None]
+    right, left, bank_angle, wall_right, wall_left = (
+        np.interp(at, chord, closed[:, column]) for column in range(RIGHT_WIDTH, len(COLUMNS))
+    )
+    slope, bank = first[:, 2] / speed, np.tan(bank_angle)
+
     table = np.zeros((rows, TABLE_WIDTH))
-    table[:, [X, Y]] = position
+    table[:, [X, Y, Z]] = position
     table[:, [TANGENT_X, TANGENT_Y]] = tangent
-    table[:, CURVATURE] = curvature
+    table[:, CURVATURE] = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3
     table[:, LEFT], table[:, RIGHT] = left, right
     table[:, WALL_LEFT], table[:, WALL_RIGHT] = wall_left, wall_right
-    table[:, [LEFT_X, LEFT_Y]] = position + normal * left[:, None]
-    table[:, [RIGHT_X, RIGHT_Y]] = position - normal * right[:, None]
-    return Track(
+    table[:, SLOPE], table[:, BANK] = slope, bank
+    # Slope and bank run straight from row to row, so that no energy comes from their steps.
+    table[:, CREST] = (np.roll(slope, -1) - slope) / spacing
+    table[:, TWIST] = (np.roll(bank, -1) - bank) / spacing
+    table[:, KERB_LEFT] = _kerb_widths(facts.kerb, "left", distance)
+    table[:, KERB_RIGHT] = _kerb_widths(facts.kerb, "right", distance)
+    table[:, RUNOFF_LEFT] = _runoff(facts, "left", distance)
+    table[:, RUNOFF_RIGHT] = _runoff(facts, "right", distance)
+    table[:, SECTION] = -1
+    for index, section in enumerate(facts.section):
+        table[_within(section, distance), SECTION] = index
+    for zone in facts.penalty_zone:
+        table[_within(zone, distance), ZONE] = 1.0
+
+    track = Track(
         name=facts.name,
         description=facts.description,
         table=table,
+        edges=np.zeros((rows, 12), np.float32),
         length=length,
-        spacing=length / rows,
-        kerb_width=facts.kerb_width_m,
-        verge_grip=facts.verge_grip,
-        verge_rolling_resistance=facts.verge_rolling_resistance,
+        spacing=spacing,
+        sectors=(0.0, *facts.sectors_m),
         grid=facts.grid,
-        corners=facts.corner,
+        sections=facts.section,
     )
+    for place, offset in enumerate((left, np.zeros(rows), -right)):
+        track.edges[:, [place, place + 4, place + 8]] = track.offset_line(offset)
+    return track
+
+
+def _check_on_lap(path: Path, facts: CircuitFile, track: Track) -> None:
+    for field in ("section", "kerb", "runoff_stretch", "penalty_zone"):
+        for stretch in getattr(facts, field):
+            if stretch.end_m > track.length + track.spacing:
+                raise InputError(
+                    f"{path}: {field}: end_m is {stretch.end_m:g}, "
+                    f"expected at most the lap's {track.length:.1f} m"
+                )
+    if facts.sectors_m[1] >= track.length:
+        raise InputError(
+            f"{path}: sectors_m: {facts.sectors_m[1]:g} is not on the lap of {track.length:.1f} m"
+        )
 
 
 def read_track(path: Path) -> Track:
@@ -177,8 +317,10 @@ def read_track(path: Path) -> Track:
     Raises:
         InputError: if a file cannot be read, or a field is missing, unknown or out of range.
     """
-    facts = read_toml(path, CircuitFile, "circuit file")
-    return build_track(_read_centre_line(path.parent / facts.centre_line), facts)
+    facts = read_toml(path, CircuitFile, "circuit")
+    track = build_track(_read_centre_line(path.parent / facts.centre_line), facts)
+    _check_on_lap(path, facts, track)
+    return track
 
 
 @lru_cache
@@ -188,10 +330,4 @@ def load_track(name: str) -> Track:
     Raises:
         InputError: if there is no such circuit or its file is wrong.
     """
-    if name.endswith(".toml"):
-        return read_track(Path(name))
-    path = CIRCUITS / name / "circuit.toml"
-    if not path.is_file():
-        known = ", ".join(sorted(p.parent.name for p in CIRCUITS.glob("*/circuit.toml")))
-        raise InputError(f"circuit {name!r} is unknown; expected one of {known}, or the path of a .toml file")
-    return read_track(path)
+    return read_track(find_data(name, "circuit", DATA / "circuits"))
