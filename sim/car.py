@@ -8,24 +8,20 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from sim.data_file import read_toml
+from sim.data_file import DATA, Section, find_data, read_toml
 from sim.errors import InputError
+from sim.tyre_curve import curve_cells
 
-CARS = Path(__file__).parent / "data" / "cars"
 TORQUE_POINTS = 64
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Body(_Section):
+class Body(Section):
     mass_kg: Positive
     yaw_inertia_kg_m2: Positive
     length_m: Positive
@@ -39,7 +35,7 @@ class Body(_Section):
     load_transfer_lag_s: Positive
 
 
-class Aero(_Section):
+class Aero(Section):
     drag_area_m2: NotNegative
     downforce_area_m2: NotNegative
     downforce_front_share: Share
@@ -47,18 +43,18 @@ class Aero(_Section):
     draught_downforce_share: Share
 
 
-class Steering(_Section):
+class Steering(Section):
     full_lock_rad: Annotated[float, Field(gt=0, lt=1.2)]
     rate_rad_s: Positive
 
 
-class Brakes(_Section):
+class Brakes(Section):
     torque_n_m: Positive
     front_share: Share
     abs_slip: Positive
 
 
-class Engine(_Section):
+class Engine(Section):
     rpm: tuple[Positive, ...]
     torque_n_m: tuple[NotNegative, ...]
     braking_torque_n_m: NotNegative
@@ -78,20 +74,28 @@ class Engine(_Section):
         return self
 
 
-class Gearbox(_Section):
+class Gearbox(Section):
     ratios: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=10)]
     final_drive: Positive
     efficiency: Annotated[float, Field(gt=0, le=1)]
+    front_share: Share  # of the torque: 0 drives the rear wheels, 1 the front ones
     differential_lock_n_m_s: NotNegative
 
 
-class Wheel(_Section):
+class Fuel(Section):
+    capacity_kg: Positive
+    consumption_kg_j: NotNegative
+
+
+class Wheel(Section):
     radius_m: Positive
     inertia_kg_m2: Positive
     rolling_resistance: NotNegative
 
 
-class Tyre(_Section):
+class Tyre(Section):
+    compound: str
+    wear_j: Positive
     load_n: tuple[Positive, Positive]
     friction_longitudinal: tuple[Positive, Positive]
     friction_lateral: tuple[Positive, Positive]
@@ -106,7 +110,7 @@ class Tyre(_Section):
         return self
 
 
-class Car(_Section):
+class Car(Section):
     """A car as its file describes it; see `sim/data/cars/gt3.toml` for the meaning of each field."""
 
     name: str
@@ -116,6 +120,7 @@ class Car(_Section):
     steering: Steering
     brakes: Brakes
     engine: Engine
+    fuel: Fuel
     gearbox: Gearbox
     wheel: Wheel
     tyre: Tyre
@@ -124,7 +129,7 @@ class Car(_Section):
 class CarParameters(NamedTuple):
     """What the kernels read: plain SI numbers, and arrays where a quantity is a table."""
 
-    mass: float
+    dry_mass: float
     yaw_inertia: float
     half_length: float
     half_width: float
@@ -156,6 +161,7 @@ class CarParameters(NamedTuple):
     traction_slip: float
     ratios: NDArray[np.float64]  # overall, engine to wheel
     efficiency: float
+    drive_front: float
     differential: float
     radius: float
     wheel_inertia: float
@@ -169,12 +175,19 @@ class CarParameters(NamedTuple):
     peak_x_slope: float
     peak_y: float
     peak_y_slope: float
-    shape: float
-    stiffness: float  # of the magic formula: puts the peak at combined slip 1
+    curve: NDArray[np.float64]  # (CELLS, 4) shape of the magic formula, see sim.tyre_curve
+    wear_per_joule: float
+    fuel_capacity: float
+    fuel_per_joule: float
 
 
-def parameters(car: Car) -> CarParameters:
-    """The kernel's view of a car."""
+def parameters(car: Car, compound: str | None = None) -> CarParameters:
+    """The kernel's view of a car on tyres of a compound, its own unless another is named.
+
+    Raises:
+        InputError: if there is no such compound.
+    """
+    grip, wear = compound_ratio(car.tyre.compound, compound or car.tyre.compound)
     body, aero, engine, gearbox, tyre = car.body, car.aero, car.engine, car.gearbox, car.tyre
     low, high = tyre.load_n
 
@@ -184,7 +197,7 @@ def parameters(car: Car) -> CarParameters:
     rpm_max = engine.rpm[-1]
     torque = np.interp(np.linspace(0.0, rpm_max, TORQUE_POINTS), engine.rpm, engine.torque_n_m)
     return CarParameters(
-        mass=body.mass_kg,
+        dry_mass=body.mass_kg - car.fuel.capacity_kg,
         yaw_inertia=body.yaw_inertia_kg_m2,
         half_length=body.length_m / 2,
         half_width=body.width_m / 2,
@@ -216,22 +229,58 @@ def parameters(car: Car) -> CarParameters:
         traction_slip=engine.traction_slip,
         ratios=np.array(gearbox.ratios) * gearbox.final_drive,
         efficiency=gearbox.efficiency,
+        drive_front=gearbox.front_share,
         differential=gearbox.differential_lock_n_m_s,
         radius=car.wheel.radius_m,
         wheel_inertia=car.wheel.inertia_kg_m2,
         rolling_resistance=car.wheel.rolling_resistance,
         load_low=low,
-        friction_x=tyre.friction_longitudinal[0],
-        friction_x_slope=slope(tyre.friction_longitudinal),
-        friction_y=tyre.friction_lateral[0],
-        friction_y_slope=slope(tyre.friction_lateral),
+        friction_x=grip * tyre.friction_longitudinal[0],
+        friction_x_slope=grip * slope(tyre.friction_longitudinal),
+        friction_y=grip * tyre.friction_lateral[0],
+        friction_y_slope=grip * slope(tyre.friction_lateral),
         peak_x=tyre.peak_slip_ratio[0],
         peak_x_slope=slope(tyre.peak_slip_ratio),
         peak_y=tyre.peak_slip_angle_rad[0],
         peak_y_slope=slope(tyre.peak_slip_angle_rad),
-        shape=tyre.shape,
-        stiffness=float(np.tan(np.pi / (2 * tyre.shape))),
+        curve=curve_cells(tyre.shape),
+        wear_per_joule=wear / tyre.wear_j,
+        fuel_capacity=car.fuel.capacity_kg,
+        fuel_per_joule=car.fuel.consumption_kg_j,
     )
+
+
+class Compound(Section):
+    """A tyre compound: its grip and how fast it wears, against the others."""
+
+    grip: Positive
+    wear: Positive
+
+
+class Compounds(Section):
+    """All compounds by name."""
+
+    compound: dict[str, Compound]
+
+
+@lru_cache
+def load_compounds() -> dict[str, Compound]:
+    """The compounds that can be fitted, by name."""
+    return read_toml(DATA / "compounds.toml", Compounds, "compounds").compound
+
+
+def compound_ratio(base: str, fitted: str) -> tuple[float, float]:
+    """Grip and wear of one compound as multiples of another's.
+
+    Raises:
+        InputError: if there is no such compound.
+    """
+    compounds = load_compounds()
+    for name in (base, fitted):
+        if name not in compounds:
+            known = ", ".join(compounds)
+            raise InputError(f"tyre compound {name!r} is unknown; expected one of {known}")
+    return compounds[fitted].grip / compounds[base].grip, compounds[fitted].wear / compounds[base].wear
 
 
 def read_car(path: Path) -> Car:
@@ -240,7 +289,7 @@ def read_car(path: Path) -> Car:
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
-    return read_toml(path, Car, "car file")
+    return read_toml(path, Car, "car")
 
 
 @lru_cache
@@ -250,8 +299,4 @@ def load_car(name: str) -> Car:
     Raises:
         InputError: if there is no such car or its file is wrong.
     """
-    path = Path(name) if name.endswith(".toml") else CARS / f"{name}.toml"
-    if path.parent == CARS and not path.is_file():
-        known = ", ".join(sorted(p.stem for p in CARS.glob("*.toml")))
-        raise InputError(f"car {name!r} is unknown; expected one of {known}, or the path of a .toml file")
-    return read_car(path)
+    return read_car(find_data(name, "car", DATA / "cars"))

@@ -12,9 +12,12 @@ from typing import Any
 
 from numba import config, njit
 
+PACKAGES = ("sim", "policies")
+"""Those with kernels, beside each other."""
+
 
 def _cache_by_source() -> None:
-    """Keep compiled functions apart by the source of the whole simulator, unless NUMBA_CACHE_DIR is set.
+    """Keep compiled functions apart by the source of all that has kernels, unless NUMBA_CACHE_DIR is set.
 
     Numba notices a change in a function's own file, but not in the constants and functions that it
     takes from others: it would go on with the old ones.
@@ -22,8 +25,10 @@ def _cache_by_source() -> None:
     if config.CACHE_DIR:  # type: ignore[attr-defined]  # set when numba loads
         return
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
+    root = Path(__file__).parent.parent
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            digest.update(path.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(home) / "nathlon" / digest.hexdigest()[:16]
     try:

@@ -1,39 +1,52 @@
-"""Contact: oriented boxes against each other and against walls, by impulse with friction."""
+"""Contact: oriented boxes against each other and against walls, by impulse with friction.
+
+Impulses are taken one after the other, first along the normal and then along the contact, each from
+the velocity that the last one left: so none of them can add energy.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from sim.car import CarParameters
 from sim.kernel import inlined
-from sim.physics.chassis import set_body_velocity
+from sim.physics.body import mobility, point_velocity, push, set_body_velocity
 from sim.state import CarRecord
 
 CAR_RESTITUTION = 0.15
 CAR_FRICTION = 0.35
 WALL_RESTITUTION = 0.1
 WALL_FRICTION = 0.4
+RESTING = 1.0
+"""m/s: what meets more slowly does not bounce, so that a pile comes to rest."""
+
+
+class Touch(NamedTuple):
+    """How two cars touch.
+
+    Attributes:
+        closing: speed at the point of contact along the normal, m/s; 0 if they part, -1.0 where the
+            boxes do not overlap.
+        x, y: the point, world frame, m.
+        normal_x, normal_y: unit vector from the first car to the second, world frame.
+    """
+
+    closing: float
+    x: float
+    y: float
+    normal_x: float
+    normal_y: float
 
 
 @inlined
-def push(
-    car: CarRecord, arm_x: float, arm_y: float, impulse_x: float, impulse_y: float, p: CarParameters
-) -> None:
-    """Apply an impulse (N s, world frame) at an arm (m, world frame) from the centre of mass."""
-    car.world_velocity_x += impulse_x / p.mass
-    car.world_velocity_y += impulse_y / p.mass
-    car.yaw_rate += (arm_x * impulse_y - arm_y * impulse_x) / p.yaw_inertia
-
-
-@inlined
-def overlap_on(
-    axis_x: float, axis_y: float, dx: float, dy: float, a: CarRecord, b: CarRecord, p: CarParameters
-) -> float:
-    """Overlap (m) of two cars' boxes projected on a unit axis; negative where they are apart."""
+def reach_on(axis_x: float, axis_y: float, a: CarRecord, b: CarRecord, p: CarParameters) -> float:
+    """Distance (m) of two cars' centres along a unit axis below which their boxes overlap on it."""
     reach = 0.0
     for cos_yaw, sin_yaw in ((a.cos_yaw, a.sin_yaw), (b.cos_yaw, b.sin_yaw)):
         along = cos_yaw * axis_x + sin_yaw * axis_y
         across = cos_yaw * axis_y - sin_yaw * axis_x
         reach += p.half_length * abs(along) + p.half_width * abs(across)
-    return reach - abs(dx * axis_x + dy * axis_y)
+    return reach
 
 
 @inlined
@@ -56,28 +69,34 @@ def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float,
 
 
 @inlined
-def collide(a: CarRecord, b: CarRecord, p: CarParameters) -> float:
+def collide(a: CarRecord, b: CarRecord, dt: float, p: CarParameters) -> Touch:
     """Resolve the contact of two cars, if there is one.
 
-    Returns:
-        the closing speed at the point of contact, m/s (0 if they touch while parting), or -1.0
-        where the boxes do not overlap.
+    The normal is that of the axis on which the boxes came together last, so that cars which met
+    head-on within the last `dt` seconds are not taken for cars side by side, and points to the side
+    from which they came, however far they have gone through each other since. Boxes that overlapped
+    before are parted the shortest way.
     """
+    apart = Touch(-1.0, 0.0, 0.0, 0.0, 0.0)
     dx, dy = b.x - a.x, b.y - a.y
-    if dx * dx + dy * dy > 4.0 * (p.half_length * p.half_length + p.half_width * p.half_width):
-        return -1.0
-
+    relative_x = b.world_velocity_x - a.world_velocity_x
+    relative_y = b.world_velocity_y - a.world_velocity_y
+    latest = -1.0
     depth = 1e9
     normal_x = normal_y = 0.0
     for side in range(4):
         car = a if side < 2 else b
         axis_x, axis_y = (car.cos_yaw, car.sin_yaw) if side % 2 == 0 else (-car.sin_yaw, car.cos_yaw)
-        overlap = overlap_on(axis_x, axis_y, dx, dy, a, b, p)
-        if overlap <= 0.0:
-            return -1.0
-        if overlap < depth:
-            depth = overlap
-            sign = 1.0 if dx * axis_x + dy * axis_y >= 0.0 else -1.0
+        offset = dx * axis_x + dy * axis_y
+        moved = (relative_x * axis_x + relative_y * axis_y) * dt
+        reach = reach_on(axis_x, axis_y, a, b, p)
+        if abs(offset) >= reach:
+            return apart
+        sign = 1.0 if offset >= moved else -1.0
+        overlap, gained = reach - sign * offset, -sign * moved
+        met = 1.0 - overlap / gained if gained > overlap else 0.0
+        if met > latest or (met == latest and overlap < depth):
+            latest, depth = met, overlap
             normal_x, normal_y = sign * axis_x, sign * axis_y
 
     ax, ay, in_b = corners_inside(a, b, p)
@@ -87,36 +106,50 @@ def collide(a: CarRecord, b: CarRecord, p: CarParameters) -> float:
     else:
         point_x, point_y = 0.5 * (a.x + b.x), 0.5 * (a.y + b.y)
 
-    arm_ax, arm_ay = point_x - a.x, point_y - a.y
-    arm_bx, arm_by = point_x - b.x, point_y - b.y
-    relative_x = b.world_velocity_x - b.yaw_rate * arm_by - a.world_velocity_x + a.yaw_rate * arm_ay
-    relative_y = b.world_velocity_y + b.yaw_rate * arm_bx - a.world_velocity_y - a.yaw_rate * arm_ax
-    parting = relative_x * normal_x + relative_y * normal_y
-    if parting < 0.0:
-        turn_a = arm_ax * normal_y - arm_ay * normal_x
-        turn_b = arm_bx * normal_y - arm_by * normal_x
-        give = 2.0 / p.mass + (turn_a * turn_a + turn_b * turn_b) / p.yaw_inertia
-        impulse = -(1.0 + CAR_RESTITUTION) * parting / give
+    closing = -bounce(a, b, point_x, point_y, normal_x, normal_y, p)
+    share = b.mass / (a.mass + b.mass)
+    a.x -= share * depth * normal_x
+    a.y -= share * depth * normal_y
+    b.x += (1.0 - share) * depth * normal_x
+    b.y += (1.0 - share) * depth * normal_y
+    return Touch(max(closing, 0.0), point_x, point_y, normal_x, normal_y)
 
-        tangent_x, tangent_y = -normal_y, normal_x
-        sliding = relative_x * tangent_x + relative_y * tangent_y
-        turn_a = arm_ax * tangent_y - arm_ay * tangent_x
-        turn_b = arm_bx * tangent_y - arm_by * tangent_x
-        give = 2.0 / p.mass + (turn_a * turn_a + turn_b * turn_b) / p.yaw_inertia
-        rub = min(max(-sliding / give, -CAR_FRICTION * impulse), CAR_FRICTION * impulse)
 
-        impulse_x = impulse * normal_x + rub * tangent_x
-        impulse_y = impulse * normal_y + rub * tangent_y
-        push(a, arm_ax, arm_ay, -impulse_x, -impulse_y, p)
-        push(b, arm_bx, arm_by, impulse_x, impulse_y, p)
-        set_body_velocity(a)
-        set_body_velocity(b)
+@inlined
+def bounce(
+    a: CarRecord, b: CarRecord, x: float, y: float, normal_x: float, normal_y: float, p: CarParameters
+) -> float:
+    """Exchange impulses at a point between cars that close in on each other.
 
-    a.x -= 0.5 * depth * normal_x
-    a.y -= 0.5 * depth * normal_y
-    b.x += 0.5 * depth * normal_x
-    b.y += 0.5 * depth * normal_y
-    return max(-parting, 0.0)
+    Returns:
+        the speed at which the cars parted at the point before, m/s.
+    """
+    arm_ax, arm_ay = x - a.x, y - a.y
+    arm_bx, arm_by = x - b.x, y - b.y
+    va_x, va_y = point_velocity(a, arm_ax, arm_ay)
+    vb_x, vb_y = point_velocity(b, arm_bx, arm_by)
+    parting = (vb_x - va_x) * normal_x + (vb_y - va_y) * normal_y
+    if parting >= 0.0:
+        return parting
+    give = mobility(a, arm_ax, arm_ay, normal_x, normal_y, p)
+    give += mobility(b, arm_bx, arm_by, normal_x, normal_y, p)
+    restitution = CAR_RESTITUTION if parting < -RESTING else 0.0
+    impulse = -(1.0 + restitution) * parting / give
+    push(a, arm_ax, arm_ay, -impulse * normal_x, -impulse * normal_y, p)
+    push(b, arm_bx, arm_by, impulse * normal_x, impulse * normal_y, p)
+
+    tangent_x, tangent_y = -normal_y, normal_x
+    va_x, va_y = point_velocity(a, arm_ax, arm_ay)
+    vb_x, vb_y = point_velocity(b, arm_bx, arm_by)
+    sliding = (vb_x - va_x) * tangent_x + (vb_y - va_y) * tangent_y
+    give = mobility(a, arm_ax, arm_ay, tangent_x, tangent_y, p)
+    give += mobility(b, arm_bx, arm_by, tangent_x, tangent_y, p)
+    rub = min(max(-sliding / give, -CAR_FRICTION * impulse), CAR_FRICTION * impulse)
+    push(a, arm_ax, arm_ay, -rub * tangent_x, -rub * tangent_y, p)
+    push(b, arm_bx, arm_by, rub * tangent_x, rub * tangent_y, p)
+    set_body_velocity(a)
+    set_body_velocity(b)
+    return parting
 
 
 @inlined
@@ -137,23 +170,16 @@ def hit_wall(
     """
     car.x += depth * normal_x
     car.y += depth * normal_y
-    point_x = car.world_velocity_x - car.yaw_rate * arm_y
-    point_y = car.world_velocity_y + car.yaw_rate * arm_x
+    point_x, point_y = point_velocity(car, arm_x, arm_y)
     parting = point_x * normal_x + point_y * normal_y
     if parting >= 0.0:
         return
-    turn = arm_x * normal_y - arm_y * normal_x
-    impulse = -(1.0 + WALL_RESTITUTION) * parting / (1.0 / p.mass + turn * turn / p.yaw_inertia)
+    restitution = WALL_RESTITUTION if parting < -RESTING else 0.0
+    impulse = -(1.0 + restitution) * parting / mobility(car, arm_x, arm_y, normal_x, normal_y, p)
+    push(car, arm_x, arm_y, impulse * normal_x, impulse * normal_y, p)
     tangent_x, tangent_y = -normal_y, normal_x
-    turn = arm_x * tangent_y - arm_y * tangent_x
-    stop = -(point_x * tangent_x + point_y * tangent_y) / (1.0 / p.mass + turn * turn / p.yaw_inertia)
+    point_x, point_y = point_velocity(car, arm_x, arm_y)
+    stop = -(point_x * tangent_x + point_y * tangent_y) / mobility(car, arm_x, arm_y, tangent_x, tangent_y, p)
     rub = min(max(stop, -WALL_FRICTION * impulse), WALL_FRICTION * impulse)
-    push(
-        car,
-        arm_x,
-        arm_y,
-        impulse * normal_x + rub * tangent_x,
-        impulse * normal_y + rub * tangent_y,
-        p,
-    )
+    push(car, arm_x, arm_y, rub * tangent_x, rub * tangent_y, p)
     set_body_velocity(car)

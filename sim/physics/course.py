@@ -1,4 +1,4 @@
-"""Where a car is on the circuit, what its tyres stand on, and the walls."""
+"""Where a car is on its circuit, and what the circuit does to it: slopes, surfaces, walls."""
 
 from __future__ import annotations
 
@@ -11,168 +11,221 @@ from numpy.typing import NDArray
 from sim.car import CarParameters
 from sim.kernel import inlined
 from sim.physics.contact import hit_wall
+from sim.physics.tyre import worn_grip
 from sim.state import CarRecord
 from sim.track import (
+    BANK,
+    CREST,
     CURVATURE,
+    KERB_LEFT,
+    KERB_RIGHT,
     LEFT,
     RIGHT,
+    RUNOFF_LEFT,
+    RUNOFF_RIGHT,
+    SLOPE,
     TANGENT_X,
     TANGENT_Y,
+    TWIST,
     WALL_LEFT,
     WALL_RIGHT,
     Track,
     X,
     Y,
+    Z,
 )
+
+# In the order of sim.track.SURFACES.
+SURFACE_GRIP = np.array([1.0, 0.92, 0.55, 0.48])
+SURFACE_DRAG = np.array([0.0, 0.004, 0.065, 0.22])
+"""Rolling resistance beyond that of the tyre on the road."""
+KERB = 1
+KERB_PITCH = 2.3  # m from rib to rib, as the tyres feel them
+KERB_SHAKE = 0.2  # share of the load that comes and goes on a kerb
 
 
 class CourseParameters(NamedTuple):
     """What the kernels read of a track."""
 
     table: NDArray[np.float64]
+    edges: NDArray[np.float32]
+    sectors: NDArray[np.float64]
     spacing: float
     length: float
-    kerb_width: float
-    verge_grip: float
-    verge_rolling_resistance: float
 
 
 def course_parameters(track: Track) -> CourseParameters:
     """The kernels' view of a track."""
-    return CourseParameters(
-        track.table,
-        track.spacing,
-        track.length,
-        track.kerb_width,
-        track.verge_grip,
-        track.verge_rolling_resistance,
-    )
+    return CourseParameters(track.table, track.edges, np.array(track.sectors), track.spacing, track.length)
+
+
+@inlined
+def project(car: CarRecord, line: np.ndarray) -> tuple[float, float, float]:
+    """Where a car lies seen from a row of the table.
+
+    Returns:
+        m ahead along the tangent, m aside (+ is left), and m along the centre line, which is taken as
+        a circular arc from row to row.
+    """
+    dx, dy = car.x - line[X], car.y - line[Y]
+    ahead = dx * line[TANGENT_X] + dy * line[TANGENT_Y]
+    aside = dy * line[TANGENT_X] - dx * line[TANGENT_Y]
+    return ahead, aside, ahead / max(1.0 - line[CURVATURE] * aside, 0.2)
 
 
 @inlined
 def locate(car: CarRecord, course: CourseParameters) -> None:
-    """Follow the car along the centre line from where it was last found.
-
-    Between two rows the centre line is taken as a circular arc.
-    """
+    """Follow the car along the centre line from where it was last found."""
     rows = len(course.table)
+    went_back = False
+    ahead = aside = along = 0.0
     for _ in range(rows):
-        line = course.table[car.row]
-        dx, dy = car.x - line[X], car.y - line[Y]
-        ahead = dx * line[TANGENT_X] + dy * line[TANGENT_Y]
-        aside = dy * line[TANGENT_X] - dx * line[TANGENT_Y]
-        bend = max(1.0 - line[CURVATURE] * aside, 0.2)
-        along = ahead / bend
-        if along >= course.spacing:
+        ahead, aside, along = project(car, course.table[car.row])
+        if along >= course.spacing and not went_back:
             car.row += 1
             if car.row == rows:
                 car.row = 0
                 car.wraps += 1
-        elif along < 0.0:
-            if along > -1e-9:
-                along = 0.0
-                break
+        elif along < -1e-9:
+            went_back = True
             car.row -= 1
             if car.row < 0:
                 car.row = rows - 1
                 car.wraps -= 1
-            # Rounding must not send the search to and fro between two rows.
-            line = course.table[car.row]
-            dx, dy = car.x - line[X], car.y - line[Y]
-            ahead = dx * line[TANGENT_X] + dy * line[TANGENT_Y]
-            aside = dy * line[TANGENT_X] - dx * line[TANGENT_Y]
-            bend = max(1.0 - line[CURVATURE] * aside, 0.2)
-            along = ahead / bend
-            if along >= course.spacing:
-                along = course.spacing
-                break
-            if along >= 0.0:
-                break
         else:
             break
-    line = course.table[car.row]
-    car.lateral = aside - 0.5 * line[CURVATURE] * ahead * ahead / bend
-    car.progress = car.wraps * course.length + car.row * course.spacing + along
-
-
-@inlined
-def heading_error(car: CarRecord, course: CourseParameters) -> float:
-    """Yaw of a located car minus the direction of the centre line beside it, rad in [-pi, pi]."""
-    line = course.table[car.row]
-    along = car.progress - car.wraps * course.length - car.row * course.spacing
-    error = math.atan2(
-        car.sin_yaw * line[TANGENT_X] - car.cos_yaw * line[TANGENT_Y],
-        car.cos_yaw * line[TANGENT_X] + car.sin_yaw * line[TANGENT_Y],
-    )
-    return error - line[CURVATURE] * along
+    # Rounding must not send the search to and fro between two rows.
+    car.along = min(max(along, 0.0), course.spacing)
+    car.lateral = aside - 0.5 * course.table[car.row, CURVATURE] * ahead * along
+    car.progress = car.wraps * course.length + car.row * course.spacing + car.along
 
 
 @inlined
 def facing(car: CarRecord, course: CourseParameters) -> tuple[float, float]:
-    """Sine and cosine of the heading error, without its trigonometry.
+    """Sine and cosine of the heading error of a located car.
 
-    The turn of the centre line between two rows, at most some 0.06 rad, is taken as a small angle.
+    The turn of the centre line between two rows, at most some 0.1 rad, is taken as a small angle.
     """
     line = course.table[car.row]
-    turn = line[CURVATURE] * (car.progress - car.wraps * course.length - car.row * course.spacing)
+    turn = line[CURVATURE] * car.along
     sine = car.sin_yaw * line[TANGENT_X] - car.cos_yaw * line[TANGENT_Y]
     cosine = car.cos_yaw * line[TANGENT_X] + car.sin_yaw * line[TANGENT_Y]
-    return sine - cosine * turn, cosine + sine * turn
+    level = 1.0 - 0.5 * turn * turn
+    return sine * level - cosine * turn, cosine * level + sine * turn
+
+
+@inlined
+def set_heading_error(car: CarRecord, course: CourseParameters) -> None:
+    """Yaw of a located car minus the direction of the centre line beside it, rad in [-pi, pi]."""
+    sine, cosine = facing(car, course)
+    car.heading_error = math.atan2(sine, cosine)
+
+
+@inlined
+def feel_road(car: CarRecord, sine: float, cosine: float, course: CourseParameters) -> None:
+    """Set height, gradient and heave of the road under a located car.
+
+    The surface is z(s, n) = z(s) + bank(s) n. `heave` is the second derivative of the height along
+    the straight line on which the car moves.
+
+    Args:
+        sine, cosine: of the heading error.
+    """
+    line = course.table[car.row]
+    slope = line[SLOPE] + line[CREST] * car.along
+    bank = line[BANK] + line[TWIST] * car.along
+    car.z = line[Z] + (line[SLOPE] + 0.5 * line[CREST] * car.along) * car.along + bank * car.lateral
+    stretch = 1.0 / max(1.0 - line[CURVATURE] * car.lateral, 0.2)
+    rise = slope + line[TWIST] * car.lateral
+    climb = rise * stretch
+    car.slope_x = climb * cosine + bank * sine
+    car.slope_y = bank * cosine - climb * sine
+    forward = car.velocity_x * cosine - car.velocity_y * sine
+    aside = car.velocity_x * sine + car.velocity_y * cosine
+    advance = forward * stretch
+    car.heave = advance * (
+        line[CREST] * advance
+        + 2.0 * line[TWIST] * aside
+        + line[CURVATURE] * (2.0 * climb * aside - bank * forward)
+    )
 
 
 @inlined
 def stand_on(
-    car: CarRecord, grip: np.ndarray, drag: np.ndarray, p: CarParameters, course: CourseParameters
+    car: CarRecord,
+    sine: float,
+    cosine: float,
+    worn: bool,
+    grip: np.ndarray,
+    drag: np.ndarray,
+    shake: np.ndarray,
+    p: CarParameters,
+    course: CourseParameters,
 ) -> int:
-    """Set grip and rolling resistance under each tyre.
+    """Set grip, rolling resistance and shaking of each tyre by the surface under it.
+
+    Args:
+        sine, cosine: of the heading error.
+        worn: whether tyres wear at all.
+        grip, drag, shake: (4,), set.
 
     Returns:
         the number of tyres out of bounds.
     """
     line = course.table[car.row]
-    most = line[LEFT] + course.kerb_width
-    least = -line[RIGHT] - course.kerb_width
-    reach = p.a + p.half_front_track
-    if car.lateral + reach < most and car.lateral - reach > least:
-        for wheel in range(4):
-            grip[wheel] = 1.0
-            drag[wheel] = p.rolling_resistance
+    for wheel in range(4):
+        grip[wheel] = worn_grip(car.wear[wheel]) if worn else 1.0
+        drag[wheel] = p.rolling_resistance
+        shake[wheel] = 1.0
+    reach = p.a * abs(sine) + p.half_front_track * abs(cosine) + 2.0 * abs(line[CURVATURE])
+    if car.lateral + reach < line[LEFT] and car.lateral - reach > -line[RIGHT]:
         return 0
-    sin_error, cos_error = facing(car, course)
     out = 0
     for wheel in range(4):
         x = p.a if wheel < 2 else -p.b
         y = p.half_front_track if wheel < 2 else p.half_rear_track
         if wheel % 2 == 1:
             y = -y
-        ahead = x * cos_error - y * sin_error
-        bend = 0.5 * line[CURVATURE] * ahead * ahead
-        lateral = car.lateral + x * sin_error + y * cos_error - bend
-        if lateral > most or lateral < least:
-            out += 1
-            grip[wheel] = course.verge_grip
-            drag[wheel] = course.verge_rolling_resistance
+        ahead = x * cosine - y * sine
+        lateral = car.lateral + x * sine + y * cosine - 0.5 * line[CURVATURE] * ahead * ahead
+        if lateral > 0.0:
+            beyond, kerb, runoff = lateral - line[LEFT], line[KERB_LEFT], line[RUNOFF_LEFT]
         else:
-            grip[wheel] = 1.0
-            drag[wheel] = p.rolling_resistance
+            beyond, kerb, runoff = -lateral - line[RIGHT], line[KERB_RIGHT], line[RUNOFF_RIGHT]
+        if beyond <= 0.0:
+            continue
+        surface = KERB
+        if beyond > kerb:
+            out += 1
+            surface = int(runoff)
+        else:
+            rib = (car.progress + x) / KERB_PITCH
+            shake[wheel] += KERB_SHAKE * (4.0 * abs(rib - math.floor(rib) - 0.5) - 1.0)
+        grip[wheel] *= SURFACE_GRIP[surface]
+        drag[wheel] += SURFACE_DRAG[surface]
     return out
 
 
 @inlined
-def meet_walls(car: CarRecord, p: CarParameters, course: CourseParameters) -> bool:
-    """Resolve the contact of the car's deepest corner with a wall, if there is one."""
+def meet_walls(
+    car: CarRecord, sine: float, cosine: float, p: CarParameters, course: CourseParameters
+) -> bool:
+    """Resolve the contact of the car's deepest corner with a wall, if there is one.
+
+    Args:
+        sine, cosine: of the heading error.
+    """
     line = course.table[car.row]
-    reach = p.half_length + p.half_width
+    reach = p.half_length * abs(sine) + p.half_width * abs(cosine) + 4.0 * abs(line[CURVATURE])
     if car.lateral + reach < line[WALL_LEFT] and car.lateral - reach > -line[WALL_RIGHT]:
         return False
-    sin_error, cos_error = facing(car, course)
     depth = 0.0
     side = deepest_x = deepest_y = 0.0
     for corner in range(4):
         x = p.half_length if corner < 2 else -p.half_length
         y = p.half_width if corner % 2 == 0 else -p.half_width
-        ahead = x * cos_error - y * sin_error
-        lateral = car.lateral + x * sin_error + y * cos_error - 0.5 * line[CURVATURE] * ahead * ahead
+        ahead = x * cosine - y * sine
+        lateral = car.lateral + x * sine + y * cosine - 0.5 * line[CURVATURE] * ahead * ahead
         beyond_left = lateral - line[WALL_LEFT]
         beyond_right = -line[WALL_RIGHT] - lateral
         if beyond_left > depth:
@@ -183,33 +236,9 @@ def meet_walls(car: CarRecord, p: CarParameters, course: CourseParameters) -> bo
         return False
     arm_x = deepest_x * car.cos_yaw - deepest_y * car.sin_yaw
     arm_y = deepest_x * car.sin_yaw + deepest_y * car.cos_yaw
-    hit_wall(car, arm_x, arm_y, -side * line[TANGENT_Y], side * line[TANGENT_X], depth, p)
+    turn = line[CURVATURE] * car.along
+    normal_x = -line[TANGENT_Y] - line[TANGENT_X] * turn
+    normal_y = line[TANGENT_X] - line[TANGENT_Y] * turn
+    scale = side / math.sqrt(normal_x * normal_x + normal_y * normal_y)
+    hit_wall(car, arm_x, arm_y, scale * normal_x, scale * normal_y, depth, p)
     return True
-
-
-@inlined
-def time_laps(car: CarRecord, before: float, time: float, dt: float, course: CourseParameters) -> None:
-    """Time the crossing of the line and of the finish within the step that began at `time`.
-
-    Args:
-        before: progress at the beginning of the step, m.
-        time: s since the start of the run.
-    """
-    gained = car.progress - before
-    if gained <= 0.0:
-        return
-    next_line = (car.laps + 1) * course.length
-    if car.line_s != car.line_s and car.start < 0.0:
-        next_line = 0.0
-    if before < next_line <= car.progress:
-        crossed = time + dt * (next_line - before) / gained
-        if car.line_s == car.line_s:
-            car.last_lap_s = crossed - car.line_s
-            if not car.best_lap_s <= car.last_lap_s:
-                car.best_lap_s = car.last_lap_s
-        if next_line > 0.0:
-            car.laps += 1
-        car.line_s = crossed
-    if car.progress >= car.finish:
-        car.finish_s = time + dt * (car.finish - before) / gained
-        car.driving = False

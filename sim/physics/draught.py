@@ -8,10 +8,10 @@ import numpy as np
 
 from sim.kernel import inlined
 
-LENGTH = 32.0  # m over which a wake fades by a factor e
+LENGTH = 45.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car
 SPREAD = 0.04  # m of half-width gained per metre
-REACH = 110.0  # m
+REACH = 150.0  # m
 EDGE = 4.0  # half-widths beside the wake where nothing of it is left: exp(-8) = 0.0003
 
 

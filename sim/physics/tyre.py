@@ -10,31 +10,51 @@ import math
 
 from sim.car import CarParameters
 from sim.kernel import inlined
+from sim.tyre_curve import CELLS
+
+WORN_GRIP = 0.12
+"""Share of the grip that a tyre has lost when it is worn out."""
+SPENT_GRIP = 0.4
+"""Share of the grip lost for each further wear beyond that."""
+LEAST_GRIP = 0.5
 
 
 @inlined
 def tyre_force(
     slip_ratio: float, slip_angle: float, load: float, grip: float, p: CarParameters
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Force of one tyre on the car, in the wheel's frame.
 
     Args:
         slip_ratio: longitudinal slip, + drives.
         slip_angle: rad, + pushes left.
         load: normal load, N.
-        grip: of the surface, 1 is dry road.
+        grip: of surface and tyre, 1 is a new tyre on dry road.
         p: the car.
 
     Returns:
-        longitudinal force (N), lateral force (N), and the secant stiffness of the longitudinal
-        force (N per unit of slip ratio), never negative.
+        longitudinal force (N), lateral force (N), the secant stiffness of the longitudinal force
+        (N per unit of slip ratio, never negative), and the square of the largest longitudinal force
+        (N^2) that friction leaves beside the lateral one.
     """
     above = min(load, 3.0 * p.load_low + 6000.0) - p.load_low
-    peak_x = p.peak_x + p.peak_x_slope * above
-    peak_y = p.peak_y + p.peak_y_slope * above
-    x = slip_ratio / peak_x
-    y = slip_angle / peak_y
-    combined = math.sqrt(x * x + y * y) + 1e-9
-    shape = math.sin(p.shape * math.atan(p.stiffness * combined)) / combined * grip * load
-    stiffness = (p.friction_x + p.friction_x_slope * above) * shape / peak_x
-    return stiffness * slip_ratio, (p.friction_y + p.friction_y_slope * above) * shape * y, stiffness
+    x = slip_ratio / (p.peak_x + p.peak_x_slope * above)
+    y = slip_angle / (p.peak_y + p.peak_y_slope * above)
+    combined = math.sqrt(x * x + y * y)
+    at = combined / (1.0 + combined) * CELLS
+    cell = min(int(at), CELLS - 1)
+    at -= cell
+    curve = p.curve[cell]
+    shape = curve[0] + at * (curve[1] + at * (curve[2] + at * curve[3]))
+    most_x = (p.friction_x + p.friction_x_slope * above) * grip * load
+    most_y = (p.friction_y + p.friction_y_slope * above) * grip * load
+    share_y = shape * y
+    left = most_x * most_x * max(1.0 - share_y * share_y, 0.0)
+    stiffness = most_x * shape / (p.peak_x + p.peak_x_slope * above)
+    return stiffness * slip_ratio, most_y * share_y, stiffness, left
+
+
+@inlined
+def worn_grip(wear: float) -> float:
+    """Share of its grip that a tyre has left."""
+    return max(1.0 - WORN_GRIP * wear - SPENT_GRIP * max(wear - 1.0, 0.0), LEAST_GRIP)
