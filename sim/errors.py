@@ -13,8 +13,10 @@ class InputError(Exception):
 def first_fault(error: ValidationError) -> str:
     """The first fault of a validation as `field is value: what was expected`."""
     fault = error.errors()[0]
-    field = ".".join(str(part) for part in fault["loc"]) or "the whole"
+    field = ".".join(str(part) for part in fault["loc"])
     message = fault["msg"].removeprefix("Value error, ")
-    if fault["type"] in ("missing", "extra_forbidden"):
+    if not field:
+        return message
+    if fault["type"] in ("missing", "extra_forbidden") or isinstance(fault["input"], dict):
         return f"field {field}: {message}"
     return f"field {field} is {fault['input']!r}: {message}"

@@ -1,8 +1,9 @@
 """What a policy sees: a versioned description that travels with every checkpoint.
 
 The contents follow Wurman et al. (Nature 602, 2022): the car itself, course points over the next
-seconds of travel, the cars ahead and behind. The world is planar, so vectors have two components.
-Frame of every vector: the car's own, x forward, y left. Angles in radians, counter-clockwise positive.
+seconds of travel, the cars ahead and behind. Frame of every vector: the car's own, x forward, y left,
+both measured on the map, and for course points z up from the plane on which the car stands. Motion
+has no component off that plane. Angles in radians, counter-clockwise positive.
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 
 from sim.errors import InputError
 
-VERSION = 1
+VERSION = 2
 
 TOP_SPEED = 90.0  # m/s
+STEEP = 0.1
+"""Range of a course point's height as a share of that of its distance."""
 AHEAD_M = 80.0
 BEHIND_M = 40.0
 """Opponents further away than this are not seen."""
@@ -62,8 +65,9 @@ class ObservationSpec:
     """Layout and scaling of an observation.
 
     Attributes:
-        course_points: points on each of left edge, centre line and right edge (the reference has 60),
-            each pair (x, y); the first is beside the car, the others evenly ahead of it.
+        course_points: points on each of left edge, centre line and right edge (the reference has 60);
+            the first is beside the car, the others evenly ahead of it. Each is given as x of left,
+            centre and right, then y, then z of the three.
         horizon_s: seconds of travel at the present speed that the course points span.
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
         version: layout version; a policy trained on another version cannot drive.
@@ -100,6 +104,7 @@ class ObservationSpec:
             _flat("slip_angle", 4, "rad", -0.3, 0.3),
             _flat("progress", 2, "sin, cos of lap angle", -1.0, 1.0),
             _flat("heading_error", 1, "rad", -0.8, 0.8),
+            _flat("inclination", 2, "gradient forward, left", -0.2, 0.2),
             _flat("wall_contact", 1, "flag", 0.0, 1.0),
             _flat("off_course", 1, "flag", 0.0, 1.0),
             _flat("steering", 1, "full lock", -1.0, 1.0),
@@ -107,17 +112,17 @@ class ObservationSpec:
             _flat("brake", 1, "share", 0.0, 1.0),
             _flat("car_contact", 1, "flag", 0.0, 1.0),
             _flat("slipstream", 1, "share of full draught", 0.0, 1.0),
+            _flat("penalty", 1, "s to serve", 0.0, 10.0),
+            _flat("tyre_wear", 4, "1 is worn out", 0.0, 1.0),
+            _flat("fuel", 1, "share of the tank", 0.0, 1.0),
         )
         # Point i lies i/n of the horizon ahead, so its range grows with i: near points stay sharp.
         reach = tuple(
-            15.0 + point / self.course_points * self.horizon_s * TOP_SPEED
+            share * (15.0 + point / self.course_points * self.horizon_s * TOP_SPEED)
             for point in range(self.course_points)
-            for _ in "xy"
+            for share in (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, *(STEEP,) * 3)
         )
-        course = tuple(
-            Field(f"course_{line}", "m", tuple(-x for x in reach), reach)
-            for line in ("left", "centre", "right")
-        )
+        course = (Field("course", "m", tuple(-x for x in reach), reach),)
         lists = tuple(
             Field(
                 f"cars_{where}",

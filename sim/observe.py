@@ -5,45 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.car import CarParameters
 from sim.kernel import inlined, kernel
 from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from sim.physics.course import CourseParameters
 from sim.state import CarRecord
-from sim.track import LEFT_X, LEFT_Y, RIGHT_X, RIGHT_Y, X, Y
 
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
 OPPONENT_SIZE = len(OPPONENT)
-
-
-def observe(
-    state: NDArray[np.void],
-    spec: ObservationSpec,
-    races: NDArray[np.int64],
-    cars: NDArray[np.int64],
-    p: CarParameters,
-    course: CourseParameters,
-) -> NDArray[np.float32]:
-    """Standardised observations, (n, spec.size) float32, of the cars at (races[i], cars[i])."""
-    mean, deviation = spec.scaling
-    out = np.empty((len(races), spec.size), np.float32)
-    observe_cars(
-        state,
-        races,
-        cars,
-        out,
-        mean,
-        np.float32(1.0) / deviation,
-        spec.course_points,
-        spec.horizon_s,
-        spec.cars_ahead,
-        spec.cars_behind,
-        p,
-        course,
-    )
-    return out
+OWN_SIZE = ObservationSpec(1, 1.0, 0, 0).size - 9
+"""Numbers about the car itself, before the course points."""
 
 
 @kernel
@@ -61,21 +33,31 @@ def observe_cars(
     p: CarParameters,
     course: CourseParameters,
 ) -> None:
-    """Fill `out` (n, size) row by row; `scale` is one over the deviation."""
-    own_size = 23
+    """Fill in standardised observations row by row.
+
+    Args:
+        state: (races, cars) CAR_STATE.
+        races, cars: (n,) indices of the cars that look.
+        out: (n, size) float32, set.
+        mean, scale: (size,) float32, of the spec's scaling; the scale is one over the deviation.
+        points, horizon, ahead, behind: of the spec.
+        p, course: car model and circuit.
+    """
     nearest = np.empty(ahead + behind, np.int64)
     distance = np.empty(ahead + behind)
+    lists = OWN_SIZE + 9 * points
     for row in range(len(races)):
         field = state[races[row]]
         index = cars[row]
         values = out[row]
         see_self(field[index], values, p, course)
-        see_course(field[index], values[own_size:], points, horizon, course)
-        lists = own_size + 6 * points
         find_cars(field, index, ahead, nearest, distance)
         see_cars(field, index, nearest, values[lists:])
-        for k in range(len(values)):
+        for k in range(OWN_SIZE):
             values[k] = (values[k] - mean[k]) * scale[k]
+        for k in range(lists, len(values)):
+            values[k] = (values[k] - mean[k]) * scale[k]
+        see_course(field[index], values[OWN_SIZE:lists], scale[OWN_SIZE:lists], points, horizon, course)
 
 
 @inlined
@@ -93,45 +75,56 @@ def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: Cours
     values[13] = math.sin(angle)
     values[14] = math.cos(angle)
     values[15] = car.heading_error
-    values[16] = 1.0 if car.wall_contact else 0.0
-    values[17] = 1.0 if car.off_course else 0.0
-    values[18] = car.steering / p.full_lock
-    values[19] = car.throttle
-    values[20] = car.brake
-    values[21] = 1.0 if car.car_contact else 0.0
-    values[22] = car.draught
+    values[16] = car.slope_x
+    values[17] = car.slope_y
+    values[18] = 1.0 if car.wall_contact else 0.0
+    values[19] = 1.0 if car.off_course else 0.0
+    values[20] = car.steering / p.full_lock
+    values[21] = car.throttle
+    values[22] = car.brake
+    values[23] = 1.0 if car.car_contact else 0.0
+    values[24] = car.draught
+    values[25] = car.penalty_s
+    for wheel in range(4):
+        values[26 + wheel] = car.wear[wheel]
+    values[30] = car.fuel / p.fuel_capacity
 
 
 @inlined
 def see_course(
-    car: CarRecord, values: np.ndarray, points: int, horizon: float, course: CourseParameters
+    car: CarRecord,
+    values: np.ndarray,
+    scale: np.ndarray,
+    points: int,
+    horizon: float,
+    course: CourseParameters,
 ) -> None:
-    """Points of left edge, centre line and right edge over the next seconds, in the car's frame."""
-    cos_yaw, sin_yaw = car.cos_yaw, car.sin_yaw
+    """Standardised points of left edge, centre line and right edge over the next seconds."""
+    x, y, z = np.float32(car.x), np.float32(car.y), np.float32(car.z)
+    cos_yaw, sin_yaw = np.float32(car.cos_yaw), np.float32(car.sin_yaw)
+    slope_x, slope_y = np.float32(car.slope_x), np.float32(car.slope_y)
     gap = max(car.velocity_x, SLOWEST) * horizon / points / course.spacing
-    rows = len(course.table)
-    at = (car.progress - car.wraps * course.length) / course.spacing
+    rows = len(course.edges)
+    at = car.row + car.along / course.spacing
     for point in range(points):
         while at >= rows:
             at -= rows
         low = int(at)
-        share = at - low
+        share = np.float32(at - low)
         high = low + 1
         if high == rows:
             high = 0
-        here, there = course.table[low], course.table[high]
+        here, there = course.edges[low], course.edges[high]
+        k = 9 * point
         for line in range(3):
-            if line == 0:
-                x, y = LEFT_X, LEFT_Y
-            elif line == 1:
-                x, y = X, Y
-            else:
-                x, y = RIGHT_X, RIGHT_Y
-            dx = here[x] + share * (there[x] - here[x]) - car.x
-            dy = here[y] + share * (there[y] - here[y]) - car.y
-            k = 2 * (line * points + point)
-            values[k] = dx * cos_yaw + dy * sin_yaw
-            values[k + 1] = dy * cos_yaw - dx * sin_yaw
+            dx = here[line] + share * (there[line] - here[line]) - x
+            dy = here[line + 4] + share * (there[line + 4] - here[line + 4]) - y
+            dz = here[line + 8] + share * (there[line + 8] - here[line + 8]) - z
+            ahead = dx * cos_yaw + dy * sin_yaw
+            aside = dy * cos_yaw - dx * sin_yaw
+            values[k + line] = ahead * scale[k + line]
+            values[k + line + 3] = aside * scale[k + line + 3]
+            values[k + line + 6] = (dz - slope_x * ahead - slope_y * aside) * scale[k + line + 6]
         at += gap
 
 

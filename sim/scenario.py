@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from sim.data_file import read_toml
-from sim.errors import InputError
-from sim.track import CURVATURE, LEFT, RIGHT, Track
-from sim.world import Start
+from sim.car import Car
+from sim.data_file import DATA, Section, find_data, read_toml
+from sim.reaction import Reaction
+from sim.rules import load_rules
+from sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
+from sim.world import AGENT_HZ, DYNAMICS_HZ, Conditions, Start, World
 
-SCENARIOS = Path(__file__).parent / "data" / "scenarios"
-SAFE_LATERAL = 11.0
+SAFE_LATERAL = 8.0
 """m/s^2 of cornering that every car can hold: random starts are no faster than it allows."""
 LOOK_AHEAD_M = 120.0
+LENGTH_M, WIDTH_M = 5.2, 2.2
+"""Room that a car takes when it is put beside the road."""
 
 
 def _rising(span: tuple[float, float]) -> tuple[float, float]:
@@ -29,28 +31,33 @@ def _rising(span: tuple[float, float]) -> tuple[float, float]:
 Span = Annotated[tuple[float, float], AfterValidator(_rising)]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class GridStart(_Section):
+class GridStart(Section):
     """A standing start from the circuit's grid, with a little disorder in the places."""
 
     kind: Literal["grid"]
     jitter_m: Annotated[float, Field(ge=0)] = 0.3
 
 
-class RollingStart(_Section):
+class RollingStart(Section):
     """A column of cars on the move; every quantity is drawn evenly from its span."""
 
     kind: Literal["rolling"]
-    leader_m: Span  # progress of the first car
+    leader_m: Span  # first car, from the scenario's origin
     gap_m: Span  # from each car to the next, between centres
     lateral_m: Span
     speed_m_s: Span  # one for all cars
 
 
-class AnywhereStart(_Section):
+class FormationStart(Section):
+    """A rolling start: the grid on the move, two by two, towards the line."""
+
+    kind: Literal["formation"]
+    leader_m: float  # progress of the first car
+    gap_m: Annotated[float, Field(gt=0)]  # from each car to the next, along the road
+    speed_m_s: Annotated[float, Field(gt=0)]
+
+
+class AnywhereStart(Section):
     """Anywhere on the lap, at any speed from rest to what the road ahead allows, a column of cars."""
 
     kind: Literal["anywhere"]
@@ -58,38 +65,89 @@ class AnywhereStart(_Section):
     beside_share: Annotated[float, Field(ge=0, le=1)]  # of starts with the first car beside the road
 
 
-class Scenario(_Section):
+def _whole_period(hertz: float) -> float:
+    if not 5.0 <= hertz <= DYNAMICS_HZ or DYNAMICS_HZ % hertz:
+        raise ValueError("expected 5, 6, 10, 12, 15, 20, 30 or 60")
+    return hertz
+
+
+Hertz = Annotated[float, AfterValidator(_whole_period)]
+Delay = Annotated[float, Field(ge=0.0, le=0.3)]
+
+
+class Scenario(Section):
     """A scenario as its file describes it.
 
     Attributes:
         cars: cars in a race.
         start: how they are placed.
+        origin: name of the section at whose beginning rolling starts are placed, or `longest
+            straight`, `last chicane`; without it they are placed from the line.
         laps: laps to drive; counted from the line.
-        finish_m: progress at which a car has finished, m, in place of laps.
+        finish_m: m to drive from the line, or past the end of the origin, in place of laps.
         time_s: time at which the run ends for all.
+        rules: what the stewards go by; a shipped name or the path of a `.toml` file.
+        compound: of the tyres; the car's own if none is named.
+        wear_rate, fuel_rate: multiples of the car's wear of tyres and use of fuel.
+        action_hz: actions a second, one number or one for each starting place.
+        perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
     """
 
     name: str
     description: str
     cars: Annotated[int, Field(ge=1, le=20)]
-    start: Annotated[GridStart | RollingStart | AnywhereStart, Field(discriminator="kind")]
+    start: Annotated[GridStart | RollingStart | FormationStart | AnywhereStart, Field(discriminator="kind")]
+    origin: str | None = None
     laps: Annotated[int, Field(ge=1)] | None = None
     finish_m: float | None = None
     time_s: Annotated[float, Field(gt=0)]
+    rules: str = "free"
+    compound: str | None = None
+    wear_rate: Annotated[float, Field(ge=0)] = 0.0
+    fuel_rate: Annotated[float, Field(ge=0)] = 0.0
+    action_hz: Hertz | tuple[Hertz, ...] = float(AGENT_HZ)
+    perception_delay_s: Delay | tuple[Delay, ...] = 0.0
 
     @model_validator(mode="after")
-    def _one_end(self) -> Scenario:
+    def _consistent(self) -> Scenario:
         if self.laps is not None and self.finish_m is not None:
             raise ValueError("laps and finish_m exclude each other")
+        for name in ("action_hz", "perception_delay_s"):
+            value = getattr(self, name)
+            if isinstance(value, tuple) and len(value) != self.cars:
+                raise ValueError(f"{name} must be one number, or {self.cars}, one for each car")
         return self
 
+    def world(self, track: Track, car: Car, races: int, threads: int = 1) -> World:
+        """Races of the scenario, yet to be started.
+
+        Raises:
+            InputError: if its rules or compound are unknown.
+        """
+        conditions = Conditions(self.compound, self.wear_rate, self.fuel_rate)
+        return World(track, car, races, self.cars, conditions, load_rules(self.rules), threads)
+
+    @property
+    def reaction(self) -> Reaction:
+        """How often its cars act and how late they see."""
+        return Reaction.of(
+            np.broadcast_to(np.array(self.action_hz), self.cars),
+            np.broadcast_to(np.array(self.perception_delay_s), self.cars),
+        )
+
     def place(self, track: Track, rng: np.random.Generator) -> Start:
-        """Starting places of all cars, first to last."""
+        """Starting places of all cars, first to last.
+
+        Raises:
+            InputError: if the circuit lacks the section of the scenario's origin.
+        """
         match self.start:
             case GridStart():
                 start = self._grid(self.start, track, rng)
             case RollingStart():
                 start = self._rolling(self.start, track, rng)
+            case FormationStart():
+                start = self._formation(self.start, track)
             case AnywhereStart():
                 start = self._anywhere(self.start, track, rng)
         return start
@@ -97,9 +155,21 @@ class Scenario(_Section):
     def _finish(self, track: Track) -> np.ndarray:
         if self.laps is not None:
             finish = self.laps * track.length
+        elif self.finish_m is None:
+            finish = np.inf
         else:
-            finish = np.inf if self.finish_m is None else self.finish_m
+            finish = self.finish_m + (track.stretch(self.origin)[1] if self.origin else 0.0)
         return np.full(self.cars, finish)
+
+    def _formation(self, start: FormationStart, track: Track) -> Start:
+        places = np.arange(self.cars)
+        return Start(
+            distance=start.leader_m - start.gap_m * places.astype(np.float64),
+            lateral=np.where(places % 2 == 0, track.grid.lateral_m, -track.grid.lateral_m),
+            heading=np.zeros(self.cars),
+            speed=np.full(self.cars, start.speed_m_s),
+            finish=self._finish(track),
+        )
 
     def _grid(self, start: GridStart, track: Track, rng: np.random.Generator) -> Start:
         places = np.arange(self.cars)
@@ -115,8 +185,9 @@ class Scenario(_Section):
 
     def _rolling(self, start: RollingStart, track: Track, rng: np.random.Generator) -> Start:
         gaps = np.concatenate([[0.0], rng.uniform(*start.gap_m, self.cars - 1)])
+        origin = track.stretch(self.origin)[0] if self.origin else 0.0
         return Start(
-            distance=rng.uniform(*start.leader_m) - np.cumsum(gaps),
+            distance=origin + rng.uniform(*start.leader_m) - np.cumsum(gaps),
             lateral=rng.uniform(*start.lateral_m, self.cars),
             heading=np.zeros(self.cars),
             speed=np.full(self.cars, rng.uniform(*start.speed_m_s)),
@@ -135,19 +206,13 @@ class Scenario(_Section):
         speed = np.full(self.cars, rng.uniform(0.0, fastest))
         heading = rng.normal(0.0, 0.04, self.cars)
         if rng.uniform() < start.beside_share:
-            lateral[0] = rng.choice(edge[:, 0] + np.array([-4.0, 4.0]))
             heading[0] = rng.uniform(-0.8, 0.8)
+            half = 0.5 * (LENGTH_M * abs(np.sin(heading[0])) + WIDTH_M * np.cos(heading[0]))
+            walls = track.table[(row[0] + np.arange(-2, 3)) % len(track.table)][:, [WALL_RIGHT, WALL_LEFT]]
+            room = (walls.min(axis=0) - half) * (-1.0, 1.0)
+            lateral[0] = np.clip(rng.choice(edge[:, 0] + np.array([-4.0, 4.0])), *room)
             speed[0] = rng.uniform(0.0, 12.0)
         return Start(distance, lateral, heading, speed, self._finish(track))
-
-
-def read_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file.
-
-    Raises:
-        InputError: if the file cannot be read, or a field is missing, unknown or out of range.
-    """
-    return read_toml(path, Scenario, "scenario file")
 
 
 @lru_cache
@@ -157,10 +222,4 @@ def load_scenario(name: str) -> Scenario:
     Raises:
         InputError: if there is no such scenario or its file is wrong.
     """
-    path = Path(name) if name.endswith(".toml") else SCENARIOS / f"{name}.toml"
-    if path.parent == SCENARIOS and not path.is_file():
-        known = ", ".join(sorted(p.stem for p in SCENARIOS.glob("*.toml")))
-        raise InputError(
-            f"scenario {name!r} is unknown; expected one of {known}, or the path of a .toml file"
-        )
-    return read_scenario(path)
+    return read_toml(find_data(name, "scenario", DATA / "scenarios"), Scenario, "scenario")

@@ -2,35 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.car import Car, CarParameters, parameters
-from sim.kernel import kernel
+from sim.kernel import inlined, kernel
 from sim.observation import ObservationSpec
-from sim.observe import observe
-from sim.physics.chassis import GRAVITY, advance, set_body_velocity, set_direction
+from sim.observe import observe_cars
+from sim.physics.body import set_body_velocity, set_direction, speed_squared
+from sim.physics.chassis import GRAVITY, Rates, advance
 from sim.physics.contact import collide
 from sim.physics.course import (
     CourseParameters,
     course_parameters,
-    heading_error,
+    facing,
+    feel_road,
     locate,
     meet_walls,
+    set_heading_error,
     stand_on,
-    time_laps,
 )
 from sim.physics.draught import set_draught
-from sim.state import CAR_STATE
+from sim.rules import RuleParameters, Rules, load_rules, rule_parameters
+from sim.state import CAR_STATE, CONTACT, CarRecord
+from sim.steward import note_contact, serve_penalty, watch_limits
+from sim.timing import first_line, time_lines
 from sim.track import Track
 
-AGENT_HZ = 10
 DYNAMICS_HZ = 60
+DYNAMICS_DT = 1.0 / DYNAMICS_HZ
+AGENT_HZ = 10
 SUBSTEPS = DYNAMICS_HZ // AGENT_HZ
 AGENT_DT = 1.0 / AGENT_HZ
-DYNAMICS_DT = 1.0 / DYNAMICS_HZ
+RENEWAL_SUBSTEPS = 6
+"""Slipstreams change slowly, and so do the rounding errors of directions: they are renewed so often."""
 CONTACT_GAP_S = 1.0
 """Touches of the same two cars closer together than this are one contact."""
 MOVING_M_S = 2.0
@@ -55,95 +65,173 @@ class Start:
     finish: NDArray[np.float64]
 
 
-@kernel
-def touch(cars: np.ndarray, i: int, j: int, faster: bool, blame: np.ndarray, length: float) -> None:
-    """Count a new contact of cars i and j, of which i was the `faster`, and note who was behind."""
-    a, b = cars[i], cars[j]
-    gap = b.progress - a.progress
-    gap -= np.round(gap / length) * length
-    a.contacts += 1
-    b.contacts += 1
-    if gap > 0.0 and faster:
-        blame[i, j] = True
-        a.contacts_faster_behind += 1
-    elif gap < 0.0 and not faster:
-        blame[j, i] = True
-        b.contacts_faster_behind += 1
+@dataclass(frozen=True)
+class Conditions:
+    """What one race may have different from another with the same car.
+
+    Attributes:
+        compound: of the tyres; None is the car's own.
+        wear_rate, fuel_rate: multiples of the car's figures; 0 leaves tyres new and the tank full.
+    """
+
+    compound: str | None = None
+    wear_rate: float = 0.0
+    fuel_rate: float = 0.0
 
 
 @kernel
 def step_races(
     state: np.ndarray,
     actions: np.ndarray,
-    time: np.ndarray,
+    ticks: np.ndarray,
     touched: np.ndarray,
-    impact: np.ndarray,
-    blame: np.ndarray,
+    contacts: np.ndarray,
+    contact_count: np.ndarray,
+    substeps: int,
     p: CarParameters,
     course: CourseParameters,
+    rates: Rates,
+    rules: RuleParameters,
 ) -> None:
-    """Advance every race by one agent step; see `World.step`."""
-    races, count = state.shape
-    grip = np.empty(4)
-    drag = np.empty(4)
-    for race in range(races):
-        cars = state[race]
+    """Advance every race by some dynamics steps; see `World.step`."""
+    tyres = np.empty((3, 4))
+    for race in range(len(state)):
+        step_race(
+            state[race],
+            actions[race],
+            ticks[race:],
+            touched[race],
+            contacts[race],
+            contact_count[race:],
+            substeps,
+            tyres,
+            p,
+            course,
+            rates,
+            rules,
+        )
+
+
+@inlined
+def step_race(
+    cars: np.ndarray,
+    actions: np.ndarray,
+    ticks: np.ndarray,
+    touched: np.ndarray,
+    contacts: np.ndarray,
+    contact_count: np.ndarray,
+    substeps: int,
+    tyres: np.ndarray,
+    p: CarParameters,
+    course: CourseParameters,
+    rates: Rates,
+    rules: RuleParameters,
+) -> None:
+    """Advance one race by some dynamics steps.
+
+    Args:
+        cars, actions, touched, contacts: of the race; see `World`.
+        ticks, contact_count: those of the race come first.
+        substeps: how many steps.
+        tyres: (3, 4) scratch.
+        p, course, rates, rules: the kernels' view of car, circuit, conditions and rules.
+    """
+    grip, drag, shake = tyres[0], tyres[1], tyres[2]
+    worn = rates.wear > 0.0
+    reach_squared = 4.0 * (p.half_length * p.half_length + p.half_width * p.half_width)
+    count = len(cars)
+    for i in range(count):
+        car = cars[i]
+        car.off_course = car.wall_contact = car.car_contact = False
+    contact_count[0] = 0
+    for _ in range(substeps):
+        now = ticks[0] * DYNAMICS_DT
+        if ticks[0] % RENEWAL_SUBSTEPS == 0:
+            for i in range(count):
+                set_direction(cars[i])
+            set_draught(cars, 2.0 * p.half_length)
         for i in range(count):
             car = cars[i]
-            car.off_course = car.wall_contact = car.car_contact = False
-            car.throttle = max(actions[race, i, 0], 0.0)
-            car.brake = max(-actions[race, i, 0], 0.0)
-        impact[race] = -1.0
-        blame[race] = False
-        set_draught(cars, 2.0 * p.half_length)
-        for substep in range(SUBSTEPS):
-            now = time[race] + substep * DYNAMICS_DT
-            for i in range(count):
-                car = cars[i]
-                if not car.driving:
-                    continue
-                before = car.progress
-                if stand_on(car, grip, drag, p, course) >= 3:
-                    car.off_course = True
-                    car.off_course_s += DYNAMICS_DT
-                advance(car, actions[race, i, 1] * p.full_lock, grip, drag, DYNAMICS_DT, p)
+            if not car.driving:
+                continue
+            before = car.progress
+            # Anew each step, since a penalty that is served overrides them.
+            car.throttle = max(actions[i, 0], 0.0)
+            car.brake = max(-actions[i, 0], 0.0)
+            sine, cosine = facing(car, course)
+            off = stand_on(car, sine, cosine, worn, grip, drag, shake, p, course) >= 3
+            if off:
+                car.off_course = True
+                car.off_course_s += DYNAMICS_DT
+            watch_limits(car, off, now, DYNAMICS_DT, course, rules)
+            serve_penalty(car, DYNAMICS_DT, course, rules)
+            feel_road(car, sine, cosine, course)
+            advance(car, actions[i, 1] * p.full_lock, grip, drag, shake, DYNAMICS_DT, p, rates)
+            locate(car, course)
+            sine, cosine = facing(car, course)
+            if meet_walls(car, sine, cosine, p, course):
+                car.wall_contact = True
+                car.wall_s += DYNAMICS_DT
                 locate(car, course)
-                if meet_walls(car, p, course):
-                    car.wall_contact = True
-                    car.wall_s += DYNAMICS_DT
-                    locate(car, course)
-                time_laps(car, before, now, DYNAMICS_DT, course)
-            for i in range(count):
-                for j in range(i + 1, count):
-                    if not (cars[i].driving and cars[j].driving):
-                        continue
-                    faster = cars[i].velocity_x > cars[j].velocity_x
-                    closing = collide(cars[i], cars[j], p)
-                    if closing < 0.0:
-                        continue
-                    cars[i].car_contact = cars[j].car_contact = True
-                    if now - touched[race, i, j] > CONTACT_GAP_S:
-                        impact[race, i, j] = impact[race, j, i] = closing
-                        touch(cars, i, j, faster, blame[race], course.length)
-                    touched[race, i, j] = now
-        time[race] += SUBSTEPS * DYNAMICS_DT
+            time_lines(car, before, now, DYNAMICS_DT, course)
+            car.stationary_s = 0.0 if car.velocity_x > MOVING_M_S else car.stationary_s + DYNAMICS_DT
         for i in range(count):
-            car = cars[i]
-            car.heading_error = heading_error(car, course)
-            if car.velocity_x > MOVING_M_S:
-                car.stationary_s = 0.0
-            else:
-                car.stationary_s += SUBSTEPS * DYNAMICS_DT
+            for j in range(i + 1, count):
+                if near(cars[i], cars[j], reach_squared):
+                    meet(cars, i, j, now, touched, contacts, contact_count, p, course, rules)
+        ticks[0] += 1
+    for i in range(count):
+        set_heading_error(cars[i], course)
+
+
+@inlined
+def near(a: CarRecord, b: CarRecord, reach_squared: float) -> bool:
+    """Whether two driving cars are near enough to touch."""
+    dx, dy = b.x - a.x, b.y - a.y
+    return dx * dx + dy * dy < reach_squared and a.driving and b.driving
+
+
+@kernel
+def meet(
+    cars: np.ndarray,
+    i: int,
+    j: int,
+    now: float,
+    touched: np.ndarray,
+    contacts: np.ndarray,
+    contact_count: np.ndarray,
+    p: CarParameters,
+    course: CourseParameters,
+    rules: RuleParameters,
+) -> None:
+    """Resolve the contact of two cars of a race, if they touch, and note it if it is a new one."""
+    a, b = cars[i], cars[j]
+    relative_x = b.world_velocity_x - a.world_velocity_x
+    relative_y = b.world_velocity_y - a.world_velocity_y
+    faster = i if speed_squared(a) > speed_squared(b) else j
+    touch = collide(a, b, DYNAMICS_DT, p)
+    if touch.closing < 0.0:
+        return
+    a.car_contact = b.car_contact = True
+    if now - touched[i, j] > CONTACT_GAP_S:
+        note = contacts[contact_count[0]]
+        note_contact(cars, i, j, touch, relative_x, relative_y, faster, now, note, course, rules)
+        contact_count[0] += 1
+    touched[i, j] = now
+    a.contact_s = b.contact_s = now
 
 
 @kernel
 def locate_all(cars: np.ndarray, course: CourseParameters) -> None:
     """Locate every car of one race, their rows being near the truth."""
     for i in range(len(cars)):
-        set_direction(cars[i])
-        set_body_velocity(cars[i])
-        locate(cars[i], course)
-        cars[i].heading_error = heading_error(cars[i], course)
+        car = cars[i]
+        set_direction(car)
+        set_body_velocity(car)
+        locate(car, course)
+        set_heading_error(car, course)
+        sine, cosine = facing(car, course)
+        feel_road(car, sine, cosine, course)
 
 
 class World:
@@ -151,22 +239,52 @@ class World:
 
     Attributes:
         state: (races, cars) CAR_STATE, the whole state; read it freely.
-        time: (races,) float64, s since each race's start.
-        impact: (races, cars, cars) float32, closing speed (m/s) of a contact that began in the
-            last agent step, else -1; symmetric.
-        blame: (races, cars, cars) bool, whether the first car was behind and faster in it.
+        ticks: (races,) int64, dynamics steps since each race's start.
+        contacts: (races, pairs) CONTACT, the contacts that began in the last step, oldest first.
+        contact_count: (races,) int64, how many of them there are.
     """
 
-    def __init__(self, track: Track, car: Car, races: int, cars: int) -> None:
+    def __init__(
+        self,
+        track: Track,
+        car: Car,
+        races: int,
+        cars: int,
+        conditions: Conditions = Conditions(),  # it cannot change
+        rules: Rules | None = None,
+        threads: int = 1,
+    ) -> None:
+        """Races without a start yet.
+
+        Args:
+            track: the circuit.
+            car: the model that all drive.
+            races, cars: how many races, and cars in each.
+            conditions: tyres and rates of wear and fuel.
+            rules: what the stewards go by; None for no penalties.
+            threads: on which a step works; the results do not depend on them.
+
+        Raises:
+            InputError: if the conditions name an unknown compound.
+        """
         self.track = track
         self.car = car
-        self.parameters = parameters(car)
+        self.parameters = parameters(car, conditions.compound)
         self.course = course_parameters(track)
         self.state = np.zeros((races, cars), CAR_STATE)
-        self.time = np.zeros(races)
-        self.impact = np.full((races, cars, cars), -1.0, np.float32)
-        self.blame = np.zeros((races, cars, cars), np.bool_)
+        self.ticks = np.zeros(races, np.int64)
+        self.contacts = np.zeros((races, max(cars * (cars - 1) // 2, 1)), CONTACT)
+        self.contact_count = np.zeros(races, np.int64)
+        self._rates = Rates(float(conditions.wear_rate), float(conditions.fuel_rate))
+        self._rules = rule_parameters(rules or load_rules("free"))
         self._touched = np.full((races, cars, cars), -np.inf)
+        self._threads = threads
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time since each race's start, s, (races,)."""
+        return self.ticks / DYNAMICS_HZ
 
     def reset(self, race: int, start: Start) -> None:
         """Put the cars of one race at their start, wheels rolling at the speed of the road."""
@@ -180,38 +298,62 @@ class World:
         shift_up = self.car.engine.shift_up_rpm / 60.0 * 2.0 * np.pi
         fastest = shift_up / self.parameters.ratios * self.car.wheel.radius_m
         cars["gear"] = np.minimum(np.searchsorted(fastest, start.speed), len(fastest) - 1)
+        cars["fuel"] = self.parameters.fuel_capacity
+        cars["mass"] = self.car.body.mass_kg
         cars["wraps"] = np.floor(start.distance / self.track.length)
         along = start.distance - cars["wraps"] * self.track.length
         cars["row"] = np.minimum(along / self.track.spacing, len(self.track.table) - 1)
         cars["load"] = self.car.body.mass_kg * GRAVITY / 4.0
-        for unset in ("line_s", "last_lap_s", "best_lap_s", "finish_s"):
+        for unset in ("line_s", "sector_s", "last_lap_s", "best_lap_s", "finish_s"):
             cars[unset] = np.nan
+        cars["contact_s"] = -np.inf
         cars["driving"] = True
         cars["finish"] = start.finish
         locate_all(cars, self.course)
         cars["start"] = cars["progress"]
         cars["laps"] = np.maximum(cars["wraps"], 0)
-        self.time[race] = 0.0
+        cars["line"] = first_line(start.distance, self.track.sectors, self.track.length)
+        self.ticks[race] = 0
+        self.contact_count[race] = 0
         self._touched[race] = -np.inf
 
-    def step(self, actions: NDArray[np.floating]) -> None:
-        """Advance all races by one agent step, 0.1 s.
+    def step(self, actions: NDArray[np.floating], substeps: int = SUBSTEPS) -> None:
+        """Advance all races by one agent step.
 
         Args:
             actions: (races, cars, 2) in [-1, 1]: throttle (+) or brake (-), steering (+ is left).
                 Must be finite; values outside the range are clipped. Cars that no longer drive
                 ignore theirs.
+            substeps: how many dynamics steps of 1/60 s it takes, at most one second.
+
+        Raises:
+            ValueError: if it is longer.
         """
-        step_races(
-            self.state,
-            np.clip(actions, -1.0, 1.0, dtype=np.float64),
-            self.time,
-            self._touched,
-            self.impact,
-            self.blame,
-            self.parameters,
-            self.course,
-        )
+        if substeps > CONTACT_GAP_S * DYNAMICS_HZ:
+            # The notes of contacts have room for one of each two cars.
+            raise ValueError(f"substeps is {substeps}, expected at most {CONTACT_GAP_S * DYNAMICS_HZ:.0f}")
+        legal = np.clip(actions, -1.0, 1.0, dtype=np.float64)
+
+        def step_block(block: slice) -> None:
+            step_races(
+                self.state[block],
+                legal[block],
+                self.ticks[block],
+                self._touched[block],
+                self.contacts[block],
+                self.contact_count[block],
+                substeps,
+                self.parameters,
+                self.course,
+                self._rates,
+                self._rules,
+            )
+
+        self._share(step_block, len(self.state))
+
+    def new_contacts(self, race: int) -> NDArray[np.void]:
+        """The contacts of one race that began in the last step, CONTACT."""
+        return self.contacts[race, : self.contact_count[race]]
 
     def observe(
         self, spec: ObservationSpec, races: NDArray[np.int64], cars: NDArray[np.int64]
@@ -225,4 +367,34 @@ class World:
         Returns:
             (n, spec.size) float32.
         """
-        return observe(self.state, spec, races, cars, self.parameters, self.course)
+        out = np.empty((len(races), spec.size), np.float32)
+        mean, deviation = spec.scaling
+        scale = np.float32(1.0) / deviation
+
+        def observe_block(block: slice) -> None:
+            observe_cars(
+                self.state,
+                races[block],
+                cars[block],
+                out[block],
+                mean,
+                scale,
+                spec.course_points,
+                spec.horizon_s,
+                spec.cars_ahead,
+                spec.cars_behind,
+                self.parameters,
+                self.course,
+            )
+
+        self._share(observe_block, len(races))
+        return out
+
+    def _share(self, work: Callable[[slice], None], count: int) -> None:
+        """Have the threads work on `count` rows, each on a block of its own."""
+        if self._pool is None:
+            work(slice(0, count))
+            return
+        parts = [count * part // self._threads for part in range(self._threads + 1)]
+        blocks = [slice(*ends) for ends in pairwise(parts)]
+        list(self._pool.map(work, blocks))

@@ -1,0 +1,82 @@
+"""How often cars act, and how late they see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.observation import ObservationSpec
+from sim.world import DYNAMICS_HZ, World
+
+
+@dataclass(frozen=True, eq=False)
+class Reaction:
+    """The rates of the cars of a race, in dynamics steps of 1/60 s.
+
+    Attributes:
+        period: (cars,) int64, steps from action to action.
+        delay: (cars,) int64, steps from what happens to when it is seen.
+    """
+
+    period: NDArray[np.int64]
+    delay: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, action_hz: NDArray[np.float64], delay_s: NDArray[np.float64]) -> Reaction:
+        """Rates from actions a second and delays in s, each (cars,)."""
+        period = np.round(DYNAMICS_HZ / action_hz).astype(np.int64)
+        return cls(period, np.round(delay_s * DYNAMICS_HZ).astype(np.int64))
+
+    @property
+    def tick(self) -> int:
+        """The longest step of the world that meets every action and every delay."""
+        return math.gcd(*self.period.tolist(), *self.delay.tolist())
+
+
+class Perception:
+    """What some cars of a world see, each as late as its delay says."""
+
+    def __init__(
+        self,
+        spec: ObservationSpec,
+        races: NDArray[np.int64],
+        cars: NDArray[np.int64],
+        reaction: Reaction,
+    ) -> None:
+        """Nothing has been seen yet.
+
+        Args:
+            spec: what to observe.
+            races, cars: (n,) indices of the cars.
+            reaction: of all cars of a race.
+        """
+        self._spec, self._races, self._cars = spec, races, cars
+        self._tick = reaction.tick
+        self._late = reaction.delay[cars] // self._tick
+        self._period = reaction.period[cars]
+        self._seen: NDArray[np.float32] | None = None
+
+    def due(self, world: World) -> NDArray[np.bool_]:
+        """Which of the cars act now, (n,)."""
+        return world.ticks[self._races] % self._period == 0
+
+    def see(self, world: World) -> NDArray[np.float32]:
+        """What the cars see now, (n, size) float32; to be called once a tick.
+
+        A car that has not driven for as long as its delay sees its start.
+        """
+        now = world.observe(self._spec, self._races, self._cars)
+        if not self._late.any():
+            return now
+        depth = int(self._late.max()) + 1
+        if self._seen is None:
+            self._seen = np.repeat(now[None], depth, axis=0)
+        new = world.ticks[self._races] == 0
+        self._seen[:, new] = now[new]
+        rows = np.arange(len(now))
+        at = world.ticks[self._races] // self._tick
+        self._seen[at % depth, rows] = now
+        return self._seen[(at - self._late) % depth, rows]

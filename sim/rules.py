@@ -1,0 +1,108 @@
+"""Rules of a race: what counts as an offence and what it costs; data files, and the kernels' view."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Annotated, NamedTuple
+
+from pydantic import Field, model_validator
+
+from sim.data_file import DATA, Section, find_data, read_toml
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Limits(Section):
+    """Leaving the course."""
+
+    warnings: Annotated[int, Field(ge=0)]
+    shortest_s: NotNegative
+    excused_s: NotNegative
+    penalty_s: NotNegative
+
+
+class Cutting(Section):
+    """Leaving it to save way."""
+
+    gain_m: NotNegative
+    penalty_s: NotNegative
+
+
+class Contact(Section):
+    """Running into others."""
+
+    light_m_s: NotNegative
+    heavy_m_s: NotNegative
+    clear_m_s: NotNegative
+    rear_end_s: NotNegative
+    side_swipe_s: NotNegative
+
+    @model_validator(mode="after")
+    def _rising(self) -> Contact:
+        if self.heavy_m_s < self.light_m_s:
+            raise ValueError("heavy_m_s must not lie below light_m_s")
+        return self
+
+
+class Serving(Section):
+    """How penalties are served."""
+
+    speed_m_s: Positive
+
+
+class Rules(Section):
+    """Rules as their file describes them; see `sim/data/rules/sporting.toml` for each field."""
+
+    name: str
+    description: str
+    limits: Limits
+    cutting: Cutting
+    contact: Contact
+    serving: Serving
+
+
+class RuleParameters(NamedTuple):
+    """What the kernels read of the rules; s, m and m/s."""
+
+    warnings: int
+    shortest: float
+    excused: float
+    limits_penalty: float
+    cut_gain: float
+    cut_penalty: float
+    light: float
+    heavy: float
+    clear: float
+    rear_end_penalty: float
+    side_swipe_penalty: float
+    serving_speed: float
+
+
+def rule_parameters(rules: Rules) -> RuleParameters:
+    """The kernels' view of the rules."""
+    limits, cutting, contact = rules.limits, rules.cutting, rules.contact
+    return RuleParameters(
+        warnings=limits.warnings,
+        shortest=limits.shortest_s,
+        excused=limits.excused_s,
+        limits_penalty=limits.penalty_s,
+        cut_gain=cutting.gain_m,
+        cut_penalty=cutting.penalty_s,
+        light=contact.light_m_s,
+        heavy=contact.heavy_m_s,
+        clear=contact.clear_m_s,
+        rear_end_penalty=contact.rear_end_s,
+        side_swipe_penalty=contact.side_swipe_s,
+        serving_speed=rules.serving.speed_m_s,
+    )
+
+
+@lru_cache
+def load_rules(name: str) -> Rules:
+    """Rules by their shipped name, or by the path of a `.toml` file.
+
+    Raises:
+        InputError: if there are no such rules or their file is wrong.
+    """
+    return read_toml(find_data(name, "rules", DATA / "rules"), Rules, "rules")
