@@ -1,7 +1,8 @@
-"""One run of a scenario from start to end: what the environments of all libraries share."""
+"""Episodes: races of a scenario side by side, which all environments and rollouts share."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -9,126 +10,195 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from sim.car import load_car
+from sim.errors import InputError
 from sim.observation import ObservationSpec
+from sim.reaction import Perception
 from sim.scenario import load_scenario
+from sim.timing import gaps
 from sim.track import load_track
-from sim.world import World
+from sim.world import DYNAMICS_HZ, World
+
+FLAGS = ("off_course", "wall_contact", "car_contact")
 
 STUCK_S = 15.0
 """A car at rest for so long is out of the race."""
 
+Facts = Mapping[str, NDArray[Any]]
 
-def end_runs(world: World, endings: NDArray[np.str_], time_s: float) -> None:
+
+def end_runs(
+    world: World,
+    endings: NDArray[np.str_],
+    time_s: NDArray[np.float64] | float,
+    stuck_s: float = STUCK_S,
+) -> None:
     """Note how runs ended in the last step, and take cars that are stuck or out of time off the circuit.
 
     Args:
         world: the world after a step.
         endings: (races, cars) str, changed in place from '' to 'finished', 'stuck' or 'time_up'.
-        time_s: time at which a run ends for all, s.
+        time_s: time at which a run ends for all, s; one number, or (races,).
+        stuck_s: a car at rest for longer is stuck, s.
     """
     state = world.state
     running = endings == ""
     finished = running & ~state["driving"]
-    stuck = running & ~finished & (state["stationary_s"] > STUCK_S)
-    # The time is a sum of steps, so it may fall short of the limit by rounding.
-    late = running & ~finished & ~stuck & (world.time >= time_s - 1e-9)[:, None]
+    stuck = running & ~finished & (state["stationary_s"] > stuck_s)
+    late = running & ~finished & ~stuck & (world.time >= time_s)[:, None]
     endings[finished], endings[stuck], endings[late] = "finished", "stuck", "time_up"
     state["driving"] &= ~(stuck | late)
 
 
-class Episode:
-    """A world of one race, started again and again.
+def observation_space(spec: ObservationSpec) -> Box[np.float32]:
+    """Space of one car's observation. Standardised, but not bounded: a spinning car leaves any range."""
+    return Box(-np.inf, np.inf, (spec.size,), np.float32)
+
+
+def action_space() -> Box[np.float32]:
+    """Space of one car's action: throttle (+) or brake (-), steering (+ is left)."""
+    return Box(-1.0, 1.0, (2,), np.float32)
+
+
+class View:
+    """What some cars of the episodes see; made by `Episodes.watch`.
 
     Attributes:
-        observation_spec: what is seen of it.
-        cars: number of cars.
-        world: the world, read it freely; its only race is the episode.
+        seen: (n, size) float32, standardised observations, as late as the scenario has them.
     """
 
-    def __init__(self, circuit: str, car: str, scenario: str, observation: ObservationSpec | None) -> None:
-        """An episode yet to be started.
+    seen: NDArray[np.float32]
 
-        Raises:
-            InputError: if a name is unknown or a file is wrong.
-        """
-        self.observation_spec = observation or ObservationSpec()
-        self._scenario = load_scenario(scenario)
-        self._track = load_track(circuit)
-        self.cars = self._scenario.cars
-        self.world = World(self._track, load_car(car), 1, self.cars)
-        self._endings = np.full((1, self.cars), "", dtype="U8")
+    def __init__(self, perception: Perception) -> None:
+        self._perception = perception
 
-    @property
-    def endings(self) -> NDArray[np.str_]:
-        """How each car's run ended: 'finished', 'stuck' or 'time_up'; '' while it drives. (cars,)"""
-        return self._endings[0]
+    def look(self, world: World) -> None:
+        """See the present; to be called once a tick."""
+        self.seen = self._perception.see(world)
 
-    def observation_space(self) -> Box[np.float32]:
-        """Space of one car's observation. Standardised, but not bounded: a spinning car leaves any range."""
-        return Box(-np.inf, np.inf, (self.observation_spec.size,), np.float32)
 
-    def action_space(self) -> Box[np.float32]:
-        """Space of one car's action: throttle (+) or brake (-), steering (+ is left)."""
-        return Box(-1.0, 1.0, (2,), np.float32)
+class Episodes:
+    """Races of one scenario, each started again and again.
 
-    def start(self, rng: np.random.Generator) -> None:
-        """Put all cars at a start drawn from the scenario."""
-        self.world.reset(0, self._scenario.place(self._track, rng))
-        self._endings[:] = ""
+    Attributes:
+        scenario: what they are races of.
+        world: the world, read it freely. After a step its flags tell of the whole step.
+        endings: (races, cars) str, how each run ended: 'finished', 'stuck' or 'time_up'; '' while it lasts.
+        limit_s: (races,) time at which each race ends, the scenario's unless changed.
+        step_s: length of a step, s.
+    """
 
-    def step(self, actions: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Advance by one agent step, 0.1 s.
+    def __init__(
+        self,
+        circuit: str,
+        car: str,
+        scenario: str,
+        races: int = 1,
+        threads: int = 1,
+        stuck_s: float = STUCK_S,
+    ) -> None:
+        """Races yet to be started.
 
         Args:
-            actions: (cars, 2); those of cars that no longer drive are ignored.
+            circuit, car, scenario: shipped names or paths of `.toml` files.
+            races: how many.
+            threads: on which a step works; the results do not depend on them.
+            stuck_s: a car at rest for longer is out, s.
+
+        Raises:
+            InputError: if a name is unknown, a file is wrong, or the cars act at different rates.
+        """
+        self.scenario = load_scenario(scenario)
+        self._reaction = self.scenario.reaction
+        if len(set(self._reaction.period)) > 1:
+            raise InputError(f"scenario {scenario!r}: action_hz differs between cars, expected one rate")
+        self._track = load_track(circuit)
+        self.world = self.scenario.world(self._track, load_car(car), races, threads)
+        self.endings = np.full(self.world.state.shape, "", dtype="U8")
+        self.limit_s = np.full(races, self.scenario.time_s)
+        self.step_s = float(self._reaction.period[0] / DYNAMICS_HZ)
+        self._stuck_s = stuck_s
+        self._views: list[View] = []
+
+    def watch(self, spec: ObservationSpec, races: NDArray[np.int64], cars: NDArray[np.int64]) -> View:
+        """The view of some cars, (n,) indices, kept up to date from the next start on."""
+        view = View(Perception(spec, races, cars, self._reaction))
+        self._views.append(view)
+        return view
+
+    def start(self, races: Iterable[int], rngs: Iterable[np.random.Generator]) -> None:
+        """Put all cars of some races at starts that the scenario draws, each with a generator of its own."""
+        for race, rng in zip(races, rngs, strict=True):
+            self.world.reset(race, self.scenario.place(self._track, rng))
+            self.endings[race] = ""
+        self._look()
+
+    def _look(self) -> None:
+        for view in self._views:
+            view.look(self.world)
+
+    def step(self, actions: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Advance by one agent step, 0.1 s unless the scenario has another action rate.
+
+        Args:
+            actions: (races, cars, 2); those of cars that no longer drive are ignored.
 
         Returns:
-            (cars,) reward: metres of centre line gained in the step, none while off course.
+            (races, cars) reward: metres of centre line gained in the step, none while off course.
 
         Raises:
             ValueError: if an action is not finite.
         """
-        faulty = np.flatnonzero(~np.isfinite(actions).all(axis=1))
+        faulty = np.argwhere(~np.isfinite(actions).all(axis=2))
         if len(faulty):
+            race, car = faulty[0]
             raise ValueError(
-                f"the action of car {faulty[0]} is {actions[faulty[0]]}, expected finite numbers"
+                f"race {race}: the action of car {car} is {actions[race, car]}, expected finite numbers"
             )
-        cars = self.world.state[0]
-        before = cars["progress"].copy()
-        self.world.step(np.asarray(actions, np.float64)[None])
-        end_runs(self.world, self._endings, self._scenario.time_s)
-        return np.where(cars["off_course"], 0.0, cars["progress"] - before)
+        state, tick = self.world.state, self._reaction.tick
+        before = state["progress"].copy()
+        flags = {name: np.zeros(state.shape, np.bool_) for name in FLAGS}
+        for _ in range(self._reaction.period[0] // tick):
+            self.world.step(actions, tick)
+            for name, flag in flags.items():
+                flag |= state[name]
+            self._look()
+        for name, flag in flags.items():
+            state[name] = flag
+        end_runs(self.world, self.endings, self.limit_s, self._stuck_s)
+        return np.where(state["off_course"], 0.0, state["progress"] - before)
 
-    def observe(self) -> NDArray[np.float32]:
-        """Standardised observations of all cars, (cars, size)."""
-        race = np.zeros(self.cars, np.int64)
-        return self.world.observe(self.observation_spec, race, np.arange(self.cars))
-
-    def infos(self) -> list[dict[str, Any]]:
-        """What a log would note of each car; a time that has not been driven is None.
+    def facts(self) -> Facts:
+        """What a log would note of each car, by name, (races, cars); a time that was not driven is nan.
 
         The place is that on the road: finishers by their time, then the others by progress.
         """
-        cars = self.world.state[0]
-        place = np.empty(self.cars, np.int64)
-        finish_s = np.where(self.endings == "finished", cars["finish_s"], np.inf)
-        place[np.lexsort((-cars["progress"], finish_s))] = np.arange(1, self.cars + 1)
-        return [
-            {
-                "place": int(place[i]),
-                "progress_m": float(car["progress"]),
-                "laps": int(car["laps"]),
-                "last_lap_s": _driven(car["last_lap_s"]),
-                "best_lap_s": _driven(car["best_lap_s"]),
-                "finish_s": _driven(car["finish_s"]),
-                "off_course": bool(car["off_course"]),
-                "wall_contact": bool(car["wall_contact"]),
-                "car_contact": bool(car["car_contact"]),
-                "ending": str(self.endings[i]),
-            }
-            for i, car in enumerate(cars)
-        ]
+        state = self.world.state
+        finish_s = np.where(self.endings == "finished", state["finish_s"], np.inf)
+        order = np.lexsort((-state["progress"], finish_s), axis=-1)
+        place = np.empty(state.shape, np.int64)
+        np.put_along_axis(place, order, np.arange(1, state.shape[1] + 1)[None], axis=1)
+        return {
+            "place": place,
+            "progress_m": state["progress"],
+            "laps": state["laps"],
+            "last_lap_s": state["last_lap_s"],
+            "best_lap_s": state["best_lap_s"],
+            "sectors_s": state["sector_s"],
+            "gap_s": gaps(state),
+            "finish_s": state["finish_s"],
+            **{name: state[name] for name in FLAGS},
+            "penalty_s": state["penalty_s"],
+            "ending": self.endings,
+        }
 
 
-def _driven(seconds: np.float64) -> float | None:
-    return float(seconds) if np.isfinite(seconds) else None
+def info_of(facts: Facts, race: int, car: int) -> dict[str, Any]:
+    """The facts of one car as plain values; a time that was not driven is None."""
+    return {name: _plain(values[race, car].tolist()) for name, values in facts.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_plain(part) for part in value]
+    # Only nan differs from itself.
+    return value if value == value else None

@@ -9,8 +9,9 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from sim.episode import Episode
+from sim.episode import Episodes, action_space, info_of, observation_space
 from sim.observation import ObservationSpec
+from sim.render import RENDER_MODES, open_screen
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
@@ -19,26 +20,35 @@ Infos = dict[str, dict[str, Any]]
 class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
     """A scenario as a parallel environment with the agents `car_0`, `car_1`... in starting order.
 
-    A step is 0.1 s. Observations are those of `sim.observation`, standardised, float32; actions are
-    throttle (+) or brake (-), and steering (+ is left), in [-1, 1]. The reward is the progress
-    along the centre line during the step, m, and 0 off course. An agent is terminated when it has
-    finished or is stuck (`sim.episode.STUCK_S`), and truncated when the scenario's time is up.
+    A step is 0.1 s unless the scenario has another action rate. Observations are those of
+    `sim.observation`, standardised, float32; actions are throttle (+) or brake (-), and steering (+
+    is left), in [-1, 1]. The reward is the progress along the centre line during the step, m, and 0
+    off course. An agent is terminated when it has finished or is stuck (`sim.episode.STUCK_S`), and
+    truncated when the scenario's time is up.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"name": "nathlon_race_v0", "render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {"name": "nathlon_race_v0", "render_modes": RENDER_MODES}
 
     def __init__(
-        self, circuit: str, car: str, scenario: str, observation: ObservationSpec | None = None
+        self,
+        circuit: str,
+        car: str,
+        scenario: str,
+        observation: ObservationSpec | None = None,
+        render_mode: str | None = None,
     ) -> None:
         """See `sim.parallel_env`."""
-        self._episode = Episode(circuit, car, scenario, observation)
-        self.possible_agents = [f"car_{i}" for i in range(self._episode.cars)]
+        self._episodes = Episodes(circuit, car, scenario)
+        cars = self._episodes.scenario.cars
+        spec = observation or ObservationSpec()
+        self._view = self._episodes.watch(spec, np.zeros(cars, np.int64), np.arange(cars))
+        self.possible_agents = [f"car_{i}" for i in range(cars)]
         self.agents: list[str] = []
-        self.render_mode = None
-        self._observation_spaces = {
-            agent: self._episode.observation_space() for agent in self.possible_agents
-        }
-        self._action_spaces = {agent: self._episode.action_space() for agent in self.possible_agents}
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": 1.0 / self._episodes.step_s}  # type: ignore[misc]
+        self._screen = open_screen(render_mode, self._episodes, self.possible_agents)
+        self._observation_spaces = {agent: observation_space(spec) for agent in self.possible_agents}
+        self._action_spaces = {agent: action_space() for agent in self.possible_agents}
         self._rng = np.random.default_rng()
 
     def observation_space(self, agent: str) -> Box[np.float32]:
@@ -60,18 +70,20 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
         """
         if seed is not None:
             self._rng = np.random.default_rng(seed)
-        self._episode.start(self._rng)
+        self._episodes.start([0], [self._rng])
         self.agents = list(self.possible_agents)
-        observations, infos = self._episode.observe(), self._episode.infos()
+        if self._screen:
+            self._screen.start()
+        infos = self._infos()
         return (
-            dict(zip(self.agents, observations, strict=True)),
+            dict(zip(self.agents, self._view.seen, strict=True)),
             dict(zip(self.agents, infos, strict=True)),
         )
 
     def step(
         self, actions: dict[str, NDArray[np.float32]]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Advance the race by 0.1 s.
+        """Advance the race by a step.
 
         Args:
             actions: (2,) by agent, of every agent in `agents`.
@@ -80,17 +92,32 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
             KeyError: if an agent's action is missing.
             ValueError: if an action is not finite.
         """
-        everybody = np.zeros((len(self.possible_agents), 2), np.float32)
+        everybody = np.zeros((1, len(self.possible_agents), 2), np.float32)
         live = {agent: self.possible_agents.index(agent) for agent in self.agents}
         for agent, car in live.items():
-            everybody[car] = actions[agent]
-        rewards = self._episode.step(everybody)
-        observations, infos, endings = self._episode.observe(), self._episode.infos(), self._episode.endings
+            everybody[0, car] = actions[agent]
+        rewards = self._episodes.step(everybody)[0]
+        if self._screen:
+            self._screen.step()
+        seen, infos, endings = self._view.seen, self._infos(), self._episodes.endings[0]
         self.agents = [agent for agent, car in live.items() if endings[car] == ""]
         return (
-            {agent: observations[car] for agent, car in live.items()},
+            {agent: seen[car] for agent, car in live.items()},
             {agent: float(rewards[car]) for agent, car in live.items()},
             {agent: bool(endings[car] in ("finished", "stuck")) for agent, car in live.items()},
             {agent: bool(endings[car] == "time_up") for agent, car in live.items()},
             {agent: infos[car] for agent, car in live.items()},
         )
+
+    def _infos(self) -> list[dict[str, Any]]:
+        facts = self._episodes.facts()
+        return [info_of(facts, 0, car) for car in range(len(self.possible_agents))]
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The race from above, with the leader in the middle: (600, 800, 3) uint8, or None in a window."""
+        return self._screen.render() if self._screen else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._screen:
+            self._screen.close()

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from policies.qrsac.config import QRSACConfig
 from policies.training.rewards import RewardWeights
-from sim.data_file import read_toml
+from sim.data_file import Section, read_toml
 from sim.observation import ObservationSpec
 
 Count = Annotated[int, Field(ge=1)]
@@ -18,11 +18,7 @@ CONFIGS = Path(__file__).parent / "configs"
 """The configurations that come with nathlon."""
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Rollouts(_Section):
+class Rollouts(Section):
     """Races of one scenario that run side by side."""
 
     scenario: str
@@ -31,7 +27,7 @@ class Rollouts(_Section):
     opponents: tuple[str, ...] = ()  # who drives the others, in turn; see policies.load
 
 
-class ObservationSettings(_Section):
+class ObservationSettings(Section):
     """The observation spec to train on; see sim.observation."""
 
     course_points: Count = 60
@@ -44,7 +40,7 @@ class ObservationSettings(_Section):
         return ObservationSpec(**self.model_dump())
 
 
-class TrainingConfig(_Section):
+class TrainingConfig(Section):
     """A training run.
 
     Attributes:

@@ -12,7 +12,6 @@ from sim.car import load_car
 from sim.observation import ObservationSpec
 from sim.scenario import load_scenario
 from sim.track import load_track
-from sim.world import World
 
 SCENARIO = "time_trial"
 RUNS = 4
@@ -40,7 +39,7 @@ def evaluate_laps(
         seed: of the starts.
     """
     scenario, track = load_scenario(SCENARIO), load_track(circuit)
-    world = World(track, load_car(car), RUNS, 1)
+    world = scenario.world(track, load_car(car), RUNS)
     rng = np.random.default_rng(seed)
     for race in range(RUNS):
         world.reset(race, scenario.place(track, rng))

@@ -83,7 +83,12 @@ class Transition:
     def rear_end(self) -> Rewards:
         """Minus the square of the closing speed of contacts begun while behind and faster, m^2/s^2."""
         world = self._world
-        return -(np.where(world.blame, world.impact, 0.0) ** 2).sum(axis=2)
+        penalty = np.zeros(world.state.shape)
+        for race in np.flatnonzero(world.contact_count):
+            for contact in world.new_contacts(int(race)):
+                if contact["faster"] == contact["behind"]:
+                    penalty[race, contact["behind"]] -= contact["closing"] ** 2
+        return penalty
 
     def components(self) -> dict[str, Rewards]:
         """Every component, unweighted, by name."""

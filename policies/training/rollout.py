@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.load import load_policy
-from policies.policy import Policy
+from policies.heat import Heat, load_opponents
 from policies.training.config import Rollouts, TrainingConfig
 from policies.training.rewards import Rewards, Transition, total
-from sim.car import load_car
+from sim.episode import Episodes
 from sim.errors import InputError
-from sim.scenario import load_scenario
-from sim.track import load_track
-from sim.world import AGENT_DT, World
 
 STUCK_S = 5.0
 """A car at rest for so long has ended its episode: it will not get away."""
@@ -36,29 +33,14 @@ class Step(NamedTuple):
     valid: Flags
 
 
-@dataclass
-class Opponent:
-    """A policy and the cars that it drives."""
-
-    policy: Policy
-    races: NDArray[np.int64]
-    cars: NDArray[np.int64]
-    memory: Array
-
-    def act(self, world: World) -> Array:
-        """Actions of its cars."""
-        seen = world.observe(self.policy.observation_spec, self.races, self.cars)
-        actions, self.memory = self.policy.act(seen, self.memory)
-        return actions
-
-    def forget(self, race: int) -> None:
-        """Start the memory of its cars in a race afresh."""
-        mine = self.races == race
-        self.memory[mine] = self.policy.initial_memory(int(mine.sum()))
-
-
 class Rollout:
-    """Side-by-side races of one scenario; a race starts anew when it is over."""
+    """Side-by-side races of one scenario; a race starts anew when its learners are through.
+
+    Attributes:
+        episodes: the races themselves.
+        laps: lap times driven, s, to be emptied by the reader, as the following.
+        driven_s, off_course_s: time driven by the learner's cars, and that off course, s.
+    """
 
     def __init__(self, config: TrainingConfig, rollouts: Rollouts, rng: np.random.Generator) -> None:
         """Races at their start.
@@ -66,57 +48,37 @@ class Rollout:
         Raises:
             InputError: if the scenario has fewer cars than learners, or nobody drives the others.
         """
-        self.scenario = load_scenario(rollouts.scenario)
-        cars, races = self.scenario.cars, rollouts.races
+        episodes = Episodes(config.circuit, config.car, rollouts.scenario, rollouts.races, stuck_s=STUCK_S)
+        cars = episodes.scenario.cars
         if rollouts.learners > cars:
             raise InputError(
                 f"rollouts {rollouts.scenario}: learners is {rollouts.learners}, "
                 f"expected at most the scenario's {cars} cars"
             )
-        self._rng = rng
-        self._spec = config.observation.spec()
-        self._weights = config.reward
-        self._track = load_track(config.circuit)
-        self.world = World(self._track, load_car(config.car), races, cars)
         learners = np.unique(np.linspace(cars - 1, 0, rollouts.learners).round().astype(np.int64))
-        grid = np.stack(np.meshgrid(np.arange(races), learners, indexing="ij")).reshape(2, -1)
-        self._races, self._cars = grid
-        others = np.setdiff1d(np.arange(cars), learners)
-        self._opponents = self._seat(config, rollouts, np.stack(np.meshgrid(np.arange(races), others)))
+        opponents = load_opponents(rollouts.opponents, config.circuit, config.car)
+        self.episodes, self._learners = episodes, learners
+        self._heat = Heat(episodes, learners.tolist(), config.observation.spec(), opponents)
+        self._weights = config.reward
+        self._rng = rng
         # The first episodes are of different length, so that races do not restart all at once.
-        self._limit = rng.uniform(0.2, 1.0, races) * self.scenario.time_s
+        episodes.limit_s *= rng.uniform(0.2, 1.0, rollouts.races)
         self.laps: list[float] = []
         self.driven_s = self.off_course_s = 0.0
-        for race in range(races):
-            self._restart(race)
-        self.observation = self._observe()
+        self._start(range(rollouts.races))
 
     @property
     def slots(self) -> int:
         """Cars that the learner drives."""
-        return len(self._races)
+        return len(self._heat.cars)
 
-    def _seat(self, config: TrainingConfig, rollouts: Rollouts, seats: NDArray[np.int64]) -> list[Opponent]:
-        races, cars = seats.reshape(2, -1)
-        if len(races) and not rollouts.opponents:
-            raise InputError(
-                f"rollouts {rollouts.scenario}: opponents is empty, expected someone for {len(races)} cars"
-            )
-        seated = []
-        for turn, name in enumerate(rollouts.opponents):
-            policy = load_policy(name, config.circuit, config.car)
-            mine = slice(turn, None, len(rollouts.opponents))
-            memory = policy.initial_memory(len(races[mine]))
-            seated.append(Opponent(policy, races[mine], cars[mine], memory))
-        return [opponent for opponent in seated if len(opponent.races)]
+    @property
+    def observation(self) -> Array:
+        """What the learner's cars see, (slots, size) float32."""
+        return self._heat.seen
 
-    def _restart(self, race: int) -> None:
-        self.world.reset(race, self.scenario.place(self._track, self._rng))
-        for opponent in self._opponents:
-            opponent.forget(race)
-
-    def _observe(self) -> Array:
-        return self.world.observe(self._spec, self._races, self._cars)
+    def _start(self, races: Sequence[int]) -> None:
+        self._heat.start(races, repeat(self._rng, len(races)))
 
     def step(self, action: Array) -> tuple[Step, dict[str, Rewards]]:
         """Advance all races by one step with the learner's actions, (slots, 2).
@@ -124,41 +86,30 @@ class Rollout:
         Returns:
             the step, and the components of its reward by name, each (slots,).
         """
-        world, mine = self.world, (self._races, self._cars)
-        everybody = np.zeros((*world.state.shape, 2), np.float32)
-        everybody[mine] = action
-        for opponent in self._opponents:
-            everybody[opponent.races, opponent.cars] = opponent.act(world)
-        valid = world.state["driving"][mine].copy()
-        laps_before = world.state["laps"][mine].copy()
+        mine, world = (self._heat.races, self._heat.cars), self.episodes.world
+        valid = world.state["driving"][mine]
+        laps_before = world.state["laps"][mine]
         transition = Transition(world)
-        world.step(everybody)
+        self._heat.step(action)
         components = {name: value[mine] for name, value in transition.components().items()}
         reward = total(components, self._weights).astype(np.float32)
-
-        stuck = world.state["stationary_s"] > STUCK_S
-        world.state["driving"] &= ~stuck
-        terminated = stuck[mine] & valid
-        driving = world.state["driving"][mine]
-        finished = valid & ~driving & ~terminated
-        over = (world.time >= self._limit)[self._races]
+        ending = self.episodes.endings[mine]
+        terminated = valid & (ending == "stuck")
+        truncated = valid & ((ending == "time_up") | (ending == "finished"))
         self._count(valid, laps_before)
-        next_observation = self._observe()
-        step = Step(action, reward, next_observation, terminated, (over & valid) | finished, valid)
+        step = Step(action, reward, self.observation, terminated, truncated, valid)
         self._restart_finished()
-        self.observation = self._observe()
         return step, components
 
     def _restart_finished(self) -> None:
-        mine = np.zeros(self.world.state.shape, np.bool_)
-        mine[self._races, self._cars] = self.world.state["driving"][self._races, self._cars]
-        for race in np.flatnonzero((self.world.time >= self._limit) | ~mine.any(axis=1)):
-            self._limit[race] = self.scenario.time_s
-            self._restart(int(race))
+        over = (self.episodes.endings[:, self._learners] != "").all(axis=1)
+        if over.any():
+            self.episodes.limit_s[over] = self.episodes.scenario.time_s
+            self._start(np.flatnonzero(over).tolist())
 
     def _count(self, valid: Flags, laps_before: NDArray[np.int64]) -> None:
-        state = self.world.state[self._races, self._cars]
+        state = self.episodes.world.state[self._heat.races, self._heat.cars]
         timed = valid & (state["laps"] > laps_before) & np.isfinite(state["last_lap_s"])
         self.laps.extend(state["last_lap_s"][timed])
-        self.driven_s += AGENT_DT * int(valid.sum())
-        self.off_course_s += AGENT_DT * int((valid & state["off_course"]).sum())
+        self.driven_s += self.episodes.step_s * int(valid.sum())
+        self.off_course_s += self.episodes.step_s * int((valid & state["off_course"]).sum())
