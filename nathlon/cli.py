@@ -18,6 +18,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+track = typer.Typer(help="Import circuits and look at them.", no_args_is_help=True)
+app.add_typer(track, name="track")
+
 Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; one for each core by default.")]
@@ -117,6 +120,31 @@ def observation(
     from sim.observation import ObservationSpec
 
     print(ObservationSpec(course_points=course_points).describe())
+
+
+@track.command("import")
+def import_track(
+    file: Annotated[Path, typer.Argument(help="CSV file with x_m, y_m, w_tr_right_m, w_tr_left_m.")],
+    name: Annotated[str, typer.Option(help="Name of the circuit: lowercase letters, digits, hyphens.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
+) -> None:
+    """Make a circuit of a centre line from the TUM racetrack database, as the folder NAME."""
+    from nathlon.commands.track import import_track as run
+
+    run(file, name, out)
+
+
+@track.command("show")
+def show_track(
+    name: Annotated[str, typer.Argument(help="Name or path of the circuit.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The picture; NAME.png in this folder by default.")
+    ] = None,
+) -> None:
+    """Draw the map of a circuit and list its sections."""
+    from nathlon.commands.track import show_track as run
+
+    run(name, out)
 
 
 def main() -> None:
