@@ -1,40 +1,19 @@
-from collections.abc import Iterable as _Iterable
-from collections.abc import Mapping as _Mapping
-from typing import ClassVar as _ClassVar
-
+from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from google.protobuf.internal import containers as _containers
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class CarState(_message.Message):
-    __slots__ = (
-        "acceleration_x_m_s2",
-        "acceleration_y_m_s2",
-        "brake",
-        "car_contact",
-        "distance_m",
-        "driving",
-        "gear",
-        "lap",
-        "lateral_m",
-        "off_course",
-        "place",
-        "slipstream",
-        "steering",
-        "throttle",
-        "velocity_x_m_s",
-        "velocity_y_m_s",
-        "wall_contact",
-        "x_m",
-        "y_m",
-        "yaw_rad",
-        "yaw_rate_rad_s",
-    )
+    __slots__ = ("x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad", "velocity_x_m_s", "velocity_y_m_s", "yaw_rate_rad_s", "acceleration_x_m_s2", "acceleration_y_m_s2", "steering", "throttle", "brake", "gear", "distance_m", "lateral_m", "lap", "place", "penalty_s", "off_course", "wall_contact", "car_contact", "slipstream", "driving")
     X_M_FIELD_NUMBER: _ClassVar[int]
     Y_M_FIELD_NUMBER: _ClassVar[int]
+    Z_M_FIELD_NUMBER: _ClassVar[int]
     YAW_RAD_FIELD_NUMBER: _ClassVar[int]
+    PITCH_RAD_FIELD_NUMBER: _ClassVar[int]
+    ROLL_RAD_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_X_M_S_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_Y_M_S_FIELD_NUMBER: _ClassVar[int]
     YAW_RATE_RAD_S_FIELD_NUMBER: _ClassVar[int]
@@ -48,6 +27,7 @@ class CarState(_message.Message):
     LATERAL_M_FIELD_NUMBER: _ClassVar[int]
     LAP_FIELD_NUMBER: _ClassVar[int]
     PLACE_FIELD_NUMBER: _ClassVar[int]
+    PENALTY_S_FIELD_NUMBER: _ClassVar[int]
     OFF_COURSE_FIELD_NUMBER: _ClassVar[int]
     WALL_CONTACT_FIELD_NUMBER: _ClassVar[int]
     CAR_CONTACT_FIELD_NUMBER: _ClassVar[int]
@@ -55,7 +35,10 @@ class CarState(_message.Message):
     DRIVING_FIELD_NUMBER: _ClassVar[int]
     x_m: float
     y_m: float
+    z_m: float
     yaw_rad: float
+    pitch_rad: float
+    roll_rad: float
     velocity_x_m_s: float
     velocity_y_m_s: float
     yaw_rate_rad_s: float
@@ -69,48 +52,24 @@ class CarState(_message.Message):
     lateral_m: float
     lap: int
     place: int
+    penalty_s: float
     off_course: bool
     wall_contact: bool
     car_contact: bool
     slipstream: float
     driving: bool
-    def __init__(
-        self,
-        x_m: float | None = ...,
-        y_m: float | None = ...,
-        yaw_rad: float | None = ...,
-        velocity_x_m_s: float | None = ...,
-        velocity_y_m_s: float | None = ...,
-        yaw_rate_rad_s: float | None = ...,
-        acceleration_x_m_s2: float | None = ...,
-        acceleration_y_m_s2: float | None = ...,
-        steering: float | None = ...,
-        throttle: float | None = ...,
-        brake: float | None = ...,
-        gear: int | None = ...,
-        distance_m: float | None = ...,
-        lateral_m: float | None = ...,
-        lap: int | None = ...,
-        place: int | None = ...,
-        off_course: bool | None = ...,
-        wall_contact: bool | None = ...,
-        car_contact: bool | None = ...,
-        slipstream: float | None = ...,
-        driving: bool | None = ...,
-    ) -> None: ...
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., z_m: _Optional[float] = ..., yaw_rad: _Optional[float] = ..., pitch_rad: _Optional[float] = ..., roll_rad: _Optional[float] = ..., velocity_x_m_s: _Optional[float] = ..., velocity_y_m_s: _Optional[float] = ..., yaw_rate_rad_s: _Optional[float] = ..., acceleration_x_m_s2: _Optional[float] = ..., acceleration_y_m_s2: _Optional[float] = ..., steering: _Optional[float] = ..., throttle: _Optional[float] = ..., brake: _Optional[float] = ..., gear: _Optional[int] = ..., distance_m: _Optional[float] = ..., lateral_m: _Optional[float] = ..., lap: _Optional[int] = ..., place: _Optional[int] = ..., penalty_s: _Optional[float] = ..., off_course: _Optional[bool] = ..., wall_contact: _Optional[bool] = ..., car_contact: _Optional[bool] = ..., slipstream: _Optional[float] = ..., driving: _Optional[bool] = ...) -> None: ...
 
 class CarStates(_message.Message):
-    __slots__ = ("cars", "time_s")
+    __slots__ = ("time_s", "cars")
     TIME_S_FIELD_NUMBER: _ClassVar[int]
     CARS_FIELD_NUMBER: _ClassVar[int]
     time_s: float
     cars: _containers.RepeatedCompositeFieldContainer[CarState]
-    def __init__(
-        self, time_s: float | None = ..., cars: _Iterable[CarState | _Mapping] | None = ...
-    ) -> None: ...
+    def __init__(self, time_s: _Optional[float] = ..., cars: _Optional[_Iterable[_Union[CarState, _Mapping]]] = ...) -> None: ...
 
 class Incident(_message.Message):
-    __slots__ = ("cars", "kind", "text", "time_s")
+    __slots__ = ("time_s", "kind", "cars", "text")
     TIME_S_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     CARS_FIELD_NUMBER: _ClassVar[int]
@@ -119,41 +78,20 @@ class Incident(_message.Message):
     kind: str
     cars: _containers.RepeatedScalarFieldContainer[int]
     text: str
-    def __init__(
-        self,
-        time_s: float | None = ...,
-        kind: str | None = ...,
-        cars: _Iterable[int] | None = ...,
-        text: str | None = ...,
-    ) -> None: ...
+    def __init__(self, time_s: _Optional[float] = ..., kind: _Optional[str] = ..., cars: _Optional[_Iterable[int]] = ..., text: _Optional[str] = ...) -> None: ...
 
 class Polyline(_message.Message):
-    __slots__ = ("x_m", "y_m")
+    __slots__ = ("x_m", "y_m", "z_m")
     X_M_FIELD_NUMBER: _ClassVar[int]
     Y_M_FIELD_NUMBER: _ClassVar[int]
+    Z_M_FIELD_NUMBER: _ClassVar[int]
     x_m: _containers.RepeatedScalarFieldContainer[float]
     y_m: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, x_m: _Iterable[float] | None = ..., y_m: _Iterable[float] | None = ...) -> None: ...
+    z_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ..., z_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Race(_message.Message):
-    __slots__ = (
-        "car",
-        "car_length_m",
-        "car_width_m",
-        "centre",
-        "circuit",
-        "left",
-        "match",
-        "names",
-        "race",
-        "right",
-        "scenario",
-        "seed",
-        "teams",
-        "version",
-        "wall_left",
-        "wall_right",
-    )
+    __slots__ = ("circuit", "car", "scenario", "seed", "match", "race", "version", "names", "teams", "car_length_m", "car_width_m", "left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right", "runoff_left", "runoff_right")
     CIRCUIT_FIELD_NUMBER: _ClassVar[int]
     CAR_FIELD_NUMBER: _ClassVar[int]
     SCENARIO_FIELD_NUMBER: _ClassVar[int]
@@ -168,8 +106,12 @@ class Race(_message.Message):
     LEFT_FIELD_NUMBER: _ClassVar[int]
     CENTRE_FIELD_NUMBER: _ClassVar[int]
     RIGHT_FIELD_NUMBER: _ClassVar[int]
+    KERB_LEFT_FIELD_NUMBER: _ClassVar[int]
+    KERB_RIGHT_FIELD_NUMBER: _ClassVar[int]
     WALL_LEFT_FIELD_NUMBER: _ClassVar[int]
     WALL_RIGHT_FIELD_NUMBER: _ClassVar[int]
+    RUNOFF_LEFT_FIELD_NUMBER: _ClassVar[int]
+    RUNOFF_RIGHT_FIELD_NUMBER: _ClassVar[int]
     circuit: str
     car: str
     scenario: str
@@ -184,24 +126,10 @@ class Race(_message.Message):
     left: Polyline
     centre: Polyline
     right: Polyline
+    kerb_left: Polyline
+    kerb_right: Polyline
     wall_left: Polyline
     wall_right: Polyline
-    def __init__(
-        self,
-        circuit: str | None = ...,
-        car: str | None = ...,
-        scenario: str | None = ...,
-        seed: int | None = ...,
-        match: str | None = ...,
-        race: int | None = ...,
-        version: str | None = ...,
-        names: _Iterable[str] | None = ...,
-        teams: _Iterable[int] | None = ...,
-        car_length_m: float | None = ...,
-        car_width_m: float | None = ...,
-        left: Polyline | _Mapping | None = ...,
-        centre: Polyline | _Mapping | None = ...,
-        right: Polyline | _Mapping | None = ...,
-        wall_left: Polyline | _Mapping | None = ...,
-        wall_right: Polyline | _Mapping | None = ...,
-    ) -> None: ...
+    runoff_left: _containers.RepeatedScalarFieldContainer[int]
+    runoff_right: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, circuit: _Optional[str] = ..., car: _Optional[str] = ..., scenario: _Optional[str] = ..., seed: _Optional[int] = ..., match: _Optional[str] = ..., race: _Optional[int] = ..., version: _Optional[str] = ..., names: _Optional[_Iterable[str]] = ..., teams: _Optional[_Iterable[int]] = ..., car_length_m: _Optional[float] = ..., car_width_m: _Optional[float] = ..., left: _Optional[_Union[Polyline, _Mapping]] = ..., centre: _Optional[_Union[Polyline, _Mapping]] = ..., right: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_left: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_right: _Optional[_Union[Polyline, _Mapping]] = ..., wall_left: _Optional[_Union[Polyline, _Mapping]] = ..., wall_right: _Optional[_Union[Polyline, _Mapping]] = ..., runoff_left: _Optional[_Iterable[int]] = ..., runoff_right: _Optional[_Iterable[int]] = ...) -> None: ...

@@ -66,6 +66,8 @@ def classify(
                 "wall_s": float(state["wall_s"]),
                 "contacts": int(state["contacts"]),
                 "contacts_faster_behind": int(state["contacts_faster_behind"]),
+                "contacts_at_fault": int(state["contacts_at_fault"]),
+                "penalties": int(state["penalties"]),
             }
         )
     return rows

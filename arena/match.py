@@ -18,6 +18,7 @@ from typing import Any
 import policies
 import sim
 from sim.car import load_car
+from sim.rules import load_rules
 from sim.scenario import load_scenario
 from sim.track import load_track
 
@@ -72,6 +73,7 @@ class Match:
         del facts["sources"]
         track = load_track(self.circuit)
         facts["scenario_file"] = load_scenario(self.scenario).model_dump()
+        facts["rules_file"] = load_rules(load_scenario(self.scenario).rules).model_dump()
         facts["car_file"] = load_car(self.car).model_dump()
         facts["track"] = hashlib.sha256(track.table.tobytes()).hexdigest()
         facts["code"] = code_fingerprint()

@@ -1,4 +1,4 @@
-"""One race as it happened, at the agent's rate: what recordings hold and replays show."""
+"""One race as it happened, at 10 Hz or more: what recordings hold and replays show."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 CAR_SAMPLE = np.dtype(
     [
-        ("x_m", "f8"),  # world frame, x east, y north
+        ("x_m", "f8"),  # world frame, x east, y north, z up
         ("y_m", "f8"),
+        ("z_m", "f8"),  # of the road under the car
         ("yaw_rad", "f8"),  # counter-clockwise from x
+        ("pitch_rad", "f4"),  # of the road under the car, + is nose down
+        ("roll_rad", "f4"),  # likewise, + is left side up
         ("velocity_x_m_s", "f4"),  # car frame, x forward, y left
         ("velocity_y_m_s", "f4"),
         ("yaw_rate_rad_s", "f4"),
@@ -25,7 +29,8 @@ CAR_SAMPLE = np.dtype(
         ("lateral_m", "f4"),  # from the centre line, + is left
         ("lap", "i4"),  # laps completed
         ("place", "i4"),
-        ("off_course", "?"),
+        ("penalty_s", "f4"),  # still to serve
+        ("off_course", "?"),  # these three at any time since the last sample
         ("wall_contact", "?"),
         ("car_contact", "?"),
         ("slipstream", "f4"),  # share of full draught
@@ -33,26 +38,37 @@ CAR_SAMPLE = np.dtype(
     ]
 )
 
+NOTICES = ("served", "ending")
+"""Kinds of incidents that are news, not offences."""
+
 
 @dataclass(frozen=True)
 class Incident:
     """Something that a steward would look at."""
 
     time_s: float
-    kind: str  # contact, wall, off_course, ending
+    kind: str  # contact, wall, off_course, penalty, served, ending
     cars: tuple[int, ...]  # indices of the cars concerned
     text: str  # one sentence for a person
 
 
 @dataclass(frozen=True)
 class Outline:
-    """The circuit as closed polylines in the world frame, each (n, 2) float64, metres."""
+    """The circuit as closed polylines in the world frame, row beside row, each (n, 3) float64, metres.
+
+    The kerb lines are the outer edges of the kerbs; where there is no kerb they run on the road's edges.
+    The run-off between there and the walls is (n,) int64, indices of `sim.track.SURFACES`.
+    """
 
     left: NDArray[np.float64]
     centre: NDArray[np.float64]
     right: NDArray[np.float64]
+    kerb_left: NDArray[np.float64]
+    kerb_right: NDArray[np.float64]
     wall_left: NDArray[np.float64]
     wall_right: NDArray[np.float64]
+    runoff_left: NDArray[np.int64]
+    runoff_right: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -74,3 +90,12 @@ class RaceLog:
     time_s: NDArray[np.float64]  # (T,)
     samples: NDArray[np.void]  # (T, C) CAR_SAMPLE
     incidents: tuple[Incident, ...]
+
+
+def orientation(
+    yaw: NDArray[np.floating], pitch: NDArray[np.floating], roll: NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """Quaternions x, y, z, w, (..., 4), that turn the world's axes into those of cars with these angles."""
+    angles = np.stack([yaw, pitch, roll], axis=-1).astype(np.float64)
+    quaternions: NDArray[np.float64] = Rotation.from_euler("ZYX", angles.reshape(-1, 3)).as_quat()
+    return quaternions.reshape(*yaw.shape, 4)

@@ -8,16 +8,32 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.incidents import IncidentWatch
 from arena.match import Match
 from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
 from arena.runner import run_match
 from policies.policy import Policy
-from sim.track import LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
-from sim.world import World
+from sim.car import load_car
+from sim.rules import load_rules
+from sim.scenario import load_scenario
+from sim.track import (
+    KERB_LEFT,
+    KERB_RIGHT,
+    LEFT,
+    RIGHT,
+    RUNOFF_LEFT,
+    RUNOFF_RIGHT,
+    WALL_LEFT,
+    WALL_RIGHT,
+    Track,
+    load_track,
+)
+from sim.world import SUBSTEPS, World
 
 COPIED = {
     "x_m": "x",
     "y_m": "y",
+    "z_m": "z",
     "yaw_rad": "yaw",
     "velocity_x_m_s": "velocity_x",
     "velocity_y_m_s": "velocity_y",
@@ -26,20 +42,19 @@ COPIED = {
     "acceleration_y_m_s2": "acceleration_y",
     "throttle": "throttle",
     "brake": "brake",
-    "gear": "gear",
     "lateral_m": "lateral",
     "lap": "laps",
-    "off_course": "off_course",
-    "wall_contact": "wall_contact",
-    "car_contact": "car_contact",
+    "penalty_s": "penalty_s",
     "slipstream": "draught",
     "driving": "driving",
 }
 """Fields of CAR_SAMPLE that are fields of CAR_STATE."""
+FLAGS = ("off_course", "wall_contact", "car_contact")
+"""Fields of both that tell of the time since the last sample or step."""
 
 
 def record_race(match: Match, policies: Sequence[Policy], race: int, names: Sequence[str]) -> RaceLog:
-    """Run a match again and keep one of its races.
+    """Run a match again and keep one of its races, at its own rate of actions or 10 to 20 samples a second.
 
     Args:
         match: the match.
@@ -47,63 +62,64 @@ def record_race(match: Match, policies: Sequence[Policy], race: int, names: Sequ
         race: index of the race.
         names: of the match's entrants, as reports show them.
     """
-    recorder = _Recorder(race, [names[seat.entrant] for seat in match.races[race].seats])
+    recorder = _Recorder(match, race, [names[seat.entrant] for seat in match.races[race].seats])
     results = run_match(match, policies, recorder)
     rows = results.filter(results["race"] == race).sort("car")
-    return recorder.log(match, dict(enumerate(rows["ending"])), rows["driven_s"].to_numpy())
+    return recorder.log(list(rows["ending"]), rows["driven_s"].to_list())
 
 
 class _Recorder:
-    def __init__(self, race: int, names: Sequence[str]) -> None:
-        self._race, self._names = race, names
+    def __init__(self, match: Match, race: int, names: Sequence[str]) -> None:
+        self._match, self._race, self._names = match, race, names
+        self._track = load_track(match.circuit)
+        rules = load_rules(load_scenario(match.scenario).rules)
+        self._watch = IncidentWatch(race, names, rules, self._track)
         self._time: list[float] = []
         self._samples: list[NDArray[np.void]] = []
-        self._incidents: list[Incident] = []
-        self._world: World | None = None
+        self._ticks, self._sampled = 0, -2 * SUBSTEPS
+        self._raised = {flag: np.zeros(len(names), bool) for flag in FLAGS}
 
     def __call__(self, world: World) -> None:
-        self._world = world
-        cars = world.state[self._race]
         if self._samples and not self._samples[-1]["driving"].any():
             return
+        cars, ticks = world.state[self._race], int(world.ticks[self._race])
+        self._watch.see(world)
+        for flag in FLAGS:
+            self._raised[flag] |= cars[flag]
+        step, self._ticks = ticks - self._ticks, ticks
+        # The world may step faster than is worth keeping.
+        if ticks + step - self._sampled > SUBSTEPS or not cars["driving"].any():
+            self._sampled = ticks
+            self._time.append(float(world.time[self._race]))
+            self._samples.append(self._sample(cars, world.parameters.full_lock))
+
+    def _sample(self, cars: NDArray[np.void], full_lock: float) -> NDArray[np.void]:
         sample = np.zeros(len(cars), CAR_SAMPLE)
         for name, source in COPIED.items():
             sample[name] = cars[source]
-        sample["gear"] += 1
-        sample["steering"] = cars["steering"] / world.parameters.full_lock
+        for flag in FLAGS:
+            sample[flag] = self._raised[flag]
+            self._raised[flag][:] = False
+        pitch = -np.arctan(cars["slope_x"])
+        sample["pitch_rad"] = pitch
+        sample["roll_rad"] = np.arctan(cars["slope_y"] * np.cos(pitch))
+        sample["gear"] = cars["gear"] + 1
+        sample["steering"] = cars["steering"] / full_lock
         sample["distance_m"] = cars["progress"] - cars["start"]
         ahead = np.where(np.isnan(cars["finish_s"]), cars["progress"], 1e9 - np.nan_to_num(cars["finish_s"]))
         sample["place"][np.argsort(-ahead, kind="stable")] = np.arange(1, len(cars) + 1)
-        if self._samples:
-            self._note(world, sample, self._samples[-1])
-        self._time.append(float(world.time[self._race]))
-        self._samples.append(sample)
+        return sample
 
-    def _note(self, world: World, now: NDArray[np.void], before: NDArray[np.void]) -> None:
-        time = float(world.time[self._race])
-        names = [f"{car} {name}" for car, name in enumerate(self._names)]
-        impact, blame = world.impact[self._race], world.blame[self._race]
-        where = [_section(world.track, progress) for progress in world.state[self._race]["progress"]]
-        for i, j in np.argwhere(np.triu(impact >= 0.0, 1)):
-            first, second = (i, j) if not blame[j, i] else (j, i)
-            how = "runs into" if blame[first, second] else "touches"
-            text = f"{names[first]} {how} {names[second]} at {impact[i, j]:.1f} m/s, {where[first]}"
-            self._incidents.append(Incident(time, "contact", (int(first), int(second)), text))
-        for flag, verb in (("wall_contact", "hits the wall"), ("off_course", "leaves the course")):
-            for car in np.flatnonzero(now[flag] & ~before[flag]):
-                kind = flag.removesuffix("_contact")
-                self._incidents.append(
-                    Incident(time, kind, (int(car),), f"{names[car]} {verb}, {where[car]}")
-                )
-
-    def log(self, match: Match, endings: dict[int, str], driven: NDArray[np.float64]) -> RaceLog:
-        """All that was seen, as a race log."""
-        assert self._world is not None
-        race, body = match.races[self._race], self._world.car.body
-        incidents = list(self._incidents)
-        for car, ending in endings.items():
-            text = f"{car} {self._names[car]}: {ending.replace('_', ' ')} after {driven[car]:.3f} s"
-            incidents.append(Incident(float(driven[car]), "ending", (car,), text))
+    def log(self, endings: Sequence[str], driven_s: Sequence[float]) -> RaceLog:
+        """All that was seen, as a race log, with each car's ending and the time until then."""
+        match, race, body = self._match, self._match.races[self._race], load_car(self._match.car).body
+        incidents = list(self._watch.incidents)
+        for car, (ending, seconds) in enumerate(zip(endings, driven_s, strict=True)):
+            text = f"{car} {self._names[car]}: {ending.replace('_', ' ')} after {seconds:.3f} s"
+            added_s = float(self._samples[-1]["penalty_s"][car]) if ending == "finished" else 0.0
+            if added_s > 0.0:
+                text += f", {added_s:.3f} s of it for penalties"
+            incidents.append(Incident(seconds - added_s, "ending", (car,), text))
         return RaceLog(
             circuit=match.circuit,
             car=match.car,
@@ -116,7 +132,7 @@ class _Recorder:
             teams=tuple(seat.team for seat in race.seats),
             car_length_m=body.length_m,
             car_width_m=body.width_m,
-            outline=outline(self._world.track),
+            outline=outline(self._track),
             time_s=np.array(self._time),
             samples=np.stack(self._samples),
             incidents=tuple(sorted(incidents, key=lambda incident: incident.time_s)),
@@ -130,14 +146,10 @@ def outline(track: Track) -> Outline:
         left=track.offset_line(table[:, LEFT]),
         centre=track.offset_line(0.0),
         right=track.offset_line(-table[:, RIGHT]),
+        kerb_left=track.offset_line(table[:, LEFT] + table[:, KERB_LEFT]),
+        kerb_right=track.offset_line(-table[:, RIGHT] - table[:, KERB_RIGHT]),
         wall_left=track.offset_line(table[:, WALL_LEFT]),
         wall_right=track.offset_line(-table[:, WALL_RIGHT]),
+        runoff_left=table[:, RUNOFF_LEFT].astype(np.int64),
+        runoff_right=table[:, RUNOFF_RIGHT].astype(np.int64),
     )
-
-
-def _section(track: Track, progress: float) -> str:
-    at = progress % track.length
-    for corner in track.corners:
-        if corner.start_m <= at <= corner.end_m:
-            return f"{corner.name} ({at:.0f} m)"
-    return f"{at:.0f} m"

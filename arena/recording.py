@@ -40,34 +40,24 @@ from numpy.typing import NDArray
 from zstandard import ZstdError
 
 from arena import _car_state_pb2 as pb
-from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
+from arena.circuit_mesh import mesh, surfaces
+from arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, orientation
 from sim.errors import InputError
+from sim.track import SURFACES
 
 CAR_HEIGHT_M = 1.25
 TEAM_COLOURS: dict[int, tuple[int, int, int]] = {0: (51, 136, 238), 1: (245, 130, 32), -1: (190, 190, 190)}
 """Red, green and blue from 0 to 255, by team; -1 is a car without a team."""
 
 OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}
-OUTLINE_LINES = ("left", "centre", "right", "wall_left", "wall_right")
+OUTLINE_LINES = ("left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right")
+OUTLINE_RUNOFF = ("runoff_left", "runoff_right")
 FACTS = ("circuit", "car", "scenario", "seed", "match", "race", "version", "car_length_m", "car_width_m")
 
 DATA_END = struct.Struct("<BQI")  # opcode, length, CRC of all that stands before it
 FOOTER = struct.Struct(
     "<BQQQI"
 )  # opcode, length, where the summary and its offsets start, CRC of the summary
-
-
-def asphalt(outline: Outline) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-    """The surface between the circuit's edges, which have n points each, in pairs.
-
-    Vertices (2n, 2) in metres, and triangles (2n, 3) of their indices.
-    """
-    n = len(outline.left)
-    vertices = np.concatenate([outline.left, outline.right])
-    i = np.arange(n)
-    j = (i + 1) % n
-    triangles = np.concatenate([np.stack([i, n + i, j], axis=1), np.stack([j, n + i, n + j], axis=1)])
-    return vertices, triangles.astype(np.uint32)
 
 
 def write_recording(path: Path, log: RaceLog) -> None:
@@ -136,8 +126,10 @@ def _race_message(log: RaceLog) -> pb.Race:
     for name in OUTLINE_LINES:
         points = getattr(log.outline, name)
         line = getattr(message, name)
-        line.x_m.extend(points[:, 0].tolist())
-        line.y_m.extend(points[:, 1].tolist())
+        for axis, values in enumerate((line.x_m, line.y_m, line.z_m)):
+            values.extend(points[:, axis].tolist())
+    for name in OUTLINE_RUNOFF:
+        getattr(message, name).extend(getattr(log.outline, name).tolist())
     return message
 
 
@@ -146,7 +138,7 @@ def _incident_message(incident: Incident) -> pb.Incident:
 
 
 def _log_message(incident: Incident) -> Log:
-    level = Log.Level.INFO if incident.kind == "ending" else Log.Level.WARNING
+    level = Log.Level.INFO if incident.kind in NOTICES else Log.Level.WARNING
     message = Log(level=level, name=incident.kind, message=incident.text)
     message.timestamp.FromNanoseconds(round(incident.time_s * 1e9))
     return message
@@ -158,51 +150,55 @@ def _ticks(log: RaceLog) -> Iterator[tuple[float, pb.CarStates, FrameTransforms]
     states = pb.CarStates(cars=[pb.CarState() for _ in range(cars)])
     transforms = FrameTransforms()
     for i in range(cars):
-        frame = transforms.transforms.add(parent_frame_id="world", child_frame_id=f"car_{i}")
-        frame.translation.z = 0.0
+        transforms.transforms.add(parent_frame_id="world", child_frame_id=f"car_{i}")
     fields = CAR_SAMPLE.names or ()
-    half_yaw = log.samples["yaw_rad"] / 2
-    sin, cos = np.sin(half_yaw).tolist(), np.cos(half_yaw).tolist()
+    samples = log.samples
+    turns = orientation(samples["yaw_rad"], samples["pitch_rad"], samples["roll_rad"]).tolist()
     for tick, time_s in enumerate(log.time_s.tolist()):
         states.time_s = time_s
         seconds, nanos = divmod(round(time_s * 1e9), 1_000_000_000)
-        for i, sample in enumerate(log.samples[tick].tolist()):
+        for i, sample in enumerate(samples[tick].tolist()):
             state = states.cars[i]
             for field, value in zip(fields, sample, strict=True):
                 setattr(state, field, value)
             frame = transforms.transforms[i]
             frame.timestamp.seconds, frame.timestamp.nanos = seconds, nanos
-            frame.translation.x, frame.translation.y = state.x_m, state.y_m
-            frame.rotation.z, frame.rotation.w = sin[tick][i], cos[tick][i]
+            at, turn = frame.translation, frame.rotation
+            at.x, at.y, at.z = state.x_m, state.y_m, state.z_m
+            turn.x, turn.y, turn.z, turn.w = turns[tick][i]
         yield time_s, states, transforms
 
 
 def _scene(log: RaceLog) -> SceneUpdate:
     """The circuit in the world's frame and every car as a box in its own, drawn for the whole race."""
     here = Pose(orientation=Quaternion(w=1.0))
-    vertices, triangles = asphalt(log.outline)
-    surface = TriangleListPrimitive(
-        pose=here,
-        points=_points(vertices, 0.0),
-        indices=triangles.ravel().tolist(),
-        color=_colour(60, 60, 64),
-    )
+    ground = []
+    for colour, quads in surfaces(log.outline).values():
+        vertices, triangles = mesh(quads)
+        ground.append(
+            TriangleListPrimitive(
+                pose=here,
+                points=_points(vertices, 0.0),
+                indices=triangles.ravel().tolist(),
+                color=_colour(*colour),
+            )
+        )
     lines = [
         LinePrimitive(
             type=LinePrimitive.LINE_LOOP,
             pose=here,
             thickness=width_m,
-            points=_points(line, z_m),
-            color=colour,
+            points=_points(line, above_m),
+            color=shade,
         )
-        for line, z_m, width_m, colour in (
+        for line, above_m, width_m, shade in (
             (log.outline.left, 0.02, 0.3, _colour(235, 235, 235)),
             (log.outline.right, 0.02, 0.3, _colour(235, 235, 235)),
             (log.outline.wall_left, 0.5, 0.3, _colour(150, 150, 160)),
             (log.outline.wall_right, 0.5, 0.3, _colour(150, 150, 160)),
         )
     ]
-    circuit = SceneEntity(frame_id="world", id="circuit", triangles=[surface], lines=lines)
+    circuit = SceneEntity(frame_id="world", id="circuit", triangles=ground, lines=lines)
     box = Pose(position=Vector3(z=CAR_HEIGHT_M / 2), orientation=Quaternion(w=1.0))
     size = Vector3(x=log.car_length_m, y=log.car_width_m, z=CAR_HEIGHT_M)
     cars = [
@@ -217,8 +213,8 @@ def _scene(log: RaceLog) -> SceneUpdate:
     return SceneUpdate(entities=[circuit, *cars])
 
 
-def _points(line: NDArray[np.float64], z_m: float) -> list[Point3]:
-    return [Point3(x=x, y=y, z=z_m) for x, y in line.tolist()]
+def _points(points: NDArray[np.float64], above_m: float) -> list[Point3]:
+    return [Point3(x=x, y=y, z=z + above_m) for x, y, z in points.tolist()]
 
 
 def _colour(red: int, green: int, blue: int) -> Color:
@@ -291,16 +287,30 @@ def _race_log(messages: list[Message]) -> RaceLog:
         **{fact: getattr(race, fact) for fact in FACTS},
         names=tuple(race.names),
         teams=tuple(race.teams),
-        outline=Outline(**{name: _polyline(name, getattr(race, name)) for name in OUTLINE_LINES}),
+        outline=_outline(race),
         time_s=np.array([tick.time_s for tick in ticks], np.float64),
         samples=samples,
         incidents=tuple(Incident(i.time_s, i.kind, tuple(i.cars), i.text) for i in incidents),
     )
 
 
+def _outline(race: pb.Race) -> Outline:
+    lines = {name: _polyline(name, getattr(race, name)) for name in OUTLINE_LINES}
+    runoff = {name: np.array(getattr(race, name), np.int64) for name in OUTLINE_RUNOFF}
+    for name, values in (lines | runoff).items():
+        if len(values) != len(lines["centre"]):
+            raise ValueError(
+                f"field {name} has {len(values)} points, expected as many as centre, {len(lines['centre'])}"
+            )
+    for name, values in runoff.items():
+        if not np.isin(values, np.arange(len(SURFACES))).all():
+            raise ValueError(f"field {name} names an unknown surface, expected 0 to {len(SURFACES) - 1}")
+    return Outline(**lines, runoff_left=runoff["runoff_left"], runoff_right=runoff["runoff_right"])
+
+
 def _polyline(name: str, line: pb.Polyline) -> NDArray[np.float64]:
-    if len(line.x_m) != len(line.y_m):
-        raise ValueError(
-            f"field {name} has {len(line.x_m)} x_m and {len(line.y_m)} y_m, expected as many of each"
-        )
-    return np.stack([np.array(line.x_m, np.float64), np.array(line.y_m, np.float64)], axis=1)
+    axes = (line.x_m, line.y_m, line.z_m)
+    if len({len(axis) for axis in axes}) != 1:
+        counts = [len(axis) for axis in axes]
+        raise ValueError(f"field {name} has {counts} of x_m, y_m and z_m, expected as many of each")
+    return np.stack([np.array(axis, np.float64) for axis in axes], axis=1)

@@ -25,7 +25,7 @@ RESULTS = pl.Schema(
         "points": pl.Float64,  # 10 8 6 5 4 3 2 1 by place
         "laps": pl.Int64,  # laps completed
         "ending": pl.String,  # one of ENDINGS
-        "race_time_s": pl.Float64,  # null where not finished
+        "race_time_s": pl.Float64,  # with penalties not served; null where not finished
         "driven_s": pl.Float64,  # time until the run's ending
         "distance_m": pl.Float64,  # along the centre line from the start
         "best_lap_s": pl.Float64,  # null without a flying lap
@@ -33,6 +33,8 @@ RESULTS = pl.Schema(
         "wall_s": pl.Float64,
         "contacts": pl.Int64,  # contact events with other cars
         "contacts_faster_behind": pl.Int64,  # of these, while being behind and faster
+        "contacts_at_fault": pl.Int64,  # of these, those that the stewards lay to this car
+        "penalties": pl.Int64,
     }
 )
 

@@ -15,6 +15,7 @@ from arena.results import RESULTS
 from policies.policy import Batch, Policy
 from sim.car import load_car
 from sim.episode import end_runs
+from sim.reaction import Perception, Reaction
 from sim.scenario import load_scenario
 from sim.track import load_track
 from sim.world import World
@@ -27,18 +28,25 @@ Observer = Callable[[World], None]
 class _Team:
     """One policy and all its cars in all races of a match."""
 
-    def __init__(self, policy: Policy, races: NDArray[np.int64], cars: NDArray[np.int64]) -> None:
+    def __init__(
+        self, policy: Policy, races: NDArray[np.int64], cars: NDArray[np.int64], reaction: Reaction
+    ) -> None:
         self.policy, self.races, self.cars = policy, races, cars
         self.memory: Batch | None = None
+        self.perception = Perception(policy.observation_spec, races, cars, reaction)
 
     def act(self, world: World) -> tuple[Batch, NDArray[np.str_]]:
-        """Actions (n, 2), and by car the fault of its policy or ''; a faulty action is 0."""
+        """Actions (n, 2), and by car the fault of its policy or ''; a faulty action is 0.
+
+        Cars whose turn it is not are asked as well, so that the batch keeps its shape, and their
+        answers thrown away.
+        """
         n = len(self.races)
         try:
             if self.memory is None:
                 self.memory = self.policy.initial_memory(n)
-            seen = world.observe(self.policy.observation_spec, self.races, self.cars)
-            actions, self.memory = self.policy.act(seen, self.memory)
+            actions, memory = self.policy.act(self.perception.see(world), self.memory)
+            self.memory = np.where(self.perception.due(world)[:, None], memory, self.memory)
         # Whatever a policy raises is its own fault and must not stop the others.
         except Exception as error:
             log.warning("a policy raised %r: its cars are out", error)
@@ -61,11 +69,16 @@ def run_match(match: Match, policies: Sequence[Policy], observer: Observer | Non
         the results, one row a car a race, schema RESULTS.
     """
     scenario, track = load_scenario(match.scenario), load_track(match.circuit)
-    world = World(track, load_car(match.car), len(match.races), scenario.cars)
+    world = scenario.world(track, load_car(match.car), len(match.races))
+    reaction = scenario.reaction
     for index, race in enumerate(match.races):
         world.reset(index, scenario.place(track, np.random.default_rng(race.seed)))
     seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
-    teams = [_Team(policy, *np.nonzero(seats == k)) for k, policy in enumerate(policies)]
+    places = [np.nonzero(seats == entrant) for entrant in range(len(policies))]
+    teams = [
+        _Team(policy, races, cars, reaction)
+        for policy, (races, cars) in zip(policies, places, strict=True)
+    ]
 
     state = world.state
     endings = np.full(state.shape, "", dtype="U16")
@@ -78,14 +91,16 @@ def run_match(match: Match, policies: Sequence[Policy], observer: Observer | Non
             mine = (team.races, team.cars)
             if not state["driving"][mine].any():
                 continue
-            actions[mine], faults = team.act(world)
-            out = state["driving"][mine] & (faults != "")
+            answers, faults = team.act(world)
+            due = team.perception.due(world)
+            actions[mine] = np.where(due[:, None], answers, actions[mine])
+            out = state["driving"][mine] & due & (faults != "")
             retired = (team.races[out], team.cars[out])
             endings[retired] = faults[out]
             driven[retired] = world.time[retired[0]]
             state["driving"][retired] = False
         running = endings == ""
-        world.step(actions)
+        world.step(actions, reaction.tick)
         end_runs(world, endings, scenario.time_s)
         ended = running & (endings != "")
         now = np.where(endings == "finished", state["finish_s"], world.time[:, None])

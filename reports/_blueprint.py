@@ -53,7 +53,7 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(chase, rrb.Horizontal(circuit, lists, column_shares=[3, 2]), row_shares=[3, 2]),
+            rrb.Vertical(chase, rrb.Horizontal(circuit, lists, column_shares=[1, 1]), row_shares=[3, 2]),
             series,
             column_shares=[5, 2],
         ),
@@ -79,7 +79,7 @@ def _series(
 
 def _around(outline: Outline) -> rrb.VisualBounds2D:
     """The whole circuit on the map, whose y points down the screen, with room for labels."""
-    points = np.concatenate([outline.left, outline.right]) * np.array([1.0, -1.0])
+    points = np.concatenate([outline.left, outline.right])[:, :2] * np.array([1.0, -1.0])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.08 * float((high - low).max())
     x_range, y_range = np.stack([low - margin, high + margin], axis=1).tolist()

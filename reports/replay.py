@@ -9,19 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
-from arena.race_log import Incident, RaceLog
-from arena.recording import TEAM_COLOURS, asphalt, read_recording
+from arena.race_log import NOTICES, Incident, RaceLog, orientation
+from arena.recording import TEAM_COLOURS, read_recording
 from reports._blueprint import TIMELINE, blueprint
+from reports._circuit import log_circuit, log_map, north_up
 from reports.car_model import car_model
 from sim.errors import InputError
 
 FRAMES_PER_TICK = 3
 """Pictures between two samples of the log: cars at 10 Hz would jump by several metres."""
 
-WALL_HEIGHT_M = 0.9
-GRASS_MARGIN_M = 150.0
 MARK_COLOUR = (235, 60, 70)
 
 
@@ -46,8 +44,8 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
     stream = rr.RecordingStream("nathlon", recording_id=f"{log.match}-{log.race}", send_properties=False)
     try:
         stream.save(partial, default_blueprint=blueprint(log, followed))
-        _log_circuit(stream, log)
-        _log_map(stream, log)
+        log_circuit(stream, log.outline)
+        log_map(stream, log.outline)
         _log_cars(stream, log, followed)
         _log_series(stream, log, followed)
         _log_incidents(stream, log)
@@ -112,55 +110,6 @@ def race_sheet(log: RaceLog) -> str:
     return "\n".join(lines)
 
 
-def _log_circuit(stream: rr.RecordingStream, log: RaceLog) -> None:
-    outline = log.outline
-    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    vertices, triangles = asphalt(outline)
-    low, high = vertices.min(axis=0) - GRASS_MARGIN_M, vertices.max(axis=0) + GRASS_MARGIN_M
-    corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
-    grass = rr.Mesh3D(
-        vertex_positions=_raised(np.array(corners), -0.25),
-        triangle_indices=[[0, 1, 2], [0, 2, 3]],
-        albedo_factor=[74, 104, 62],
-    )
-    stream.log("world/circuit/grass", grass, static=True)
-    surface = rr.Mesh3D(
-        vertex_positions=_raised(vertices, 0.0), triangle_indices=triangles, albedo_factor=[62, 63, 68]
-    )
-    stream.log("world/circuit/asphalt", surface, static=True)
-    edges = [_raised(_closed(edge), 0.03) for edge in (outline.left, outline.right)]
-    stream.log("world/circuit/edges", rr.LineStrips3D(edges, radii=0.15, colors=[240, 240, 240]), static=True)
-    line = _raised(np.stack([outline.left[0], outline.right[0]]), 0.03)
-    stream.log("world/circuit/line", rr.LineStrips3D([line], radii=0.4, colors=[255, 255, 255]), static=True)
-    for side, wall in (("left", outline.wall_left), ("right", outline.wall_right)):
-        stream.log(f"world/circuit/wall_{side}", _wall(wall), static=True)
-
-
-def _wall(line: NDArray[np.float64]) -> rr.Mesh3D:
-    """An upright band, its panels in turn lighter and darker so that speed can be seen."""
-    n = len(line)
-    ends = np.concatenate([line, np.roll(line, -1, axis=0)])
-    vertices = np.concatenate([_raised(ends, -0.25), _raised(ends, WALL_HEIGHT_M)])
-    i = np.arange(n)
-    triangles = np.concatenate(
-        [np.stack([i, n + i, 2 * n + i], 1), np.stack([n + i, 3 * n + i, 2 * n + i], 1)]
-    )
-    panel = np.where(i // 2 % 2 == 0, 150, 175).astype(np.uint8)
-    colours = np.repeat(np.tile(panel, 4)[:, None], 3, axis=1)
-    return rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colours)
-
-
-def _log_map(stream: rr.RecordingStream, log: RaceLog) -> None:
-    outline = log.outline
-    half_width_m = float(np.mean(np.linalg.norm(outline.left - outline.right, axis=1))) / 2
-    surface = rr.LineStrips2D([_north_up(_closed(outline.centre))], radii=half_width_m, colors=[70, 72, 78])
-    stream.log("map/circuit/asphalt", surface, static=True)
-    edges = [_north_up(_closed(edge)) for edge in (outline.left, outline.right)]
-    stream.log("map/circuit/edges", rr.LineStrips2D(edges, radii=-0.75, colors=[190, 190, 190]), static=True)
-    line = _north_up(np.stack([outline.left[0], outline.right[0]]))
-    stream.log("map/circuit/line", rr.LineStrips2D([line], radii=-1.5, colors=[255, 255, 255]), static=True)
-
-
 def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
     ticks = np.arange(len(log.time_s))
     if not len(ticks):
@@ -169,19 +118,24 @@ def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
     index = [rr.TimeColumn(TIMELINE, duration=np.interp(frames, ticks, log.time_s))]
     for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
         sample = log.samples[:, car]
-        x, y, yaw = (
+        x, y, z, yaw, pitch, roll = (
             np.interp(frames, ticks, column)
-            for column in (sample["x_m"], sample["y_m"], np.unwrap(sample["yaw_rad"]))
+            for column in (
+                sample["x_m"],
+                sample["y_m"],
+                sample["z_m"],
+                np.unwrap(sample["yaw_rad"]),
+                sample["pitch_rad"],
+                sample["roll_rad"],
+            )
         )
-        zero = np.zeros_like(x)
         pose = rr.Transform3D.columns(
-            translation=np.stack([x, y, zero], axis=1),
-            quaternion=np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=1),
+            translation=np.stack([x, y, z], axis=1), quaternion=orientation(yaw, pitch, roll)
         )
         stream.send_columns(f"world/cars/{car}", index, pose)
         _log_body(stream, log, car, colour, label)
 
-        point = rr.Points2D.columns(positions=_north_up(np.stack([x, y], axis=1)))
+        point = rr.Points2D.columns(positions=north_up(np.stack([x, y], axis=1)))
         look = rr.Points2D.from_fields(
             radii=-5.0, colors=colour, labels=label, show_labels=car == followed, draw_order=50.0
         )
@@ -203,7 +157,7 @@ def _log_body(
 
 def _log_trail(stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple[int, int, int]) -> None:
     """One stroke from each sample to the next; the map shows the last few."""
-    path = _north_up(np.stack([log.samples["x_m"][:, car], log.samples["y_m"][:, car]], axis=1))
+    path = north_up(np.stack([log.samples["x_m"][:, car], log.samples["y_m"][:, car]], axis=1))
     strokes = rr.LineStrips2D.columns(strips=list(np.stack([path[:-1], path[1:]], axis=1)))
     index = [rr.TimeColumn(TIMELINE, duration=log.time_s[1:])]
     stream.send_columns(f"map/trails/{car}", index, strokes)
@@ -253,13 +207,13 @@ def _log_incidents(stream: rr.RecordingStream, log: RaceLog) -> None:
     for kind in sorted({incident.kind for incident in log.incidents}):
         incidents = [incident for incident in log.incidents if incident.kind == kind]
         index = [rr.TimeColumn(TIMELINE, duration=[incident.time_s for incident in incidents])]
-        level = rr.TextLogLevel.INFO if kind == "ending" else rr.TextLogLevel.WARN
+        level = rr.TextLogLevel.INFO if kind in NOTICES else rr.TextLogLevel.WARN
         texts = rr.TextLog.columns(text=[i.text for i in incidents], level=[level] * len(incidents))
         stream.send_columns(f"incidents/{kind}", index, texts)
         places = np.array([_place_of(incident, log) for incident in incidents])
         mark = rr.Points2D.from_fields(radii=-8.0, colors=MARK_COLOUR, labels=kind, draw_order=40.0)
         stream.log(f"map/incidents/{kind}", mark, static=True)
-        stream.send_columns(f"map/incidents/{kind}", index, rr.Points2D.columns(positions=_north_up(places)))
+        stream.send_columns(f"map/incidents/{kind}", index, rr.Points2D.columns(positions=north_up(places)))
 
 
 def _place_of(incident: Incident, log: RaceLog) -> tuple[float, float]:
@@ -267,16 +221,3 @@ def _place_of(incident: Incident, log: RaceLog) -> tuple[float, float]:
     tick = min(int(np.searchsorted(log.time_s, incident.time_s)), len(log.time_s) - 1)
     sample = log.samples[tick, incident.cars[0]]
     return float(sample["x_m"]), float(sample["y_m"])
-
-
-def _raised(points: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
-    return np.column_stack([points, np.full(len(points), z_m)])
-
-
-def _closed(line: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.concatenate([line, line[:1]])
-
-
-def _north_up(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 2) of the world on a map, whose y points down the screen."""
-    return points * np.array([1.0, -1.0])

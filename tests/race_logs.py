@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
+from sim.track import SURFACES
 
 STRAIGHT_M = 400.0
 RADIUS_M = 80.0
 LAP_M = 2 * STRAIGHT_M + 2 * np.pi * RADIUS_M
+HILL_M, BANK = 12.0, 0.1
 
 
 def oval_point(
@@ -31,6 +33,33 @@ def oval_point(
     return sign * x, sign * y, np.arctan2(np.sin(heading), np.cos(heading))
 
 
+def oval_height(
+    distance_m: NDArray[np.float64], lateral_m: NDArray[np.float64] | float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """z (metres) and slope along the road: one hill a lap, and a bank, the same all round, left side down."""
+    angle = 2 * np.pi * distance_m / LAP_M
+    height = HILL_M * (1 - np.cos(angle)) / 2 - BANK * lateral_m
+    return height, HILL_M * np.pi / LAP_M * np.sin(angle)
+
+
+def road_axes(
+    distance_m: NDArray[np.float64], heading: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit vectors (..., 3) along the oval's road and upright on it."""
+    slope = oval_height(distance_m, 0.0)[1]
+    cos, sin, level = np.cos(heading), np.sin(heading), np.zeros_like(heading)
+    along = np.stack([cos, sin, slope], axis=-1)
+    aside = np.stack([-sin, cos, level - BANK], axis=-1)
+    up = np.cross(along, aside)
+    return along / np.linalg.norm(along, axis=-1)[..., None], up / np.linalg.norm(up, axis=-1)[..., None]
+
+
+def turned(quaternions: NDArray[np.float64], vector: tuple[float, float, float]) -> NDArray[np.float64]:
+    """A vector turned by unit quaternions x, y, z, w, (..., 4)."""
+    axis, w = quaternions[..., :3], quaternions[..., 3:]
+    return np.array(vector) + 2 * np.cross(axis, np.cross(axis, vector) + w * np.array(vector))
+
+
 def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog:
     """A race at 10 Hz of cars that keep to their lanes on an oval, each somewhat slower than the one before.
 
@@ -48,6 +77,9 @@ def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog
 
     samples = np.zeros((len(time_s), cars), CAR_SAMPLE)
     samples["x_m"], samples["y_m"], samples["yaw_rad"] = oval_point(distance, lateral)
+    samples["z_m"], slope = oval_height(distance, lateral)
+    samples["pitch_rad"] = -np.arctan(slope)
+    samples["roll_rad"] = -np.arctan(BANK * np.cos(samples["pitch_rad"]))
     samples["velocity_x_m_s"] = speed
     samples["acceleration_x_m_s2"] = np.diff(speed, axis=0, prepend=0.0) * 10.0
     in_bend = (distance + STRAIGHT_M / 2) % (LAP_M / 2) > STRAIGHT_M
@@ -62,6 +94,7 @@ def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog
     samples["lap"] = np.maximum(distance // LAP_M, 0)
     samples["place"] = 1 + np.argsort(np.argsort(-distance, axis=1), axis=1)
     samples["slipstream"] = np.where(np.arange(cars) > 0, 0.4, 0.0)
+    samples["penalty_s"][len(time_s) // 3 :, 1:2] = 3.0
     samples["off_course"][-1:, -1] = True
     samples["car_contact"][len(time_s) // 3, :2] = True
     samples["driving"] = driving
@@ -90,13 +123,24 @@ def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog
 
 
 def oval_outline() -> Outline:
-    """Edges 6 m and walls 10 m from the oval's centre line, with a corner every 5 m."""
+    """Edges 6 m and walls 10 m from the oval's centre line, with a corner every 5 m.
+
+    A kerb of 1 m on the left in the first half of the lap; gravel on the right, grass on the left.
+    """
     distance_m = np.arange(0.0, LAP_M, 5.0)
 
-    def line(lateral_m: float) -> NDArray[np.float64]:
+    def line(lateral_m: NDArray[np.float64] | float) -> NDArray[np.float64]:
         x, y, _ = oval_point(distance_m, lateral_m)
-        return np.stack([x, y], axis=1)
+        return np.stack([x, y, oval_height(distance_m, lateral_m)[0]], axis=1)
 
     return Outline(
-        left=line(6.0), centre=line(0.0), right=line(-6.0), wall_left=line(10.0), wall_right=line(-10.0)
+        left=line(6.0),
+        centre=line(0.0),
+        right=line(-6.0),
+        kerb_left=line(np.where(distance_m < LAP_M / 2, 7.0, 6.0)),
+        kerb_right=line(-6.0),
+        wall_left=line(10.0),
+        wall_right=line(-10.0),
+        runoff_left=np.full(len(distance_m), SURFACES.index("grass")),
+        runoff_right=np.full(len(distance_m), SURFACES.index("gravel")),
     )

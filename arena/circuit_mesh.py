@@ -1,0 +1,65 @@
+"""The ground of a circuit from wall to wall, as coloured quadrangles for viewers to draw."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.race_log import Outline
+from sim.track import SURFACES
+
+ROAD = (62, 63, 68)
+KERB = ((200, 45, 50), (232, 232, 232))
+"""Stripes, in turn."""
+STRIPE_ROWS = 2
+RUNOFF = {"tarmac": (104, 106, 112), "grass": (80, 116, 64), "gravel": (190, 172, 128)}
+
+
+class Surface(NamedTuple):
+    """Ground of one colour (red, green and blue from 0 to 255): quadrangles (n, 4, 3), metres, world frame.
+
+    The corners go round counter-clockwise, seen from above.
+    """
+
+    colour: tuple[int, int, int]
+    quads: NDArray[np.float64]
+
+
+def band(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Quadrangles (n, 4, 3) between two closed lines of n points each, in pairs."""
+    return np.stack([left, right, np.roll(right, -1, axis=0), np.roll(left, -1, axis=0)], axis=1)
+
+
+def mesh(quads: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Vertices (4n, 3) of n quadrangles, and their triangles (2n, 3) of vertex indices."""
+    corners = np.arange(4 * len(quads), dtype=np.uint32).reshape(-1, 4)
+    return quads.reshape(-1, 3), corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+
+
+def surfaces(outline: Outline) -> dict[str, Surface]:
+    """The ground of a circuit by what it is: road, kerbs in both colours, and run-off. None is empty."""
+    kerbs, runoff = [], []
+    for inner, outer, wall, surface, side in (
+        (outline.left, outline.kerb_left, outline.wall_left, outline.runoff_left, 1),
+        (outline.right, outline.kerb_right, outline.wall_right, outline.runoff_right, -1),
+    ):
+        kerbs.append(band(outer, inner)[:, ::side])
+        runoff.append((band(wall, outer)[:, ::side], surface))
+    found = {"road": Surface(ROAD, band(outline.left, outline.right))}
+    for stripe, colour in enumerate(KERB):
+        drawn = [
+            quads[(np.arange(len(quads)) // STRIPE_ROWS % len(KERB) == stripe) & _has_area(quads)]
+            for quads in kerbs
+        ]
+        found[f"kerb_{stripe}"] = Surface(colour, np.concatenate(drawn))
+    for name, colour in RUNOFF.items():
+        drawn = [quads[surface == SURFACES.index(name)] for quads, surface in runoff]
+        found[name] = Surface(colour, np.concatenate(drawn))
+    return {name: surface for name, surface in found.items() if len(surface.quads)}
+
+
+def _has_area(quads: NDArray[np.float64]) -> NDArray[np.bool_]:
+    sides = quads[:, [0, 3]] - quads[:, [1, 2]]
+    return np.asarray(np.abs(sides).max(axis=(1, 2)) > 0.0)

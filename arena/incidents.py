@@ -1,0 +1,112 @@
+"""Notes down what a steward would look at while a race is run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arena.race_log import Incident
+from sim.rules import Rules
+from sim.state import CAR_STATE, REAR_END, SIDE_SWIPE, CarRecord
+from sim.track import Track
+from sim.world import World
+
+APART_S = 1.0
+"""Wall contacts or excursions of a car closer together than this are one."""
+FLAGS = {"wall_contact": ("wall", "hits the wall"), "off_course": ("off_course", "leaves the course")}
+"""Flags of CAR_STATE: the kind of incident when one is raised, and what the car does."""
+
+
+class IncidentWatch:
+    """Follows one race of a world from its start.
+
+    Attributes:
+        incidents: noted so far.
+    """
+
+    def __init__(self, race: int, names: Sequence[str], rules: Rules, track: Track) -> None:
+        """Nothing has been seen yet.
+
+        Args:
+            race: its index in the world.
+            names: of its cars.
+            rules: that its stewards go by.
+            track: on which it is run.
+        """
+        self._race, self._rules, self._track = race, rules, track
+        self._names = [f"{car} {name}" for car, name in enumerate(names)]
+        self._before = np.zeros(len(names), CAR_STATE)
+        self._raised_s = {flag: np.full(len(names), -np.inf) for flag in FLAGS}
+        self.incidents: list[Incident] = []
+
+    def see(self, world: World) -> None:
+        """Note what happened in the world's last step; to be called after every one."""
+        cars, now = world.state[self._race], float(world.time[self._race])
+        contacts = world.new_contacts(self._race)
+        self.incidents += [self._contact(contact, cars) for contact in contacts]
+        self.incidents += self._mishaps(cars, now)
+        penalised = np.bincount(contacts["fault"][contacts["penalty_s"] > 0.0], minlength=len(cars))
+        self.incidents += self._penalties(cars, penalised, now)
+        self._before = cars.copy()
+
+    def _contact(self, contact: CarRecord, cars: NDArray[np.void]) -> Incident:
+        first, second = int(contact["behind"]), int(contact["ahead"])
+        blamed = contact["fault"] >= 0
+        if contact["fault"] == second:
+            first, second = second, first
+        a, b = self._names[first], self._names[second]
+        match int(contact["geometry"]):
+            case geometry if geometry == REAR_END:
+                what = f"{a} {'runs into' if blamed else 'touches'} the rear of {b}"
+            case geometry if geometry == SIDE_SWIPE and blamed:
+                what = f"{a} moves across into {b}"
+            case geometry if geometry == SIDE_SWIPE:
+                what = f"{a} and {b} touch side by side"
+            case _:
+                what = f"{a} and {b} collide"
+        sections = (int(contact["section_behind"]), int(contact["section_ahead"]))
+        where = list(dict.fromkeys(self._track.sections[index].name for index in sections if index >= 0))
+        if len(where) == 2:
+            place = f"between {where[0]} and {where[1]}"
+        else:
+            place = f"in {where[0]}" if where else self._metres(cars[first])
+        text = f"{what} at {contact['closing']:.1f} m/s {place}{_sentence(contact['penalty_s'])}"
+        return Incident(float(contact["time"]), "contact", (first, second), text)
+
+    def _mishaps(self, cars: NDArray[np.void], now: float) -> Iterator[Incident]:
+        for flag, (kind, verb) in FLAGS.items():
+            for car in np.flatnonzero(cars[flag] & (now - self._raised_s[flag] > APART_S)).tolist():
+                yield Incident(now, kind, (car,), f"{self._names[car]} {verb} {self._where(cars[car])}")
+            self._raised_s[flag][cars[flag]] = now
+
+    def _penalties(
+        self, cars: NDArray[np.void], penalised: NDArray[np.int64], now: float
+    ) -> Iterator[Incident]:
+        """Penalties beyond those for contacts, of which `penalised` is the number by car; those served."""
+        limits, cutting = self._rules.limits, self._rules.cutting
+        warned = np.maximum(self._before["warnings"], limits.warnings)
+        strayed = np.maximum(cars["warnings"] - warned, 0) * (limits.penalty_s > 0.0)
+        cut = cars["penalties"] - self._before["penalties"] - penalised - strayed
+        for car in np.flatnonzero(cut > 0).tolist():
+            text = (
+                f"{self._names[car]} cuts the course {self._where(cars[car])}{_sentence(cutting.penalty_s)}"
+            )
+            yield Incident(now, "penalty", (car,), text)
+        for car in np.flatnonzero(strayed > 0).tolist():
+            what = f"has left the course {cars['warnings'][car]} times, now {self._where(cars[car])}"
+            yield Incident(now, "penalty", (car,), f"{self._names[car]} {what}{_sentence(limits.penalty_s)}")
+        for car in np.flatnonzero((self._before["penalty_s"] > 0.0) & (cars["penalty_s"] == 0.0)).tolist():
+            yield Incident(now, "served", (car,), f"{self._names[car]} has served its penalties")
+
+    def _where(self, car: CarRecord) -> str:
+        section = self._track.section_at(float(car["progress"]))
+        return f"in {section}" if section else self._metres(car)
+
+    def _metres(self, car: CarRecord) -> str:
+        return f"at {car['progress'] % self._track.length:.0f} m"
+
+
+def _sentence(penalty_s: float) -> str:
+    return f": {penalty_s:g} s penalty" if penalty_s > 0.0 else ""
