@@ -1,18 +1,21 @@
-"""Speed of the batched world on one core: agent steps a second, where their time goes, and compilation.
+"""Speed of the batched world on one core beside that of its peers: agent steps a second, and where they go.
 
 Run as `python -m benchmarks.world`; the last line of the output is one JSON object. Its entries, the first
 four by number of cars in a race:
 
 - `agent_steps_per_s_core`: cars advanced by 0.1 s and observed in full, a CPU second, under random actions;
-- `agent_steps_per_s_core_trained`: the same while the first bundled checkpoint drives, if there is one;
+- `agent_steps_per_s_core_trained`: the same while the first bundled checkpoint drives;
 - `car_seconds_per_cpu_second`: time simulated, without observing, under random actions;
 - `step_share`: share of the CPU time that goes to stepping under random actions; the rest goes to observing;
+- `two_thread_ratio`: agent steps a second of wall time on two threads against one, eight cars;
 - `compile_s`: CPU time of the first start, step and observation of a process, `cold` without compiled kernels
   in the cache and `warm` with them;
+- `peers`: other simulators by name (see `benchmarks.peers`), each with its two figures and `ratio`, ours
+  over theirs in both: against its agent steps with eight cars, or 20 where its name ends so;
 - `machine` and `versions`.
 
-Times are those of one thread (the kernels have no parallel loops), medians over several episodes. What
-the policy computes is not counted.
+Times but for the two threads are CPU times of one thread, medians over several episodes. What the
+policy computes is not counted.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +38,7 @@ from rich.console import Console
 from rich.progress import track
 
 import policies
+from benchmarks.peers import measure
 from policies.checkpoint import load_checkpoint
 from sim.car import load_car
 from sim.observation import ObservationSpec
@@ -43,9 +48,9 @@ from sim.world import AGENT_DT, World
 
 CIRCUIT = "lindenring"
 CAR = "gt3"
-SCENARIOS = {1: "1v0", 2: "1v1", 4: "1v3", 8: "1v7"}
+SCENARIOS = {1: "1v0", 8: "1v7", 20: "grand_prix"}
 SPEC = ObservationSpec(course_points=60)
-BATCH = 128
+BATCH = 160
 """Cars in a world, whatever the number of races."""
 TICKS = 50
 """Of an episode: short, since random drivers soon stand at a wall."""
@@ -82,7 +87,7 @@ def trained_drive(checkpoint: Path) -> Drive:
 def cost(cars: int, drive: Drive, rng: np.random.Generator) -> tuple[float, float]:
     """CPU seconds to advance one car by an agent step, and to observe it."""
     circuit, scenario = load_track(CIRCUIT), load_scenario(SCENARIOS[cars])
-    world = World(circuit, load_car(CAR), BATCH // cars, cars)
+    world = scenario.world(circuit, load_car(CAR), BATCH // cars)
     everybody = seats(world)
     episodes = np.zeros((1 + EPISODES, 2))
     for episode in episodes:
@@ -100,10 +105,46 @@ def cost(cars: int, drive: Drive, rng: np.random.Generator) -> tuple[float, floa
     return float(step_s), float(observe_s)
 
 
+def two_thread_ratio(rng: np.random.Generator) -> float:
+    """Wall time of stepping and observing on one thread over that on two."""
+    circuit, scenario = load_track(CIRCUIT), load_scenario(SCENARIOS[8])
+    drive = random_drive(rng)
+    worlds = [scenario.world(circuit, load_car(CAR), 4 * BATCH // 8, threads) for threads in (1, 2)]
+    seconds = np.zeros((1 + EPISODES, 2))
+    for episode in seconds:
+        for world in worlds:
+            for race in range(len(world.state)):
+                world.reset(race, scenario.place(circuit, rng))
+        for _ in range(TICKS):
+            for threads, world in enumerate(worlds):
+                actions = drive(world)
+                began = time.perf_counter()
+                world.step(actions)
+                world.observe(SPEC, *seats(world))
+                episode[threads] += time.perf_counter() - began
+    return float(np.median(seconds[1:, 0] / seconds[1:, 1]))
+
+
+def compared(
+    peers: dict[str, dict[str, float]], ours: dict[int, dict[str, float]]
+) -> dict[str, dict[str, Any]]:
+    """Each peer's figures with our multiple of them."""
+    return {
+        name: {
+            **figures,
+            "ratio": {
+                figure: round(ours[20 if name.endswith("_20") else 8][figure] / value, 1)
+                for figure, value in figures.items()
+            },
+        }
+        for name, figures in peers.items()
+    }
+
+
 def first_use() -> float:
     """CPU seconds until a race has started, made one step and been observed."""
     circuit, scenario = load_track(CIRCUIT), load_scenario("1v7")
-    world = World(circuit, load_car(CAR), 1, scenario.cars)
+    world = scenario.world(circuit, load_car(CAR), 1)
     began = time.process_time()
     world.reset(0, scenario.place(circuit, np.random.default_rng(0)))
     world.step(np.zeros((1, scenario.cars, 2)))
@@ -126,25 +167,35 @@ def compile_s() -> dict[str, float]:
 def main() -> None:
     """Measure, show progress on stderr, print the figures as JSON."""
     rng = np.random.default_rng(0)
-    drives = {"random": random_drive(rng)}
+    console = Console(stderr=True)
     bundled = sorted((Path(str(policies.__file__)).parent / "bundled").rglob("*.safetensors"))
-    if bundled:
-        drives["trained"] = trained_drive(bundled[0])
+    drives = {"random": random_drive(rng), "trained": trained_drive(bundled[0])}
     runs = [(name, cars) for name in drives for cars in SCENARIOS]
     costs = {
         (name, cars): cost(cars, drives[name], rng)
-        for name, cars in track(runs, "Stepping and observing", console=Console(stderr=True))
+        for name, cars in track(runs, "Stepping and observing", console=console)
     }
     steps = {name: {str(cars): round(1.0 / sum(costs[name, cars])) for cars in SCENARIOS} for name in drives}
     alone = {cars: costs["random", cars] for cars in SCENARIOS}
     figures = {
         "agent_steps_per_s_core": steps["random"],
-        **({"agent_steps_per_s_core_trained": steps["trained"]} if bundled else {}),
+        "agent_steps_per_s_core_trained": steps["trained"],
         "car_seconds_per_cpu_second": {
             str(cars): round(AGENT_DT / step_s) for cars, (step_s, _) in alone.items()
         },
         "step_share": {str(cars): round(cost[0] / sum(cost), 3) for cars, cost in alone.items()},
+        "two_thread_ratio": round(two_thread_ratio(rng), 2),
         "compile_s": compile_s(),
+        "peers": compared(
+            measure(console),
+            {
+                cars: {
+                    "agent_steps_per_s_core": 1.0 / (step_s + observe_s),
+                    "car_seconds_per_cpu_second": AGENT_DT / step_s,
+                }
+                for cars, (step_s, observe_s) in alone.items()
+            },
+        ),
         "machine": platform.platform(),
         "versions": {
             "python": platform.python_version(),
