@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from nathlon.battery import MEASURES
 from nathlon.scoring import Scoring
-from sim.data_file import read_toml
+from sim.data_file import Section, read_toml
 from sim.errors import InputError
 from sim.scenario import load_scenario
 
@@ -18,11 +18,7 @@ SKILLS_FOLDER = Path(__file__).parent / "data" / "skills"
 UNIT = "s"
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Marks(_Section):
+class Marks(Section):
     """The marks that give 500 (`base`, the built-in driver's) and 1,000 points.
 
     No mark counts for more than `limit`: what lies beyond owes more to the opponents' accidents than
@@ -35,7 +31,7 @@ class Marks(_Section):
     limit: float
 
 
-class Skill(_Section):
+class Skill(Section):
     """One test of the battery.
 
     Attributes:
@@ -77,7 +73,7 @@ def read_skill(path: Path) -> Skill:
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
-    skill = read_toml(path, Skill, "skill file")
+    skill = read_toml(path, Skill, "skill")
     cars = load_scenario(skill.scenario).cars
     if not all(1 <= slot <= cars for slot in skill.slots):
         raise InputError(f"{path}: field slots is {skill.slots}: expected places from 1 to {cars}")

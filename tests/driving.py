@@ -3,37 +3,56 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.car import Car, load_car
 from sim.track import CircuitFile, Grid, Track, build_track
-from sim.world import Start, World
+from sim.world import Conditions, Start, World
 
 GT3: Car = load_car("gt3")
-FACTS = CircuitFile(
-    name="test road",
-    description="",
-    centre_line="",
-    kerb_width_m=1.0,
-    verge_grip=0.55,
-    verge_rolling_resistance=0.08,
-    grid=Grid(pole_m=0.0, spacing_m=9.0, lateral_m=2.0),
-)
+Profile = NDArray[np.float64] | float
 
 
-def road(x: NDArray[np.float64], y: NDArray[np.float64], half_width: float, wall: float) -> Track:
-    """A road through the points of a closed line, as wide and walled on both sides, m."""
-    widths = [np.full_like(x, value) for value in (half_width, half_width, wall, wall)]
-    return build_track(np.stack([x, y, *widths], axis=1), FACTS)
+def road(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    half_width: float,
+    wall: float,
+    z: Profile = 0.0,
+    bank: Profile = 0.0,
+    **facts: Any,
+) -> Track:
+    """A road through the points of a closed line, as wide and walled on both sides.
+
+    Args:
+        x, y: (n,) m.
+        half_width, wall: from the centre line, m.
+        z: height, m, (n,) or the same everywhere.
+        bank: angle, rad, + is left side up, (n,) or the same everywhere.
+        facts: fields of the circuit's file; otherwise grass lies beside the road, without kerbs.
+    """
+    length = np.hypot(np.diff(x, append=x[0]), np.diff(y, append=y[0])).sum()
+    circuit = CircuitFile(
+        name="test road",
+        description="",
+        centre_line="",
+        runoff=facts.pop("runoff", "grass"),
+        sectors_m=(length / 3, 2 * length / 3),
+        grid=Grid(pole_m=0.0, spacing_m=9.0, lateral_m=2.0),
+        **facts,
+    )
+    columns = (x, y, z, half_width, half_width, bank, wall, wall)
+    return build_track(np.stack([np.broadcast_to(column, x.shape) for column in columns], axis=1), circuit)
 
 
 @cache
-def circle(radius: float, half_width: float = 6.0, wall: float = 15.0) -> Track:
-    """A circle driven counter-clockwise from (radius, 0)."""
+def circle(radius: float, half_width: float = 6.0, wall: float = 15.0, bank: float = 0.0) -> Track:
+    """A circle driven counter-clockwise from (radius, 0), banked by an angle, rad, + is outside down."""
     angle = np.linspace(0.0, 2 * np.pi, 360, endpoint=False)
-    return road(radius * np.cos(angle), radius * np.sin(angle), half_width, wall)
+    return road(radius * np.cos(angle), radius * np.sin(angle), half_width, wall, bank=bank)
 
 
 STRAIGHT_M = 6000.0
@@ -56,9 +75,11 @@ def world_with(
     speed: list[float] | float = 0.0,
     heading: list[float] | float = 0.0,
     finish: float = np.inf,
+    car: Car = GT3,
+    conditions: Conditions = Conditions(),  # noqa: B008  # it cannot change
 ) -> World:
     """A world of one race with cars at the given places, m, m/s, rad."""
-    world = World(track, GT3, 1, len(distance))
+    world = World(track, car, 1, len(distance), conditions)
     world.reset(0, start_at(distance, lateral, speed, heading, finish))
     return world
 

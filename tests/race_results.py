@@ -35,6 +35,8 @@ DEFAULTS: dict[str, Any] = {
     "wall_s": 0.0,
     "contacts": 0,
     "contacts_faster_behind": 0,
+    "contacts_at_fault": 0,
+    "penalties": 0,
 }
 
 

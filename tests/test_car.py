@@ -1,15 +1,20 @@
-"""Car files: the shipped one, and what is said about faulty ones."""
+"""Car files: the shipped ones, and what is said about faulty ones."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sim.car import CARS, load_car, parameters, read_car
+from sim.car import compound_ratio, load_car, load_compounds, parameters, read_car
+from sim.data_file import DATA
 from sim.errors import InputError
+from sim.tyre_curve import curve_cells
 
+CARS = DATA / "cars"
+NAMES = sorted(path.stem for path in CARS.glob("*.toml"))
 GT3 = (CARS / "gt3.toml").read_text("utf-8")
 
 
@@ -19,6 +24,29 @@ def edited(folder: Path, old: str, new: str) -> Path:
     path = folder / "car.toml"
     path.write_text(GT3.replace(old, new), "utf-8")
     return path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_cars_make_sense(name: str) -> None:
+    car = load_car(name)
+    body = car.body
+    assert car.name == name
+    assert car.description
+    # A tyre holds more the wider it is pressed on, at any load that it may meet.
+    for low, high in (car.tyre.friction_longitudinal, car.tyre.friction_lateral):
+        assert low * car.tyre.load_n[0] < high * car.tyre.load_n[1]
+        assert low > high
+    assert body.front_axle_m + body.rear_axle_m < body.length_m
+    # Cars turn about as willingly as a rod with its masses at the axles.
+    rod = body.mass_kg * body.front_axle_m * body.rear_axle_m
+    assert 0.6 * rod < body.yaw_inertia_kg_m2 < 1.1 * rod
+    assert car.fuel.capacity_kg < 0.1 * body.mass_kg
+    # Gears overlap: after a shift up the engine is not so slow that it would shift down again.
+    ratios = car.gearbox.ratios
+    assert all(a > b for a, b in pairwise(ratios))
+    after = [car.engine.shift_up_rpm * b / a for a, b in pairwise(ratios)]
+    assert min(after) > car.engine.shift_down_rpm
+    assert car.engine.shift_up_rpm < car.engine.rpm[-1]
 
 
 def test_shipped_car_reads_by_name_and_by_path() -> None:
@@ -34,8 +62,51 @@ def test_parameters_are_those_of_the_file() -> None:
     assert p.brake_torque_front / p.brake_torque_rear == pytest.approx(0.74 / 0.26)
     np.testing.assert_allclose(p.ratios, np.array(car.gearbox.ratios) * car.gearbox.final_drive)
     assert p.friction_y + p.friction_y_slope * (6500.0 - p.load_low) == pytest.approx(1.41)
-    # The magic formula peaks where shape * atan(stiffness * slip) is a right angle: at slip 1.
-    assert p.shape * np.arctan(p.stiffness) == pytest.approx(np.pi / 2)
+    assert p.dry_mass + p.fuel_capacity == car.body.mass_kg
+
+
+def test_table_of_the_tyre_curve_is_the_magic_formula() -> None:
+    shape = load_car("gt3").tyre.shape
+    slip = np.geomspace(1e-6, 100.0, 2001)
+    cells = curve_cells(shape)
+    at = slip / (1 + slip) * len(cells)
+    cell = np.minimum(at.astype(int), len(cells) - 1)
+    share = sum(cells[cell, power] * (at - cell) ** power for power in range(4))
+    wanted = np.sin(shape * np.arctan(np.tan(np.pi / (2 * shape)) * slip))
+    np.testing.assert_allclose(share * slip, wanted, atol=1e-7)
+
+
+def test_compounds_trade_grip_for_wear() -> None:
+    compounds = load_compounds()
+    names = [
+        f"{use}-{kind}" for use in ("comfort", "sports", "racing") for kind in ("hard", "medium", "soft")
+    ]
+    assert list(compounds) == names
+    for quantity in ("grip", "wear"):
+        values = [getattr(compounds[name], quantity) for name in names]
+        assert values == sorted(set(values))
+    reference = compounds["racing-medium"]
+    assert (reference.grip, reference.wear) == (1.0, 1.0)
+
+
+def test_compound_scales_a_car_from_its_own() -> None:
+    car = load_car("coupe")
+    grip, wear = compound_ratio(car.tyre.compound, "racing-soft")
+    own, fitted = parameters(car), parameters(car, "racing-soft")
+    assert (fitted.friction_y, fitted.friction_x_slope) == pytest.approx(
+        (grip * own.friction_y, grip * own.friction_x_slope)
+    )
+    assert fitted.wear_per_joule == pytest.approx(wear * own.wear_per_joule)
+    assert parameters(car, car.tyre.compound).friction_x == own.friction_x
+    assert grip > 1.1
+    assert wear > 2.0
+
+
+def test_unknown_compound_lists_the_known() -> None:
+    with pytest.raises(
+        InputError, match=r"compound 'rain' is unknown; expected one of comfort-hard, .*racing-soft"
+    ):
+        parameters(load_car("gt3"), "rain")
 
 
 @pytest.mark.parametrize(
@@ -48,9 +119,9 @@ def test_parameters_are_those_of_the_file() -> None:
         ("mass_kg = 1370.0", "mass_kg = 1370.0\nmass_lb = 3020.0", "field body.mass_lb: Extra"),
         ("front_share = 0.74", "front_share = 1.2", "field brakes.front_share is 1.2: .*less than or equal"),
         ("full_lock_rad = 0.36", "full_lock_rad = 20.0", "field steering.full_lock_rad is 20.0: .*less than"),
-        ("rpm =        [1000.0, 2500.0", "rpm =        [2500.0, 1000.0", "field engine .*rpm must rise"),
-        ("rpm =        [1000.0, ", "rpm =        [", "field engine .*the same length"),
-        ("load_n = [2000.0, 6500.0]", "load_n = [6500.0, 2000.0]", "field tyre .*load_n must rise"),
+        ("rpm =        [1000.0, 2500.0", "rpm =        [2500.0, 1000.0", "field engine: rpm must rise"),
+        ("rpm =        [1000.0, ", "rpm =        [", "field engine: .*the same length"),
+        ("load_n = [2000.0, 6500.0]", "load_n = [6500.0, 2000.0]", "field tyre: load_n must rise"),
         ("ratios = [2.95, 2.12, 1.65, 1.35, 1.14, 0.98]", "ratios = []", "field gearbox.ratios .*at least 1"),
         ("shape = 1.75", "shape = 1.0", "field tyre.shape is 1.0: .*greater than 1"),
         ("[wheel]", "[wheels]", "field wheel: Field required"),
@@ -78,5 +149,5 @@ def test_file_that_is_missing_or_no_toml(tmp_path: Path) -> None:
 
 
 def test_unknown_car_lists_the_known() -> None:
-    with pytest.raises(InputError, match="car 'f1' is unknown; expected one of gt3"):
+    with pytest.raises(InputError, match="car 'f1' is unknown; expected one of coupe, gt3, prototype"):
         load_car("f1")

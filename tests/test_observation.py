@@ -7,14 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from sim.errors import InputError
 from sim.observation import OPPONENT, VERSION, ObservationSpec
-from sim.world import World
-from tests.driving import GT3, drive, stadium, world_with
+from sim.track import Track
+from sim.world import Conditions, World
+from tests.driving import GT3, drive, road, stadium, world_with
 
 specs = st.builds(
     ObservationSpec,
@@ -50,12 +51,12 @@ class TestSpec:
         assert slices[0].start == 0
         assert all(a.stop == b.start for a, b in pairwise(slices))
         assert slices[-1].stop == spec.size
-        # 23 numbers of its own, three lines of points, seven numbers an opponent.
-        assert spec.size == 23 + 6 * spec.course_points + 7 * (spec.cars_ahead + spec.cars_behind)
+        # 31 numbers of its own, three lines of points in space, seven numbers an opponent.
+        assert spec.size == 31 + 9 * spec.course_points + 7 * (spec.cars_ahead + spec.cars_behind)
 
     def test_sizes_that_checkpoints_rely_on(self) -> None:
-        assert ObservationSpec(course_points=16).size == 175
-        assert ObservationSpec(course_points=60).size == 439
+        assert ObservationSpec(course_points=16).size == 31 + 144 + 56 == 231
+        assert ObservationSpec(course_points=60).size == 31 + 540 + 56 == 627
 
     @given(specs)
     def test_describes_every_field(self, spec: ObservationSpec) -> None:
@@ -111,11 +112,25 @@ class TestOwnCar:
             "throttle": [0.6],
             "brake": [0.0],
             "slipstream": [0.0],
+            "penalty": [0.0],
+            "tyre_wear": [0.0] * 4,
+            "fuel": [1.0],
         }.items():
             np.testing.assert_allclose(see[name], wanted, rtol=1e-5, atol=1e-5, err_msg=name)
         np.testing.assert_allclose(see["tyre_load"], car["load"], atol=0.01)
         angle = 2 * np.pi * car["progress"] / world.track.length
         np.testing.assert_allclose(see["progress"], [np.sin(angle), np.cos(angle)], atol=1e-6)
+
+    def test_shows_wear_fuel_and_penalty(self) -> None:
+        world = world_with(stadium(), [1000.0], speed=40.0, conditions=Conditions(None, 20.0, 20.0))
+        car = drive(world, 0.8, 0.1, seconds=2.0)[0, 0]
+        car["penalty_s"] = 3.5
+        see = raw(world, ObservationSpec())
+        assert (see["tyre_wear"] > 0.0).all()
+        np.testing.assert_allclose(see["tyre_wear"], car["wear"], atol=1e-6)
+        assert 0.5 < see["fuel"][0] < 1.0
+        assert see["fuel"][0] == pytest.approx(car["fuel"] / world.parameters.fuel_capacity, abs=1e-6)
+        assert see["penalty"] == pytest.approx(3.5)
 
     def test_flags_rise_where_they_should(self) -> None:
         world = world_with(stadium(), [1000.0, 1004.6], lateral=30.0, speed=[20.0, 10.0])
@@ -129,27 +144,85 @@ class TestOwnCar:
         assert raw(world, ObservationSpec())["wall_contact"] == pytest.approx(1.0)
 
 
+def hilly() -> Track:
+    """A circle of 150 m that rises by 8 m twice a lap, banked by up to 0.15 rad, 5 m to the edges."""
+    angle = np.linspace(0.0, 2 * np.pi, 300, endpoint=False)
+    return road(
+        150 * np.cos(angle),
+        150 * np.sin(angle),
+        5.0,
+        12.0,
+        z=8 * np.sin(2 * angle),
+        bank=0.15 * np.cos(angle),
+    )
+
+
+HILLY = hilly()
+
+
+def surface(angle: NDArray[np.float64], lateral: float) -> NDArray[np.float64]:
+    """Points of that road in the world's frame, exact, (..., 3)."""
+    radius = 150.0 - lateral
+    height = 8 * np.sin(2 * angle) + np.tan(0.15 * np.cos(angle)) * lateral
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
+
+
 class TestCourse:
+    """A point is x of left, centre, right, then y, then z: (points, 3, 3) as axis, line."""
+
     @pytest.mark.parametrize("heading", [0.0, 0.3, -0.5])
     def test_points_on_a_straight(self, heading: float) -> None:
         spec = ObservationSpec(course_points=6, horizon_s=3.0)
         world = world_with(stadium(), [1000.0], lateral=3.0, speed=40.0, heading=heading)
-        see = raw(world, spec)
+        course = raw(world, spec)["course"].reshape(6, 3, 3)
         # On the straight the points are 0, 20, 40.. m ahead of the car's foot, 20 m to either side.
-        along = np.arange(6) * 3.0 / 6 * 40.0
-        for line, lateral in (("left", 20.0), ("centre", 0.0), ("right", -20.0)):
-            x, y = along, np.full(6, lateral - 3.0)
-            wanted = np.stack(
-                [x * np.cos(heading) + y * np.sin(heading), y * np.cos(heading) - x * np.sin(heading)]
-            )
-            points = see[f"course_{line}"].reshape(6, 2).T
-            np.testing.assert_allclose(points, wanted, atol=2e-3)
+        x = np.arange(6) * 3.0 / 6 * 40.0
+        for line, lateral in enumerate((20.0, 0.0, -20.0)):
+            y = lateral - 3.0
+            ahead = x * np.cos(heading) + y * np.sin(heading)
+            aside = y * np.cos(heading) - x * np.sin(heading)
+            np.testing.assert_allclose(course[:, 0, line], ahead, atol=2e-3)
+            np.testing.assert_allclose(course[:, 1, line], aside, atol=2e-3)
+        np.testing.assert_allclose(course[:, 2], 0.0, atol=1e-4)
+
+    @given(st.floats(-500.0, 1500.0), st.floats(-6.0, 6.0), st.floats(-3.0, 3.0), st.floats(0.0, 60.0))
+    @settings(deadline=None, max_examples=60)
+    def test_points_on_a_hilly_banked_bend(
+        self, distance: float, lateral: float, heading: float, speed: float
+    ) -> None:
+        spec = ObservationSpec(course_points=20, horizon_s=6.0)
+        world = world_with(HILLY, [distance], lateral=lateral, speed=speed, heading=heading)
+        course = raw(world, spec)["course"].reshape(20, 3, 3)
+        # The car stands on the plane that touches the road under it: found here by differences.
+        start, step = distance / 150.0, 1e-6
+        foot = surface(np.array(start), lateral)
+        along = (surface(np.array(start + step), lateral) - surface(np.array(start - step), lateral)) / 2
+        across = (surface(np.array(start), lateral + step) - surface(np.array(start), lateral - step)) / 2
+        rise = np.linalg.solve(np.stack([along[:2], across[:2]]), np.array([along[2], across[2]]))
+        yaw = start + np.pi / 2 + heading
+        forward, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+        angle = start + np.arange(20) / 20 * 6.0 * max(speed, 10.0) / 150.0
+        for line, offset in enumerate((5.0, 0.0, -5.0)):
+            seen = surface(angle, offset) - foot
+            # Edges run straight between rows 2 m apart, 5 mm inside the arc, and heights likewise; the
+            # foot lies on arcs, whose ends differ from the circle by a few millimetres more.
+            np.testing.assert_allclose(course[:, 0, line], seen[:, :2] @ forward, atol=0.03)
+            np.testing.assert_allclose(course[:, 1, line], seen[:, :2] @ left, atol=0.03)
+            above = seen[:, 2] - seen[:, :2] @ rise
+            np.testing.assert_allclose(course[:, 2, line], above, atol=0.05)
+
+    def test_inclination_is_the_gradient_in_the_frame_of_the_car(self) -> None:
+        # At the start the road rises by 16 m in 150 m, and its left side is up.
+        climb, bank = 16 / 150, np.tan(0.15)
+        for heading, wanted in ((0.0, (climb, bank)), (np.pi / 2, (bank, -climb)), (np.pi, (-climb, -bank))):
+            see = raw(world_with(HILLY, [0.0], heading=heading), ObservationSpec())
+            np.testing.assert_allclose(see["inclination"], wanted, atol=1e-3)
 
     def test_points_keep_their_spacing_at_rest_and_across_the_line(self) -> None:
         spec = ObservationSpec(course_points=5, horizon_s=5.0)
         track = stadium()
         world = world_with(track, [track.length - 3.0], heading=0.0)
-        points = raw(world, spec)["course_centre"].reshape(5, 2)
+        points = raw(world, spec)["course"].reshape(5, 3, 3)[:, :2, 1]
         steps = np.hypot(*np.diff(points, axis=0).T)
         # At rest the horizon is spanned at 10 m/s; the end of the half circle bends a chord by 1 mm.
         np.testing.assert_allclose(steps, 10.0, atol=0.01)
@@ -202,4 +275,4 @@ class TestOpponents:
     def test_lists_may_be_empty(self) -> None:
         spec = ObservationSpec(course_points=1, cars_ahead=0, cars_behind=0)
         world = world_with(stadium(), [1000.0, 1010.0])
-        assert world.observe(spec, np.array([0, 0]), np.array([0, 1])).shape == (2, 29)
+        assert world.observe(spec, np.array([0, 0]), np.array([0, 1])).shape == (2, 40)

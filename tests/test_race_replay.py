@@ -14,6 +14,7 @@ from rerun.chunk import RrdReader
 
 from arena.race_log import RaceLog
 from arena.recording import TEAM_COLOURS, write_recording
+from reports._countryside import countryside
 from reports.car_model import car_model
 from reports.replay import (
     FRAMES_PER_TICK,
@@ -25,7 +26,7 @@ from reports.replay import (
     write_replay,
 )
 from sim.errors import InputError
-from tests.race_logs import oval_race
+from tests.race_logs import LAP_M, oval_outline, oval_race, road_axes, turned
 
 RERUN = Path(sys.executable).with_name("rerun")
 
@@ -59,7 +60,8 @@ def replay(tmp_path_factory: pytest.TempPathFactory, log: RaceLog) -> Path:
 def test_rerun_verifies_the_file_and_finds_all_entities(replay: Path, log: RaceLog) -> None:
     assert "verified without error" in rerun_rrd("verify", replay)
     stats = rerun_rrd("stats", replay)
-    circuit = ["asphalt", "edges", "grass", "line", "wall_left", "wall_right"]
+    circuit = ["country", "edges", "gravel", "grass", "kerb_0", "kerb_1", "line", "road"]
+    circuit += [f"wall_{side}/{panel}" for side in ("left", "right") for panel in (0, 1)]
     wanted = [f"/world/circuit/{part}" for part in circuit]
     wanted += ["/race", "/incidents/contact", "/incidents/ending", "/map/incidents/contact"]
     for car in range(len(log.names)):
@@ -89,10 +91,13 @@ def test_poses_are_those_of_the_log(replay: Path, log: RaceLog) -> None:
     np.testing.assert_allclose(time_s[at_ticks], log.time_s, atol=1e-8)
     np.testing.assert_allclose(translation[at_ticks, 0], sample["x_m"], atol=1e-3)
     np.testing.assert_allclose(translation[at_ticks, 1], sample["y_m"], atol=1e-3)
-    yaw = 2 * np.arctan2(quaternion[:, 2], quaternion[:, 3])
-    np.testing.assert_allclose(np.exp(1j * yaw[at_ticks]), np.exp(1j * sample["yaw_rad"]), atol=1e-5)
-    turns = np.angle(np.exp(1j * np.diff(yaw)))
-    assert np.abs(turns).max() < 0.05, "the car spins between two samples"
+    np.testing.assert_allclose(translation[at_ticks, 2], sample["z_m"], atol=1e-3)
+    along, up = road_axes(sample["distance_m"], sample["yaw_rad"])
+    nose = turned(quaternion, (1.0, 0.0, 0.0))
+    np.testing.assert_allclose(nose[at_ticks], along, atol=1e-5)
+    np.testing.assert_allclose(turned(quaternion, (0.0, 0.0, 1.0))[at_ticks], up, atol=1e-5)
+    turns = np.linalg.norm(np.diff(nose, axis=0), axis=1)
+    assert turns.max() < 0.05, "the car spins between two samples"
 
 
 def test_north_is_up_on_the_map(replay: Path, log: RaceLog) -> None:
@@ -177,6 +182,18 @@ def test_cars_of_a_team_differ_in_shade_only() -> None:
     assert colours[1] == TEAM_COLOURS[1]
     assert len(set(colours)) == 4
     assert colours[2][2] == max(colours[2]), "a lighter blue is still blue"
+
+
+def test_the_country_meets_the_walls_and_leaves_the_circuit_free() -> None:
+    outline = oval_outline()
+    vertices, triangles = countryside(outline)
+    walls = {tuple(point) for point in np.concatenate([outline.wall_left, outline.wall_right])}
+    assert walls <= {tuple(point) for point in vertices[triangles.ravel()]}
+    a, b, c = (vertices[triangles[:, k], :2] for k in range(3))
+    (bx, by), (cx, cy) = (b - a).T, (c - a).T
+    area = np.abs(bx * cy - by * cx).sum() / 2
+    whole = np.prod(np.ptp(vertices[:, :2], axis=0))
+    assert whole - area == pytest.approx(20.0 * LAP_M, rel=0.01)
 
 
 def test_the_car_model_fills_the_cars_size() -> None:

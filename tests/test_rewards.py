@@ -6,26 +6,16 @@ import numpy as np
 import pytest
 
 from policies.training.rewards import RewardWeights, Transition, total
-from sim.car import load_car
-from sim.track import load_track
-from sim.world import Start, World
+from sim.world import World
+from tests.driving import stadium, world_with
 
 DT = 0.1
 
 
 @pytest.fixture
 def world() -> World:
-    """Two cars on the long straight, the second 20 m behind and 5 m/s faster."""
-    world = World(load_track("lindenring"), load_car("gt3"), 1, 2)
-    start = Start(
-        np.array([1300.0, 1280.0]),
-        np.array([2.0, -2.0]),
-        np.zeros(2),
-        np.array([40.0, 45.0]),
-        np.full(2, np.inf),
-    )
-    world.reset(0, start)
-    return world
+    """Two cars on a straight, the second 18 m behind and 5 m/s faster."""
+    return world_with(stadium(), [1300.0, 1282.0], lateral=[2.0, -2.0], speed=[40.0, 45.0])
 
 
 def test_progress_is_metres_gained_and_masked_off_course(world: World) -> None:
@@ -58,10 +48,14 @@ def test_passing_is_symmetric_and_only_counts_near_cars(world: World) -> None:
 
 def test_rear_end_charges_only_the_faster_car_behind(world: World) -> None:
     transition = Transition(world)
-    world.impact[0] = [[-1.0, 3.0], [3.0, -1.0]]
-    world.blame[0, 1, 0] = True
     world.state["car_contact"] = True
-    assert transition.rear_end()[0] == pytest.approx([0.0, -9.0])
+    for behind, faster, charged in ((1, 1, [0.0, -9.0]), (0, 0, [-9.0, 0.0]), (1, 0, [0.0, 0.0])):
+        note = world.contacts[0, 0]
+        note["behind"], note["ahead"], note["faster"], note["closing"] = behind, 1 - behind, faster, 3.0
+        world.contact_count[0] = 1
+        assert transition.rear_end()[0] == pytest.approx(charged)
+    world.contact_count[0] = 0
+    assert transition.rear_end()[0].tolist() == [0.0, 0.0]
     assert transition.contact()[0].tolist() == [-1.0, -1.0]
 
 

@@ -2,36 +2,90 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
+from sim.car import load_car
+from sim.data_file import DATA
 from sim.errors import InputError
-from sim.scenario import SAFE_LATERAL, SCENARIOS, load_scenario, read_scenario
-from sim.track import CURVATURE, load_track
+from sim.scenario import SAFE_LATERAL, Scenario, load_scenario
+from sim.track import CURVATURE, WALL_LEFT, WALL_RIGHT, Track, load_track
+from sim.world import Start
 
-TRACK = load_track("lindenring")
-NAMES = sorted(path.stem for path in SCENARIOS.glob("*.toml"))
+TRACKS = {name: load_track(name) for name in ("grandes-landes", "lindenring", "porto-sereno")}
+TRACK = TRACKS["lindenring"]
+NAMES = sorted(path.stem for path in (DATA / "scenarios").glob("*.toml"))
+CARS = [load_car(name) for name in ("gt3", "coupe", "prototype")]
+LENGTH, WIDTH = max(car.body.length_m for car in CARS), max(car.body.width_m for car in CARS)
 seeds = st.integers(0, 2**63 - 1)
 
 
+def corners(start: Start) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distance and lateral of the four corners of the longest, widest car at each place, (cars, 4)."""
+    along, across = LENGTH / 2 * np.array([1, 1, -1, -1]), WIDTH / 2 * np.array([1, -1, -1, 1])
+    sine, cosine = np.sin(start.heading)[:, None], np.cos(start.heading)[:, None]
+    return (
+        start.distance[:, None] + along * cosine - across * sine,
+        start.lateral[:, None] + along * sine + across * cosine,
+    )
+
+
+def room_to_walls(track: Track, start: Start) -> float:
+    """How far (m) the corner nearest to a wall stands from it; negative is inside."""
+    distance, lateral = corners(start)
+    row = (np.mod(distance, track.length) / track.spacing).astype(np.int64) % len(track.table)
+    # Corners are placed along the arc of the road.
+    bent = lateral - 0.5 * track.table[row, CURVATURE] * (distance - start.distance[:, None]) ** 2
+    left, right = track.table[row, WALL_LEFT] - bent, track.table[row, WALL_RIGHT] + bent
+    return float(np.minimum(left, right).min())
+
+
+def room_between(start: Start) -> float:
+    """How far (m) the two cars nearest to each other stand apart along the road or across it."""
+    boxes = [(*d, *n) for d, n in zip(*corners(start), strict=True)]
+    apart = np.inf
+    for one, other in combinations(np.array(boxes).reshape(-1, 2, 4), 2):
+        gaps = [max(a.min() - b.max(), b.min() - a.max()) for a, b in zip(one, other, strict=True)]
+        apart = min(apart, max(gaps))
+    return float(apart)
+
+
+@pytest.mark.parametrize("circuit", TRACKS)
 @pytest.mark.parametrize("name", NAMES)
-def test_shipped_scenario_puts_all_its_cars_on_free_places(name: str) -> None:
-    scenario = load_scenario(name)
+def test_shipped_scenario_puts_all_its_cars_on_free_places(name: str, circuit: str) -> None:
+    scenario, track = load_scenario(name), TRACKS[circuit]
     assert scenario.name == name
+    if scenario.origin == "last chicane" and circuit == "porto-sereno":
+        with pytest.raises(InputError, match="circuit 'porto-sereno' has no section 'last chicane'"):
+            scenario.place(track, np.random.default_rng(0))
+        return
     for seed in range(20):
-        start = scenario.place(TRACK, np.random.default_rng(seed))
-        again = scenario.place(TRACK, np.random.default_rng(seed))
+        start = scenario.place(track, np.random.default_rng(seed))
+        again = scenario.place(track, np.random.default_rng(seed))
         for array, same in zip(vars(start).values(), vars(again).values(), strict=True):
             assert array.shape == (scenario.cars,)
             assert np.isfinite(array).all() or array is start.finish
             np.testing.assert_array_equal(array, same)
-        # In starting order, and no car inside another: they are 4.65 m long.
-        assert (np.diff(start.distance) < -4.65).all()
-        assert (start.finish > start.distance).all()
+        assert (np.diff(start.distance) < 0.0).all()
+        assert room_between(start) > 0.5 or scenario.cars == 1
+        assert room_to_walls(track, start) > 0.0
+        assert (start.finish > start.distance.max()).all()
+
+
+@pytest.mark.parametrize("circuit", TRACKS)
+@pytest.mark.parametrize("name", ["1v0", "1v3", "1v7"])
+def test_start_anywhere_is_never_inside_a_wall_or_another_car(name: str, circuit: str) -> None:
+    scenario, rng = load_scenario(name), np.random.default_rng(1)
+    for _ in range(500):
+        start = scenario.place(TRACKS[circuit], rng)
+        assert room_to_walls(TRACKS[circuit], start) > 0.0
+        assert scenario.cars == 1 or room_between(start) > 0.0
 
 
 @given(seeds)
@@ -46,19 +100,43 @@ def test_grid_is_staggered_behind_the_line(seed: int) -> None:
     assert (start.finish == 2 * TRACK.length).all()
 
 
-@given(seeds)
-def test_rolling_start_is_drawn_from_its_spans(seed: int) -> None:
-    start = load_scenario("chicane_in_traffic").place(TRACK, np.random.default_rng(seed))
-    assert 4085.0 <= start.distance[0] <= 4095.0
+def test_formation_moves_towards_the_line_two_by_two() -> None:
+    scenario = load_scenario("grand_prix")
+    start = scenario.place(TRACK, np.random.default_rng(0))
+    np.testing.assert_allclose(start.distance, -60.0 - 9.0 * np.arange(20))
+    np.testing.assert_allclose(start.lateral, TRACK.grid.lateral_m * (-1.0) ** np.arange(20))
+    assert (start.speed == 25.0).all()
+    assert (start.heading == 0.0).all()
+    assert (start.finish == 3 * TRACK.length).all()
+
+
+@given(seeds, st.sampled_from(["lindenring", "grandes-landes"]))
+def test_rolling_start_is_drawn_from_its_spans_at_its_origin(seed: int, circuit: str) -> None:
+    track = TRACKS[circuit]
+    begin, end = track.stretch("last chicane")
+    start = load_scenario("chicane_in_traffic").place(track, np.random.default_rng(seed))
+    assert begin - 260.0 <= start.distance[0] <= begin - 250.0
     gaps = -np.diff(start.distance)
     assert ((gaps >= 11.0) & (gaps <= 15.0)).all()
     assert (np.abs(start.lateral) <= 2.5).all()
     assert len(set(start.speed)) == 1
     assert 42.0 <= start.speed[0] <= 44.0
-    assert (start.finish == 4800.0).all()
+    assert (start.finish == end + 150.0).all()
+
+
+def test_origin_may_be_any_section_by_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    section = TRACK.sections[3]
+    rolling = 'kind = "rolling"\nleader_m = [5.0, 5.0]\ngap_m = [9.0, 9.0]\nlateral_m = [0.0, 0.0]\n'
+    text = GOOD.replace("laps = 1", f"finish_m = 20.0\norigin = {section.name!r}")
+    path.write_text(text.replace('kind = "grid"', rolling + "speed_m_s = [30.0, 30.0]"))
+    start = load_scenario(str(path)).place(TRACK, np.random.default_rng(0))
+    assert start.distance == pytest.approx([section.start_m + 5.0, section.start_m - 4.0])
+    assert (start.finish == section.end_m + 20.0).all()
 
 
 @given(seeds)
+@settings(max_examples=50)
 def test_start_anywhere_is_no_faster_than_the_next_bend_allows(seed: int) -> None:
     start = load_scenario("1v3").place(TRACK, np.random.default_rng(seed))
     assert (start.finish == np.inf).all()
@@ -89,18 +167,96 @@ kind = "grid"
 """
 
 
+def written(folder: Path, extra: str) -> Scenario:
+    """The good scenario with lines of its own before the table of the start."""
+    path = folder / "scenario.toml"
+    path.write_text(GOOD.replace("[start]", extra + "\n[start]"))
+    return load_scenario(str(path))
+
+
+class TestConditions:
+    def test_without_any_the_world_is_the_plain_one(self, tmp_path: Path) -> None:
+        scenario = written(tmp_path, "")
+        assert scenario.reaction.period.tolist() == [6, 6]
+        assert scenario.reaction.delay.tolist() == [0, 0]
+        world = scenario.world(TRACK, CARS[0], 3, threads=2)
+        assert world.state.shape == (3, 2)
+        world.reset(0, scenario.place(TRACK, np.random.default_rng(0)))
+        for _ in range(20):
+            world.step(np.ones((3, 2, 2)))
+        assert (world.state[0]["wear"] == 0.0).all()
+        assert (world.state[0]["fuel"] == world.parameters.fuel_capacity).all()
+
+    def test_wear_and_fuel_go_at_their_rates(self, tmp_path: Path) -> None:
+        used = []
+        for rate in (1.0, 4.0):
+            scenario = written(tmp_path / "", f"wear_rate = {rate}\nfuel_rate = {rate}")
+            load_scenario.cache_clear()
+            world = scenario.world(TRACK, CARS[0], 1)
+            world.reset(0, scenario.place(TRACK, np.random.default_rng(0)))
+            for _ in range(20):
+                world.step(np.broadcast_to([1.0, 0.1], (1, 2, 2)))
+            cars = world.state[0]
+            used.append((world.parameters.fuel_capacity - cars["fuel"], cars["wear"][:, 2:].mean(axis=1)))
+        for slow, fast in zip(*used, strict=True):
+            # Lighter and more worn, the second car drives a little differently.
+            assert (slow > 0.0).all()
+            np.testing.assert_allclose(fast, 4 * slow, rtol=0.02)
+
+    def test_rules_and_compound_reach_the_world(self, tmp_path: Path) -> None:
+        with pytest.raises(InputError, match="rules 'wild' is unknown"):
+            written(tmp_path, 'rules = "wild"').world(TRACK, CARS[0], 1)
+        load_scenario.cache_clear()
+        with pytest.raises(InputError, match=r"tyre compound .cheese. is unknown"):
+            written(tmp_path, 'compound = "cheese"').world(TRACK, CARS[0], 1)
+
+    @pytest.mark.parametrize(
+        ("lines", "period", "delay"),
+        [
+            ("action_hz = 20.0", [3, 3], [0, 0]),
+            ("action_hz = 60", [1, 1], [0, 0]),
+            ("action_hz = [10.0, 5.0]", [6, 12], [0, 0]),
+            ("perception_delay_s = 0.1", [6, 6], [6, 6]),
+            ("perception_delay_s = [0.0, 0.24]", [6, 6], [0, 14]),
+        ],
+    )
+    def test_reaction_is_one_for_all_or_one_for_each(
+        self, tmp_path: Path, lines: str, period: list[int], delay: list[int]
+    ) -> None:
+        reaction = written(tmp_path, lines).reaction
+        assert reaction.period.tolist() == period
+        assert reaction.delay.tolist() == delay
+
+
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
         ("cars = 2", "cars = 0", "field cars is 0: .*greater than or equal to 1"),
+        ("cars = 2", "cars = 21", "field cars is 21: .*less than or equal to 20"),
         ("cars = 2", "cars = 2.5", "field cars is 2.5: .*integer"),
         ("cars = 2", "", "field cars: Field required"),
         ("cars = 2", "cars = 2\nboats = 1", "field boats: Extra"),
         ("laps = 1", "laps = 1\nfinish_m = 100.0", "laps and finish_m exclude each other"),
         ("time_s = 60.0", "time_s = -1.0", "field time_s is -1.0"),
         ("time_s = 60.0", "time_s = inf", "field time_s is inf"),
-        ('kind = "grid"', 'kind = "flying"', "field start .*'grid', 'rolling', 'anywhere'"),
+        (
+            "laps = 1",
+            "action_hz = 7.0",
+            "field action_hz.* is 7.0: .*expected 5, 6, 10, 12, 15, 20, 30 or 60",
+        ),
+        ("laps = 1", "action_hz = 120.0", "field action_hz.* is 120.0: .*expected 5, 6, 10"),
+        ("laps = 1", "action_hz = [10.0]", "action_hz must be one number, or 2, one for each car"),
+        ("laps = 1", "perception_delay_s = 0.5", "field perception_delay_s.* is 0.5: .*less than or equal"),
+        ("laps = 1", "perception_delay_s = -0.1", "field perception_delay_s.* is -0.1: .*greater than or"),
+        ("laps = 1", "perception_delay_s = [0.1, 0.1, 0.1]", "perception_delay_s must be one number, or 2"),
+        ("laps = 1", "wear_rate = -1.0", "field wear_rate is -1.0"),
+        ('kind = "grid"', 'kind = "flying"', "field start.*'grid', 'rolling', 'formation', 'anywhere'"),
         ('kind = "grid"', 'kind = "rolling"', "field start.rolling.leader_m: Field required"),
+        (
+            'kind = "grid"',
+            'kind = "formation"\nleader_m = -9.0',
+            "field start.formation.gap_m: Field required",
+        ),
         ("[start]", "[start", "not a TOML file"),
     ],
 )
@@ -108,10 +264,12 @@ def test_faulty_field_is_named(tmp_path: Path, old: str, new: str, complaint: st
     path = tmp_path / "scenario.toml"
     path.write_text(GOOD)
     assert load_scenario(str(path)).cars == 2
+    load_scenario.cache_clear()
     path.write_text(GOOD.replace(old, new))
     with pytest.raises(InputError, match=complaint) as caught:
-        read_scenario(path)
+        load_scenario(str(path))
     assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
 
 
 def test_unknown_scenario_lists_the_known() -> None:

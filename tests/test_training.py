@@ -114,16 +114,16 @@ def test_a_stuck_car_terminates_and_a_time_limit_truncates() -> None:
     assert ends[-1][0].any()
     # 5 s at rest after braking: within 12 s, and never before 5 s.
     assert len(ends) > 50
-    rollout._limit[:] = 0.05
+    rollout.episodes.limit_s[:] = 0.05
     step, _ = rollout.step(braking)
     assert step.truncated.all()
     assert not step.terminated.any()
-    assert (rollout.world.time == 0.0).all()
+    assert (rollout.episodes.world.time == 0.0).all()
 
 
 def test_the_final_observation_is_the_one_before_the_reset() -> None:
     rollout = Rollout(SMALL, Rollouts(scenario="1v0", races=1, learners=1), np.random.default_rng(0))
-    rollout._limit[:] = 0.05
+    rollout.episodes.limit_s[:] = 0.05
     step, _ = rollout.step(np.zeros((1, 2), np.float32))
     assert step.truncated.all()
     assert not np.array_equal(step.next_observation, rollout.observation)

@@ -10,16 +10,20 @@ from pathlib import Path
 import torch
 
 from nathlon.commands.console import progress_bars, say
-from policies.training.config import CONFIGS, TrainingConfig, read_config
+from policies.training.config import CONFIGS, read_config
 from policies.training.trainer import Status, Trainer
-from sim.errors import InputError
+from sim.data_file import find_data
 
 
 def train(config: str, out: Path, seed: int, threads: int | None, resume: bool) -> None:
     """Train to the end of a configuration, or until Ctrl-C."""
     logging.basicConfig(format="%(message)s")
     torch.set_num_threads(threads or os.cpu_count() or 1)
-    trainer = Trainer.resume(out) if resume else Trainer.start(out, _training_config(config), seed)
+    trainer = (
+        Trainer.resume(out)
+        if resume
+        else Trainer.start(out, read_config(find_data(config, "training configuration", CONFIGS)), seed)
+    )
     gigabytes = trainer.replay.nbytes / 1e9
     say(f"Training in {out}; the replay buffer may take {gigabytes:.1f} GB.")
     try:
@@ -36,15 +40,3 @@ def train(config: str, out: Path, seed: int, threads: int | None, resume: bool) 
         say(f"Stopped at {trainer.updates} updates. Go on with: nathlon train --resume --out {out}")
         raise SystemExit(130) from None
     say(f"Done: {out / 'checkpoints'}")
-
-
-def _training_config(name: str) -> TrainingConfig:
-    if name.endswith(".toml"):
-        return read_config(Path(name))
-    path = CONFIGS / f"{name}.toml"
-    if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in CONFIGS.glob("*.toml")))
-        raise InputError(
-            f"training configuration {name!r} is unknown; expected one of {known}, or a .toml path"
-        )
-    return read_config(path)
