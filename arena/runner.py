@@ -76,8 +76,7 @@ def run_match(match: Match, policies: Sequence[Policy], observer: Observer | Non
     seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
     places = [np.nonzero(seats == entrant) for entrant in range(len(policies))]
     teams = [
-        _Team(policy, races, cars, reaction)
-        for policy, (races, cars) in zip(policies, places, strict=True)
+        _Team(policy, races, cars, reaction) for policy, (races, cars) in zip(policies, places, strict=True)
     ]
 
     state = world.state

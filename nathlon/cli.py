@@ -92,13 +92,16 @@ def race(
     circuit: Annotated[str, typer.Option(help="Name or path of the circuit.")] = "lindenring",
     car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
     seed: Seed = 1,
+    qualifying: Annotated[
+        bool, typer.Option("--qualify", help="Order the entrants by a flying lap first.")
+    ] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep the race as OUT/race.mcap.")] = False,
     out: Out = Path("runs/race"),
 ) -> None:
-    """Run one race and print its result; the entrants fill the grid in turn."""
+    """Run one race and print its result; the entrants fill the grid in turn, two of them as teams."""
     from nathlon.commands.racing import race as run
 
-    run(entrants, scenario, circuit, car, seed, out if record else None)
+    run(entrants, scenario, circuit, car, seed, qualifying, out if record else None)
 
 
 @app.command()

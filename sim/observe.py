@@ -45,19 +45,57 @@ def observe_cars(
     """
     nearest = np.empty(ahead + behind, np.int64)
     distance = np.empty(ahead + behind)
-    lists = OWN_SIZE + 9 * points
     for row in range(len(races)):
-        field = state[races[row]]
-        index = cars[row]
-        values = out[row]
-        see_self(field[index], values, p, course)
-        find_cars(field, index, ahead, nearest, distance)
-        see_cars(field, index, nearest, values[lists:])
-        for k in range(OWN_SIZE):
-            values[k] = (values[k] - mean[k]) * scale[k]
-        for k in range(lists, len(values)):
-            values[k] = (values[k] - mean[k]) * scale[k]
-        see_course(field[index], values[OWN_SIZE:lists], scale[OWN_SIZE:lists], points, horizon, course)
+        observe_car(
+            state[races[row]],
+            cars[row],
+            out[row],
+            mean,
+            scale,
+            points,
+            horizon,
+            ahead,
+            nearest,
+            distance,
+            p,
+            course,
+        )
+
+
+@inlined
+def observe_car(
+    field: np.ndarray,
+    index: int,
+    values: np.ndarray,
+    mean: np.ndarray,
+    scale: np.ndarray,
+    points: int,
+    horizon: float,
+    ahead: int,
+    nearest: np.ndarray,
+    distance: np.ndarray,
+    p: CarParameters,
+    course: CourseParameters,
+) -> None:
+    """Fill in what one car of a race sees.
+
+    Args:
+        field: the cars of the race.
+        index: of the car that looks.
+        values: (size,) float32, set.
+        mean, scale, points, horizon, ahead: as in `observe_cars`.
+        nearest, distance: scratch for each of the opponents seen.
+        p, course: car model and circuit.
+    """
+    lists = OWN_SIZE + 9 * points
+    see_self(field[index], values, p, course)
+    find_cars(field, index, ahead, nearest, distance)
+    see_cars(field, index, nearest, values[lists:])
+    for k in range(OWN_SIZE):
+        values[k] = (values[k] - mean[k]) * scale[k]
+    for k in range(lists, len(values)):
+        values[k] = (values[k] - mean[k]) * scale[k]
+    see_course(field[index], values[OWN_SIZE:lists], scale[OWN_SIZE:lists], points, horizon, course)
 
 
 @inlined

@@ -145,7 +145,7 @@ def note_contact(
         note: a CONTACT record.
     """
     gap = cars[j].progress - cars[i].progress
-    gap -= np.round(gap / course.length) * course.length
+    gap -= math.floor(gap / course.length + 0.5) * course.length
     behind, ahead = i, j
     if gap < 0.0:
         behind, ahead = j, i

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,7 +30,7 @@ def time_lines(car: CarRecord, before: float, time: float, dt: float, course: Co
     gained = car.progress - before
     if gained <= 0.0:
         return
-    lap = math.floor(car.line / SECTORS)
+    lap = car.line // SECTORS
     sector = car.line - lap * SECTORS
     place = lap * course.length + course.sectors[sector]
     if car.progress >= place:

@@ -275,8 +275,8 @@ class World:
         self.ticks = np.zeros(races, np.int64)
         self.contacts = np.zeros((races, max(cars * (cars - 1) // 2, 1)), CONTACT)
         self.contact_count = np.zeros(races, np.int64)
-        self._rates = Rates(float(conditions.wear_rate), float(conditions.fuel_rate))
-        self._rules = rule_parameters(rules or load_rules("free"))
+        self.rates = Rates(float(conditions.wear_rate), float(conditions.fuel_rate))
+        self.rules = rule_parameters(rules or load_rules("free"))
         self._touched = np.full((races, cars, cars), -np.inf)
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
@@ -285,6 +285,10 @@ class World:
     def time(self) -> NDArray[np.float64]:
         """Time since each race's start, s, (races,)."""
         return self.ticks / DYNAMICS_HZ
+
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """All that changes in a step: state, ticks, times of the last touches, contacts, their number."""
+        return self.state, self.ticks, self._touched, self.contacts, self.contact_count
 
     def reset(self, race: int, start: Start) -> None:
         """Put the cars of one race at their start, wheels rolling at the speed of the road."""
@@ -345,8 +349,8 @@ class World:
                 substeps,
                 self.parameters,
                 self.course,
-                self._rates,
-                self._rules,
+                self.rates,
+                self.rules,
             )
 
         self._share(step_block, len(self.state))

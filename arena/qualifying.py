@@ -1,0 +1,34 @@
+"""Qualifying: a flying lap alone decides who starts in front."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from arena.entrant import Entrant
+from arena.match import Match, Race, Seat
+from arena.pool import match_policies
+from arena.runner import run_match
+
+SCENARIO = "time_trial"
+
+
+def qualifying_match(entrant: Entrant, circuit: str, car: str, seed: int) -> Match:
+    """The flying lap of one entrant."""
+    races = (Race(seed, (Seat(0),)),)
+    return Match("qualifying", SCENARIO, SCENARIO, circuit, car, (entrant.id,), (entrant.source,), races)
+
+
+def qualify(
+    entrants: Sequence[Entrant], circuit: str, car: str, seed: int
+) -> list[tuple[Entrant, float | None]]:
+    """Entrants by their flying lap, fastest first, with its time in s.
+
+    Who completes none, or leaves the course on it, has no time and starts behind the others, in the
+    order given.
+    """
+    times: list[tuple[Entrant, float | None]] = []
+    for entrant in entrants:
+        match = qualifying_match(entrant, circuit, car, seed)
+        row = run_match(match, match_policies(match)).row(0, named=True)
+        times.append((entrant, row["best_lap_s"] if row["off_course_s"] == 0.0 else None))
+    return sorted(times, key=lambda timed: (timed[1] is None, timed[1] or 0.0))
