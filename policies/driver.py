@@ -10,12 +10,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from policies.driving import EDGE_MARGIN_M, Knowledge, drive, layout
+from policies.driving import Knowledge, drive, layout
+from policies.envelope import envelope
 from policies.policy import Batch
-from policies.racing_line import Profile, envelope, minimum_curvature, profile, understeer
+from policies.racing_line import minimum_time, room
+from policies.speed_profile import Profile, profile
+from policies.steering import plan
 from sim.car import load_car
 from sim.observation import ObservationSpec
-from sim.track import LEFT, RIGHT, load_track
+from sim.physics.chassis import AIR_DENSITY
+from sim.track import TANGENT_X, TANGENT_Y, X, Y, load_track
 
 GRIP = 0.97
 """Share of the quasi-steady envelope that the driver can hold at ten decisions a second."""
@@ -23,36 +27,42 @@ GRIP = 0.97
 
 @lru_cache
 def _profile(circuit: str, car: str, lane_m: float | None) -> Profile:
-    track, model = load_track(circuit), load_car(car)
+    track, limits = load_track(circuit), envelope(load_car(car))
     if lane_m is None:
-        line = minimum_curvature(track, EDGE_MARGIN_M)
+        line = minimum_time(track, limits, GRIP)
     else:
-        line = np.clip(lane_m, EDGE_MARGIN_M - track.table[:, RIGHT], track.table[:, LEFT] - EDGE_MARGIN_M)
-    return profile(track, model, line, GRIP)
+        left, right = room(track)
+        line = np.clip(lane_m, -right, left)
+    return profile(track, line, limits, GRIP)
 
 
-def _knowledge(circuit: str, car: str, line: Profile) -> Knowledge:
+def _knowledge(circuit: str, car: str, line: Profile, pace: float) -> Knowledge:
     track, model = load_track(circuit), load_car(car)
-    limits = envelope(model)
+    left, right = room(track)
+    body = model.body
     return Knowledge(
         offset=line.offset,
         heading=line.heading,
-        curvature=line.curvature,
         speed=line.speed,
-        left=track.table[:, LEFT].copy(),
-        right=track.table[:, RIGHT].copy(),
-        corner=limits.corner,
-        power=limits.power,
-        brake=limits.brake[:, 0].copy(),
-        drag=limits.drag,
-        understeer=understeer(model),
+        x=track.table[:, X].copy(),
+        y=track.table[:, Y].copy(),
+        direction=np.unwrap(np.arctan2(track.table[:, TANGENT_Y], track.table[:, TANGENT_X])),
+        left=left,
+        right=right,
+        path=line.path,
+        steering=plan(line, model, envelope(model), pace),
+        limits=envelope(model),
+        most_brake=model.brakes.torque_n_m / model.wheel.radius_m / body.mass_kg,
         length=track.length,
         spacing=track.spacing,
-        wheelbase=model.body.front_axle_m + model.body.rear_axle_m,
+        a=body.front_axle_m,
+        b=body.rear_axle_m,
         full_lock=model.steering.full_lock_rad,
         peak_slip=model.tyre.peak_slip_angle_rad[1],
-        car_length=model.body.length_m,
-        car_width=model.body.width_m,
+        downforce=0.5 * AIR_DENSITY * model.aero.downforce_area_m2 / body.mass_kg,
+        draught_loss=model.aero.draught_downforce_share,
+        car_length=body.length_m,
+        car_width=body.width_m,
     )
 
 
@@ -65,14 +75,15 @@ class Driver:
         pace: share of the speed that the car allows; 1 is all of it.
         lane_m: hold this lateral offset (m, + is left) instead of the racing line.
 
-    Its memory is one number a car: how far (m, + is left) it has moved off its line for others.
+    Its memory is two numbers a car: how far it has moved off its line (m, + is left), and how fast it
+    moves (m/s).
     """
 
     def __init__(self, circuit: str, car: str, pace: float = 1.0, lane_m: float | None = None) -> None:
         self.observation_spec = ObservationSpec(course_points=1)
         self.pace = pace
         self._line = _profile(circuit, car, lane_m)
-        self._knowledge = _knowledge(circuit, car, self._line)
+        self._knowledge = _knowledge(circuit, car, self._line, pace)
         self._layout = layout(self.observation_spec)
         self._mean, self._deviation = (part.astype(np.float64) for part in self.observation_spec.scaling)
 
@@ -83,12 +94,12 @@ class Driver:
 
     def initial_memory(self, n: int) -> Batch:
         """See `Policy.initial_memory`."""
-        return np.zeros((n, 1), np.float32)
+        return np.zeros((n, 2), np.float32)
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """See `Policy.act`."""
         actions = np.empty((len(observations), 2), np.float32)
-        remembered = np.empty((len(observations), 1), np.float32)
+        remembered = np.empty((len(observations), 2), np.float32)
         drive(
             observations,
             self._mean,

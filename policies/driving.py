@@ -8,23 +8,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.racing_line import SPEEDS, USED
-from sim.kernel import kernel
+from policies.envelope import Envelope
+from policies.speed_profile import Path, at_speed, demand, look_up
+from policies.steering import Steering
+from sim.kernel import inlined, kernel
 from sim.observation import OPPONENT, ObservationSpec
+from sim.physics.chassis import GRAVITY
+from sim.physics.tyre import worn_grip
 from sim.world import AGENT_DT
 
-EDGE_MARGIN_M = 1.15
-"""From the edge to the racing line: half a car."""
 ACTUATION_S = 0.06
 """From the observation to the middle of the time in which its action works."""
-YAW_DAMPING = 2.5
-"""Steering against the yaw rate that the line does not ask for, m: gain times speed."""
 PASSING_GAP_M = 2.6
 """Lateral distance between centres at which two cars pass each other safely."""
-ALONGSIDE_M = 0.4
-"""Room wanted beyond the passing gap by a car alongside."""
-SIDESTEP_M = 0.35
-"""Largest change of the move off the line a tick."""
+ROOM_M = 0.7
+"""Wanted between the flanks of two cars side by side."""
+SIDESTEP_M_S = 1.5
+SIDESTEP_M_S2 = 3.0
+"""Speed and acceleration with which the driver moves aside at most."""
+SIDESTEP_S = 1.0
+"""In which a small move would be made at its first speed."""
+LOST_LINE_M = 1.0
+"""Further off the line than this the driver goes back to it as after a move aside."""
 CLOSE_M = 10.0
 REACTION_S = 2.5
 """A car ahead is passed when it is closer than this, or will be reached within the time."""
@@ -32,10 +37,11 @@ OFF_LINE_CARE = 0.03
 """Share of the speed given up for each metre off the line, whose speeds hold only on it."""
 BRAKING = 4.0
 """m/s^2 at which the driver plans to slow down behind a car in its path."""
+SPIN_RAD = 0.5
+"""Beyond this angle to the line, or of sideslip, the driver slows down to turn round."""
+TURNING_SPEED = 5.0
+TURNING_PEDAL = 0.35
 
-SPEED_STEP = float(SPEEDS[1])
-SPEED_COUNT = len(SPEEDS)
-USED_COUNT = len(USED)
 OPPONENT_SIZE = len(OPPONENT)
 
 
@@ -45,9 +51,11 @@ class Layout(NamedTuple):
     velocity: int
     yaw_rate: int
     slip_angle: int
+    slipstream: int
+    wear: int
     progress: int
     heading: int
-    foot: int
+    course: int
     ahead: int
     behind: int
     cars_ahead: int
@@ -56,38 +64,48 @@ class Layout(NamedTuple):
 
 def layout(spec: ObservationSpec) -> Layout:
     """The layout of a spec with cars ahead and behind."""
-    fields = ("velocity", "yaw_rate", "slip_angle", "progress", "heading_error", "course_centre")
+    fields = (
+        "velocity",
+        "yaw_rate",
+        "slip_angle",
+        "slipstream",
+        "tyre_wear",
+        "progress",
+        "heading_error",
+        "course",
+    )
     starts = [int(spec.slice(name).start) for name in (*fields, "cars_ahead", "cars_behind")]
     return Layout._make((*starts, spec.cars_ahead, spec.cars_behind))
 
 
 class Knowledge(NamedTuple):
-    """What the driver knows of circuit and car.
-
-    The first six are (rows of the track table,), the next five (SPEEDS,) or (SPEEDS, USED).
-    """
+    """What the driver knows of circuit and car; the arrays are (rows of the track table,)."""
 
     offset: NDArray[np.float64]
     heading: NDArray[np.float64]
-    curvature: NDArray[np.float64]
     speed: NDArray[np.float64]
-    left: NDArray[np.float64]
+    x: NDArray[np.float64]  # of the centre line, m, and its direction, rad
+    y: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    left: NDArray[np.float64]  # room beside it
     right: NDArray[np.float64]
-    corner: NDArray[np.float64]
-    power: NDArray[np.float64]
-    brake: NDArray[np.float64]
-    drag: NDArray[np.float64]
-    understeer: NDArray[np.float64]
+    path: Path
+    steering: Steering
+    limits: Envelope
+    most_brake: float  # m/s^2 at full pedal, by the brakes alone
     length: float
     spacing: float
-    wheelbase: float
+    a: float  # centre of mass to the axles
+    b: float
     full_lock: float
     peak_slip: float
+    downforce: float  # m/s^2 for each (m/s)^2
+    draught_loss: float  # share of it lost in full slipstream
     car_length: float
     car_width: float
 
 
-@kernel
+@inlined
 def along(table: np.ndarray, distance: float, spacing: float) -> float:
     """A table of the lap at a distance, m, from the line."""
     at = distance / spacing
@@ -97,136 +115,213 @@ def along(table: np.ndarray, distance: float, spacing: float) -> float:
     return table[int(low) % rows] * (1.0 - share) + table[(int(low) + 1) % rows] * share
 
 
-@kernel
-def at_speed(table: np.ndarray, speed: float) -> float:
-    """A table over SPEEDS at a speed, m/s."""
-    at = min(max(speed / SPEED_STEP, 0.0), SPEED_COUNT - 1.001)
-    low = int(at)
-    return table[low] + (at - low) * (table[low + 1] - table[low])
-
-
-@kernel
+@inlined
 def clip(value: float, low: float, high: float) -> float:
     """The nearest number in [low, high]."""
     return min(max(value, low), high)
 
 
-@kernel
-def understeer_at(speed: float, curvature: float, knows: Knowledge) -> float:
-    """Extra steering, rad, that a steady bend asks for."""
-    used = min(speed * speed * abs(curvature) / at_speed(knows.corner, speed), 1.0) * (USED_COUNT - 1)
-    low = min(int(used), USED_COUNT - 2)
-    less = at_speed(knows.understeer[:, low], speed)
-    more = at_speed(knows.understeer[:, low + 1], speed)
-    return math.copysign(less + (used - low) * (more - less), curvature)
-
-
-@kernel
+@inlined
 def steer(
-    distance: float, velocity: float, error: float, course: float, yaw_rate: float, knows: Knowledge
+    distance: float,
+    velocity: float,
+    error: float,
+    course: float,
+    sideslip: float,
+    yaw_rate: float,
+    knows: Knowledge,
 ) -> float:
-    """Steering, share of full lock: feed-forward of the line's curvature and its understeer,
-    feedback of lateral error (m) and course (rad) as a damped spring over distance."""
-    reach = max(8.0, 0.5 * velocity)
-    error -= along(knows.offset, distance, knows.spacing)
-    turned = course - along(knows.heading, distance, knows.spacing)
-    curvature = along(knows.curvature, distance + max(velocity, 5.0) * 0.05, knows.spacing)
-    curvature -= error / (reach * reach) + 1.6 * turned / reach
-    most = at_speed(knows.corner, velocity) / max(velocity, 5.0) ** 2
-    curvature = clip(curvature, -most, most)
-    angle = knows.wheelbase * curvature + understeer_at(velocity, curvature, knows)
-    angle += YAW_DAMPING / max(velocity, 10.0) * (curvature * velocity - yaw_rate)
-    return angle / knows.full_lock
-
-
-@kernel
-def press(distance: float, velocity: float, pace: float, limit: float, knows: Knowledge) -> float:
-    """Throttle (+) or brake (-) that meets the profile's speed, or the limit, at the end of the action."""
-    target = along(knows.speed, distance + max(velocity, 3.0) * AGENT_DT, knows.spacing) * pace
-    wanted = (min(target, limit) - velocity) / AGENT_DT + at_speed(knows.drag, velocity)
-    return wanted / at_speed(knows.power if wanted >= 0.0 else knows.brake, velocity)
-
-
-@kernel
-def mind_others(
-    values: np.ndarray, where: Layout, velocity: float, left: float, right: float, knows: Knowledge
-) -> tuple[float, float]:
-    """How far to move from here (m, + is left; nan for back to the line) and how fast to go at most
-    (m/s) because of other cars.
-
-    A slower car ahead is passed on the nearer side that has room; until the cars are beside each
-    other's paths the driver keeps a speed from which it can still slow down. A car alongside is
-    given room.
+    """Angle of the front wheels, rad: that of the bend, and feedback of what is off.
 
     Args:
-        values: the observation in its own units.
-        where: its layout.
+        distance: along the centre line, m.
         velocity: m/s.
-        left, right: room between the car and the edges, m.
+        error: lateral, m, + is left of the line.
+        course: direction of travel relative to the line, rad.
+        sideslip: direction of travel relative to the car, rad.
+        yaw_rate: rad/s.
         knows: circuit and car.
     """
-    move = math.nan
-    limit = math.inf
-    for place in range(where.cars_ahead - 1, -where.cars_behind - 1, -1):
-        k = where.ahead + OPPONENT_SIZE * place if place >= 0 else where.behind + OPPONENT_SIZE * (-place - 1)
-        if values[k] < 0.5:
-            continue
-        x, y, closing = values[k + 1], values[k + 2], values[k + 3]
-        gap = x - knows.car_length
-        if abs(x) < knows.car_length + 1.0 and abs(y) < PASSING_GAP_M + ALONGSIDE_M:
-            move = math.copysign(abs(y) - PASSING_GAP_M - ALONGSIDE_M, y)
-        elif x > 0.0 and gap < max(CLOSE_M, -REACTION_S * closing) and abs(y) < PASSING_GAP_M:
-            by_left, by_right = y + PASSING_GAP_M, PASSING_GAP_M - y
-            if by_left > left and by_right > right:
-                move = 0.0
-            elif by_right > right or (by_left <= by_right and by_left <= left):
-                move = by_left
-            else:
-                move = -by_right
-        if place >= 0 and gap > -1.0 and abs(y) < knows.car_width + 0.25:
-            safe = velocity + closing + math.sqrt(2.0 * BRAKING * max(gap - 1.0, 0.0)) - 0.5
-            limit = min(limit, max(safe, 3.0))
-    return move, limit
+    plan = knows.steering
+    ratio = min(velocity / along(plan.speed, distance, knows.spacing), 1.1)
+    slipping = ratio * ratio
+    curvature = along(knows.path.curvature, distance, knows.spacing)
+    angle = (knows.a + knows.b) * curvature + slipping * along(plan.slip, distance, knows.spacing)
+    aside = sideslip - (knows.b * curvature - slipping * along(plan.rear_slip, distance, knows.spacing))
+    turning = yaw_rate - curvature * velocity
+    angle += along(plan.gains[:, 0], distance, knows.spacing) * error
+    angle += along(plan.gains[:, 1], distance, knows.spacing) * course
+    angle += along(plan.gains[:, 2], distance, knows.spacing) * aside
+    angle += along(plan.gains[:, 3], distance, knows.spacing) * turning
+    straight = sideslip + knows.a * yaw_rate / max(velocity, 5.0)
+    return clip(angle, straight - knows.peak_slip, straight + knows.peak_slip)
 
 
-@kernel
-def drive_one(
-    values: np.ndarray, where: Layout, before: float, pace: float, knows: Knowledge
+@inlined
+def press(distance: float, velocity: float, pace: float, limit: float, knows: Knowledge) -> float:
+    """Throttle (+) or brake (-) that meets the profile's speed, or the limit, at the end of the action."""
+    limits = knows.limits
+    target = along(knows.speed, distance + max(velocity, 3.0) * AGENT_DT, knows.spacing) * pace
+    bend = along(knows.path.curvature, distance, knows.spacing)
+    climb = along(knows.path.climb, distance, knows.spacing)
+    camber = along(knows.path.camber, distance, knows.spacing)
+    heave = along(knows.path.heave, distance, knows.spacing)
+    used, weight, gravity = demand(velocity, bend, climb, camber, heave, limits)
+    wanted = (min(target, limit) - velocity) / AGENT_DT + at_speed(limits.drag, velocity, limits) + gravity
+    wanted += look_up(limits.scrub, velocity, weight, abs(used), limits)
+    coast = at_speed(limits.coast, velocity, limits)
+    if wanted < coast:
+        return (wanted - coast) / knows.most_brake
+    return (wanted - coast) / (at_speed(limits.power, velocity, limits) - coast)
+
+
+@inlined
+def find(
+    x: float, y: float, distance: float, lateral: float, heading: float, knows: Knowledge
 ) -> tuple[float, float, float]:
-    """Pedal, steering and the move off the line after this tick.
+    """Where on the circuit something lies that the car sees at (x, y) m in its own frame.
+
+    Returns:
+        m along the centre line from the car, m to the left of the centre line, and the direction of
+        the centre line there in the car's frame, rad.
+    """
+    yaw = along(knows.direction, distance, knows.spacing) + heading
+    sine, cosine = math.sin(yaw), math.cos(yaw)
+    direction = yaw - heading
+    x_there = along(knows.x, distance, knows.spacing) - math.sin(direction) * lateral + x * cosine - y * sine
+    y_there = along(knows.y, distance, knows.spacing) + math.cos(direction) * lateral + x * sine + y * cosine
+    ahead = x * math.cos(heading) - y * math.sin(heading)
+    aside = 0.0
+    for _ in range(3):
+        direction = along(knows.direction, distance + ahead, knows.spacing)
+        dx = x_there - along(knows.x, distance + ahead, knows.spacing)
+        dy = y_there - along(knows.y, distance + ahead, knows.spacing)
+        ahead += dx * math.cos(direction) + dy * math.sin(direction)
+        aside = dy * math.cos(direction) - dx * math.sin(direction)
+    return ahead, aside, direction - yaw
+
+
+@inlined
+def mind_others(
+    values: np.ndarray,
+    where: Layout,
+    distance: float,
+    lateral: float,
+    line: float,
+    left: float,
+    right: float,
+    knows: Knowledge,
+) -> tuple[float, float]:
+    """Where to drive (m left of the centre line) and how fast at most (m/s) because of other cars.
+
+    A car alongside is given room. A slower car ahead is passed on the nearer side that has room;
+    until the cars are out of each other's paths the driver keeps a speed from which it can still
+    slow down.
 
     Args:
         values: the observation in its own units.
         where: its layout.
-        before: the move off the line so far, m, + is left.
+        distance, lateral: of the car, m.
+        line: lateral offset where it would be alone, m.
+        left, right: room beside the centre line, m.
+        knows: circuit and car.
+    """
+    velocity, sideways = values[where.velocity], values[where.velocity + 1]
+    heading = values[where.heading]
+    limit = math.inf
+    low, high = -right, left
+    blocked_by, blocked_at = math.inf, 0.0
+    for place in range(where.cars_ahead + where.cars_behind):
+        if place < where.cars_ahead:
+            k = where.ahead + OPPONENT_SIZE * place
+        else:
+            k = where.behind + OPPONENT_SIZE * (place - where.cars_ahead)
+        if values[k] < 0.5:
+            continue
+        ahead, there, turned = find(values[k + 1], values[k + 2], distance, lateral, heading, knows)
+        speed = (velocity + values[k + 3]) * math.cos(turned) + (sideways + values[k + 4]) * math.sin(turned)
+        gap = ahead - knows.car_length
+        apart = there - lateral
+        if abs(ahead) < knows.car_length + 1.5 and abs(apart) > 0.5 * knows.car_width:
+            if apart > 0.0:
+                high = min(high, there - knows.car_width - ROOM_M)
+            else:
+                low = max(low, there + knows.car_width + ROOM_M)
+        elif (
+            ahead > 0.0
+            and gap < min(blocked_by, max(CLOSE_M, REACTION_S * (velocity - speed)))
+            and (abs(there - line) < PASSING_GAP_M or abs(apart) < PASSING_GAP_M)
+        ):
+            blocked_by, blocked_at = gap, there
+        if ahead > 0.0 and abs(apart) < knows.car_width + 0.3:
+            safe = speed + math.sqrt(2.0 * BRAKING * max(gap - 1.5, 0.0)) - 0.5
+            limit = min(limit, max(safe, 3.0))
+    wish = line
+    if blocked_by < math.inf:
+        by_left, by_right = blocked_at + PASSING_GAP_M, blocked_at - PASSING_GAP_M
+        if by_left > high and by_right < low:
+            wish = lateral
+        elif by_right < low or (by_left <= high and abs(by_left - lateral) < abs(by_right - lateral)):
+            wish = max(line, by_left)
+        else:
+            wish = min(line, by_right)
+    if low > high:
+        return 0.5 * (low + high), limit
+    return clip(wish, low, high), limit
+
+
+@inlined
+def grip_left(values: np.ndarray, where: Layout, velocity: float, knows: Knowledge) -> float:
+    """Share of the grip on new tyres in still air."""
+    down = knows.downforce * velocity * velocity
+    lost = knows.draught_loss * values[where.slipstream] * down / (GRAVITY + down)
+    wear = 0.0
+    for wheel in range(4):
+        wear = max(wear, values[where.wear + wheel])
+    return (1.0 - lost) * worn_grip(wear)
+
+
+@inlined
+def drive_one(
+    values: np.ndarray, where: Layout, aside: float, drift: float, pace: float, knows: Knowledge
+) -> tuple[float, float, float, float]:
+    """Pedal and steering, and the move off the line and its speed after this tick.
+
+    Args:
+        values: the observation in its own units.
+        where: its layout.
+        aside, drift: the move off the line so far, m, + is left, and its speed, m/s.
         pace: share of the profile's speed to drive.
         knows: circuit and car.
     """
     velocity, sideways = values[where.velocity], values[where.velocity + 1]
     yaw_rate, heading = values[where.yaw_rate], values[where.heading]
-    lateral = -(values[where.foot] * math.sin(heading) + values[where.foot + 1] * math.cos(heading))
+    centre_x, centre_y = values[where.course + 1], values[where.course + 4]
+    lateral = -(centre_x * math.sin(heading) + centre_y * math.cos(heading))
     lap_angle = math.atan2(values[where.progress], values[where.progress + 1])
-    distance = lap_angle / (2.0 * math.pi) * knows.length + velocity * ACTUATION_S
-    course = heading + math.atan2(sideways, max(velocity, 1.0)) + ACTUATION_S * yaw_rate
+    distance = lap_angle / (2.0 * math.pi) * knows.length
+    sideslip = math.atan2(sideways, max(velocity, 1.0))
 
     line = along(knows.offset, distance, knows.spacing)
-    left = along(knows.left, distance, knows.spacing) - EDGE_MARGIN_M
-    right = along(knows.right, distance, knows.spacing) - EDGE_MARGIN_M
-    move, limit = mind_others(values, where, velocity, left - lateral, right + lateral, knows)
-    wanted = 0.0 if math.isnan(move) else lateral + move - line
-    aside = before + clip(wanted - before, -SIDESTEP_M, SIDESTEP_M)
-    aside = clip(line + aside, -right, left) - line
-
+    left = along(knows.left, distance, knows.spacing)
+    right = along(knows.right, distance, knows.spacing)
+    course = heading + sideslip - along(knows.heading, distance, knows.spacing)
+    if abs(lateral - line - aside) > LOST_LINE_M:
+        aside, drift = lateral - line, clip(velocity * course, -SIDESTEP_M_S, SIDESTEP_M_S)
+    target, limit = mind_others(values, where, distance, lateral, line, left, right, knows)
+    most = min(SIDESTEP_M_S, 0.1 * max(velocity, 1.0))
+    wanted = clip((target - line - aside) / SIDESTEP_S, -most, most)
+    drift += clip(wanted - drift, -SIDESTEP_M_S2 * AGENT_DT, SIDESTEP_M_S2 * AGENT_DT)
+    course -= drift / max(velocity, 5.0)
+    angle = steer(distance, velocity, lateral - line - aside, course, sideslip, yaw_rate, knows)
+    aside += drift * AGENT_DT
+    careful = pace * (1.0 - OFF_LINE_CARE * abs(aside)) * math.sqrt(grip_left(values, where, velocity, knows))
+    pedal = clip(press(distance + velocity * ACTUATION_S, velocity, careful, limit, knows), -1.0, 1.0)
     rear_slip = 0.5 * (abs(values[where.slip_angle + 2]) + abs(values[where.slip_angle + 3]))
-    ease = clip(2.0 - rear_slip / knows.peak_slip, 0.1, 1.0)
-    careful = pace * (1.0 - OFF_LINE_CARE * abs(aside))
-    pedal = press(distance, velocity, careful, limit, knows) * ease
-    error = lateral + velocity * ACTUATION_S * math.sin(course) - aside
-    return (
-        clip(pedal, -1.0, 1.0),
-        clip(steer(distance, velocity, error, course, yaw_rate, knows), -1.0, 1.0),
-        aside,
-    )
+    pedal *= clip(2.0 - rear_slip / knows.peak_slip, 0.1, 1.0)
+    if abs(sideslip) > SPIN_RAD or abs(course) > SPIN_RAD:
+        pedal = -1.0 if abs(velocity) > TURNING_SPEED else TURNING_PEDAL
+    return pedal, clip(angle / knows.full_lock, -1.0, 1.0), aside, drift
 
 
 @kernel
@@ -241,11 +336,11 @@ def drive(
     actions: np.ndarray,
     remembered: np.ndarray,
 ) -> None:
-    """Fill `actions` (n, 2) and `remembered` (n, 1) for observations (n, size)."""
+    """Fill `actions` (n, 2) and `remembered` (n, 2) for observations (n, size)."""
     values = np.empty(observations.shape[1])
     for row in range(len(observations)):
         for k in range(len(values)):
             values[k] = observations[row, k] * deviation[k] + mean[k]
-        actions[row, 0], actions[row, 1], remembered[row, 0] = drive_one(
-            values, where, memory[row, 0], pace, knows
+        actions[row, 0], actions[row, 1], remembered[row, 0], remembered[row, 1] = drive_one(
+            values, where, memory[row, 0], memory[row, 1], pace, knows
         )
