@@ -11,15 +11,30 @@ from scipy.sparse.linalg import spsolve
 
 from policies.envelope import Envelope
 from policies.speed_profile import Line, Path, curvature_and_step, path_of, pull_back, time_gradient
-from sim.track import LEFT, RIGHT, TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, Track, X, Y
+from sim.track import (
+    KERB_LEFT,
+    KERB_RIGHT,
+    LEFT,
+    RIGHT,
+    TANGENT_X,
+    TANGENT_Y,
+    WALL_LEFT,
+    WALL_RIGHT,
+    Track,
+    X,
+    Y,
+)
 
-EDGE_MARGIN_M = 1.15
-"""From the edge to the racing line: half a car."""
-WALL_MARGIN_M = 1.9
+EDGE_MARGIN_M = 0.95
+"""From the edge of road and kerb to the racing line: the outer tyres stay on either."""
+WALL_MARGIN_M = 1.6
 """From a wall: room for a car that slides at an angle."""
-KNOT_M = 12.0
+RELINEARISATIONS = 5
+OUTSIDE_COST = 0.5
+"""s / m^3: what a metre of road costs on which the line leaves its room, times its distance squared."""
+KNOT_M = 10.0
 """Between the knots of the spline by which a line is moved."""
-SMOOTHNESS = 5e5
+SMOOTHNESS = 5e4
 """s m^3: what the square of the curvature's change costs beside time, for no car turns in at once."""
 
 
@@ -27,32 +42,49 @@ def room(track: Track) -> tuple[Line, Line]:
     """How far (m) to the left and to the right of the centre line a driver may go, (rows,) each."""
     table = track.table
     return (
-        np.minimum(table[:, LEFT] - EDGE_MARGIN_M, table[:, WALL_LEFT] - WALL_MARGIN_M),
-        np.minimum(table[:, RIGHT] - EDGE_MARGIN_M, table[:, WALL_RIGHT] - WALL_MARGIN_M),
+        np.minimum(table[:, LEFT] + table[:, KERB_LEFT] - EDGE_MARGIN_M, table[:, WALL_LEFT] - WALL_MARGIN_M),
+        np.minimum(
+            table[:, RIGHT] + table[:, KERB_RIGHT] - EDGE_MARGIN_M, table[:, WALL_RIGHT] - WALL_MARGIN_M
+        ),
     )
 
 
 def minimum_curvature(track: Track) -> Line:
-    """Lateral offsets (rows of the track table,) of the line of least squared curvature, m, + is left."""
+    """Lateral offsets (rows of the track table,) of the line of least squared curvature, m, + is left.
+
+    Curvature is linear in the offsets where the distances between points are given; these are taken
+    from the last line, from the centre line on.
+    """
     step = 3
     table = track.table[::step]
     left, right = (side[::step] for side in room(track))
-    n = len(table)
-    index = np.arange(n)
     normal = np.stack([-table[:, TANGENT_Y], table[:, TANGENT_X]], axis=1)
-    ahead, behind = np.roll(index, -1), np.roll(index, 1)
-    blocks, targets = [], []
-    for axis, column in enumerate((X, Y)):
-        rows = np.concatenate([index, index, index])
-        columns = np.concatenate([ahead, index, behind])
-        values = np.concatenate([normal[ahead, axis], -2 * normal[index, axis], normal[behind, axis]])
-        blocks.append(coo_array((values, (rows, columns)), shape=(n, n)))
-        centre = table[:, column]
-        targets.append(-(centre[ahead] - 2 * centre + centre[behind]))
-    bend = vstack(blocks).tocsr()
-    offset = _bounded_least_squares(bend, np.concatenate(targets), -right, left)
+    offset = np.zeros(len(table))
+    for _ in range(RELINEARISATIONS):
+        points = table[:, [X, Y]] + normal * offset[:, None]
+        gap = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+        bend = _curvature_of_points(gap)
+        matrix = vstack([bend @ diags_array(normal[:, axis]) for axis in range(2)]).tocsr()
+        target = -np.concatenate([bend @ table[:, X], bend @ table[:, Y]])
+        offset = 0.5 * (offset + _bounded_least_squares(matrix, target, -right, left))
     rows = np.arange(len(track.table))
-    return np.interp(rows, np.append(index * step, len(rows)), np.append(offset, offset[0]))
+    return np.interp(rows, np.append(np.arange(len(table)) * step, len(rows)), np.append(offset, offset[0]))
+
+
+def _curvature_of_points(gap: Line) -> csr_array:
+    """What makes of closed points, one coordinate at a time, their curvature times the root of the way.
+
+    Args:
+        gap: (n,) from each point to the next, m.
+    """
+    n = len(gap)
+    before = np.roll(gap, 1)
+    way = 0.5 * (gap + before)
+    index = np.arange(n)
+    rows = np.concatenate([index, index, index])
+    columns = np.concatenate([np.roll(index, -1), index, np.roll(index, 1)])
+    values = np.concatenate([1.0 / gap, -1.0 / gap - 1.0 / before, 1.0 / before]) / np.tile(np.sqrt(way), 3)
+    return coo_array((values, (rows, columns)), shape=(n, n)).tocsr()
 
 
 def _bounded_least_squares(matrix: csr_array, target: Line, low: Line, high: Line) -> Line:
@@ -84,11 +116,11 @@ def _splines(rows: int, every: int) -> csr_array:
     return coo_array((matrix.data, (matrix.row, matrix.col % count)), shape=(rows, count)).tocsr()
 
 
-def minimum_time(track: Track, limits: Envelope, grip: float, iterations: int = 150) -> Line:
+def minimum_time(track: Track, limits: Envelope, grip: float, iterations: int = 200) -> Line:
     """Lateral offsets (rows of the track table,) of the line of least quasi-steady lap time, m, + is left.
 
-    Starts from the line of least curvature and moves the coefficients of a spline within the room
-    that the road leaves to each. What the road's shape asks of the car is taken from the first line.
+    Starts from the line of least curvature and moves the coefficients of a spline; leaving the room that
+    the road gives costs time. What the road's shape asks of the car is taken from the first line.
 
     Args:
         track: the circuit.
@@ -100,11 +132,7 @@ def minimum_time(track: Track, limits: Envelope, grip: float, iterations: int = 
     left, right = room(track)
     start = np.clip(minimum_curvature(track), -right, left)
     road, _ = path_of(track, start)
-    # A spline stays below a bound that its coefficients keep wherever they weigh.
     held = splines.tocsc()
-    columns = [held.indices[held.indptr[k] : held.indptr[k + 1]] for k in range(held.shape[1])]
-    high = np.array([left[rows].min() for rows in columns])
-    low = -np.array([right[rows].min() for rows in columns])
     fitted = spsolve((held.T @ held).tocsc(), held.T @ start)
     by_curvature, by_step = np.empty(len(start)), np.empty(len(start))
 
@@ -117,15 +145,17 @@ def minimum_time(track: Track, limits: Envelope, grip: float, iterations: int = 
         weight = SMOOTHNESS / track.spacing
         uneven = 2 * weight * (np.roll(change, 1) - change)
         gradient = pull_back(track, offset, by_curvature + uneven, by_step)
-        return time + weight * float(change @ change), splines.T @ gradient
+        outside = np.maximum(offset - left, 0.0) - np.maximum(-right - offset, 0.0)
+        price = OUTSIDE_COST * track.spacing
+        total = time + weight * float(change @ change) + price * float(outside @ outside)
+        return total, splines.T @ (gradient + 2 * price * outside)
 
     found = minimize(
         cost,
-        np.clip(fitted, low, high),
+        fitted,
         jac=True,
         method="L-BFGS-B",
-        bounds=np.stack([low, high], axis=1),
-        options={"maxiter": iterations, "maxcor": 20},
+        options={"maxiter": iterations, "maxcor": 30},
     )
     line: Line = splines @ found.x
     return line
