@@ -4,6 +4,9 @@ A thread advances one race, or fills in one observation. Results differ from the
 the device fuses multiplications and additions elsewhere and has its own sines.
 """
 
+# mypy: disable-error-code="attr-defined"
+# What stands for the device in a kernel is not in Numba's types.
+
 from __future__ import annotations
 
 import numpy as np

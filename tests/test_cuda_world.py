@@ -40,7 +40,10 @@ def drive(steps: int) -> tuple[World, World, float]:
     return host, copied, float(apart)
 
 
-@pytest.mark.skipif(not cuda.is_available(), reason="Numba finds no CUDA device here")
+@pytest.mark.skipif(
+    not cuda.is_available(),  # type: ignore[no-untyped-call]
+    reason="Numba finds no CUDA device here",
+)
 def test_a_race_on_the_device_is_that_on_the_cpu_but_for_rounding() -> None:
     host, device, apart = drive(50)
     np.testing.assert_array_equal(device.ticks, host.ticks)
