@@ -30,11 +30,11 @@ EDGE_MARGIN_M = 0.95
 WALL_MARGIN_M = 1.6
 """From a wall: room for a car that slides at an angle."""
 RELINEARISATIONS = 5
-OUTSIDE_COST = 0.5
+OUTSIDE_COST = 3.0
 """s / m^3: what a metre of road costs on which the line leaves its room, times its distance squared."""
 KNOT_M = 10.0
 """Between the knots of the spline by which a line is moved."""
-SMOOTHNESS = 5e4
+SMOOTHNESS = 3e5
 """s m^3: what the square of the curvature's change costs beside time, for no car turns in at once."""
 
 
