@@ -21,7 +21,7 @@ from sim.observation import ObservationSpec
 from sim.physics.chassis import AIR_DENSITY
 from sim.track import TANGENT_X, TANGENT_Y, X, Y, load_track
 
-GRIP = 0.98
+GRIP = 0.97
 """Share of the quasi-steady envelope that the driver can hold at ten decisions a second."""
 
 

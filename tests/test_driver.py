@@ -158,7 +158,7 @@ def test_the_line_stays_in_its_room_and_time_beats_curvature() -> None:
     limits = envelope(GT3)
     left, right = room(TRACK)
     curved, fast = minimum_curvature(TRACK), minimum_time(TRACK, limits, GRIP)
-    # Tyres stand 0.835 m beside the line: this far beyond its room they still touch road or kerb.
+    # Tyres stand 0.835 m beside the line: this far beyond its room they are still on the road.
     spare = EDGE_MARGIN_M - GT3.body.front_track_m / 2
     for line in (curved, fast):
         assert (line < left + spare).all()
