@@ -14,7 +14,7 @@ from policies.speed_profile import Line, Path, curvature_and_step, path_of, pull
 from sim.track import LEFT, RIGHT, TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, Track, X, Y
 
 EDGE_MARGIN_M = 1.1
-"""From the edge to the racing line. Kerbs would save half a second a lap, but upset the car on some circuits."""
+"""From the edge to the racing line. Kerbs would save half a second a lap, but upset the car at times."""
 WALL_MARGIN_M = 1.9
 """From a wall: room for a car that slides at an angle."""
 RELINEARISATIONS = 5
