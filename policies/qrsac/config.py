@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -17,6 +17,11 @@ class QRSACConfig(BaseModel):
     Attributes:
         hidden: units of each hidden layer, of the policy and of each critic.
         quantiles: quantiles of the return that each critic estimates.
+        layer_norm: whether the critics standardise each hidden layer before its ReLU (Ba et al., 2016, without
+            learned scale and shift); it keeps values bounded where there are no data, so that higher rates
+            learn (not in the reference).
+        distributional: False estimates the mean return by least squares instead, with one output a critic:
+            plain SAC.
         n_step: steps of a full transition (the replay buffer cuts them).
         gamma: discount a step.
         alpha: weight of the entropy bonus; tied to the scale of the reward.
@@ -26,12 +31,16 @@ class QRSACConfig(BaseModel):
         gradient_norm: greatest norm of the gradient of both critics together.
         dropout: share of the policy's hidden units dropped in the pass that updates the policy.
         batch: transitions an update.
+        precision: of the matrix products, the parameters are float32 in any case; `auto` takes bfloat16
+            where the processor has instructions for it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)] = (256, 256)
     quantiles: Annotated[int, Field(ge=1, le=512)] = 32
+    layer_norm: bool = False
+    distributional: bool = True
     n_step: Annotated[int, Field(ge=1, le=100)] = 7
     gamma: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9896
     alpha: Annotated[float, Field(ge=0.0)] = 0.01
@@ -41,3 +50,4 @@ class QRSACConfig(BaseModel):
     gradient_norm: Annotated[float, Field(gt=0.0)] = 10.0
     dropout: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1
     batch: Annotated[int, Field(ge=1, le=1_000_000)] = 1024
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"

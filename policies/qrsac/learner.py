@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from policies.qrsac.config import QRSACConfig
-from policies.qrsac.networks import Perceptron, squashed_normal
+from policies.qrsac.networks import Perceptron, act, squashed_normal
 from policies.replay import Batch
 from sim.errors import InputError
 
@@ -81,6 +82,29 @@ def quantile_huber_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Ten
     return loss, -weighted.mean(-1) / len(targets)
 
 
+def squared_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+    """Half the squared error, averaged over the batch and summed over the critics, and its gradient.
+
+    Args:
+        estimates: (critics, n, 1).
+        targets: (n, 1).
+
+    Returns:
+        the loss, and its gradient with respect to the estimates.
+    """
+    error = estimates - targets
+    return 0.5 * error.square().mean((1, 2)).sum(), error / len(targets)
+
+
+def fast_precision(device: torch.device) -> torch.dtype:
+    """The float format in which the device multiplies matrices fastest: float32 or bfloat16."""
+    if device.type == "cuda":
+        fast = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        fast = bool(torch.cpu.get_capabilities().get("avx512_bf16"))
+    return torch.bfloat16 if fast else torch.float32
+
+
 def _adam(
     parameters: Tensor, mean: Tensor, square: Tensor, gradient: Tensor, step: Tensor, rate: float
 ) -> tuple[Tensor, Tensor, Tensor]:
@@ -95,13 +119,24 @@ def _adam(
 class Update:
     """The update as a pure function of tensors, so that one graph can hold all of it."""
 
-    def __init__(self, observation_size: int, action_size: int, config: QRSACConfig) -> None:
+    def __init__(
+        self,
+        observation_size: int,
+        action_size: int,
+        config: QRSACConfig,
+        precision: torch.dtype = torch.float32,
+    ) -> None:
         self.config = config
-        self.policy = Perceptron((observation_size, *config.hidden, 2 * action_size))
-        self.critics = Perceptron((observation_size + action_size, *config.hidden, config.quantiles), (2,))
+        outputs = config.quantiles if config.distributional else 1
+        inputs = observation_size + action_size
+        self.policy = Perceptron((observation_size, *config.hidden, 2 * action_size), precision=precision)
+        self.critics = Perceptron(
+            (inputs, *config.hidden, outputs), (2,), layer_norm=config.layer_norm, precision=precision
+        )
+        self._loss = quantile_huber_loss if config.distributional else squared_loss
 
     def returns(self, critics: Tensor, observation: Tensor, action: Tensor) -> Tensor:
-        """Both critics' quantiles of the return, (2, n, m)."""
+        """Both critics' quantiles (their means for plain SAC) of the return, (2, n, m)."""
         inputs = torch.cat((observation, action), -1)
         return self.critics(critics, inputs.expand(2, -1, -1))
 
@@ -136,7 +171,7 @@ class Update:
         estimates, pull_back, *_ = torch.func.vjp(
             lambda critics: self.returns(critics, batch.observation, batch.action), state.critic
         )
-        critic_loss, slope = quantile_huber_loss(estimates, targets)
+        critic_loss, slope = self._loss(estimates, targets)
         (gradient,) = pull_back(slope)
         norm = gradient.square().sum().sqrt()
         gradient = gradient * (config.gradient_norm / norm.clamp(min=config.gradient_norm))
@@ -194,7 +229,12 @@ class QRSAC:
         self.config = config
         self.action_size = action_size
         self._generator = generator
-        self._update = Update(observation_size, action_size, config)
+        precision = (
+            fast_precision(generator.device)
+            if config.precision == "auto"
+            else getattr(torch, config.precision)
+        )
+        self._update = Update(observation_size, action_size, config, precision)
         self._run = _compiled(self._update) if compiled else self._update
         policy = self._update.policy.initial(generator)
         critic = self._update.critics.initial(generator)
@@ -231,19 +271,25 @@ class QRSAC:
         shape = (count, self.action_size)
         return torch.randn(shape, generator=self._generator, device=self._generator.device)
 
-    def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
-        """Actions (n, a) in [-1, 1] for observations (n, d), in evaluation mode (no dropout).
+    @property
+    def policy_network(self) -> Perceptron:
+        """The policy as a function of its parameters, in full precision."""
+        return replace(self._update.policy, precision=torch.float32)
 
-        They are drawn from the policy if `stochastic`, else they are the squashed mean.
-        """
-        inputs = torch.as_tensor(observations, device=self._generator.device)
-        with torch.no_grad():
-            outputs = self._update.policy(self._state.policy, inputs)
-            if stochastic:
-                actions, _ = squashed_normal(outputs, self._normal(len(inputs)))
-            else:
-                actions = torch.tanh(outputs[:, : self.action_size])
-        return actions.cpu().numpy()
+    @property
+    def policy_parameters(self) -> Tensor:
+        """Parameters (p,) of the policy on the CPU; later updates leave them as they are."""
+        return self._state.policy.cpu()
+
+    @property
+    def finite(self) -> bool:
+        """Whether all parameters and moments are finite numbers."""
+        return all(bool(tensor.isfinite().all()) for tensor in self._state)
+
+    def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
+        """Actions of the present policy, see `networks.act`; the noise is drawn from the learner's generator."""
+        generator = self._generator if stochastic else None
+        return act(self._update.policy, self._state.policy, observations, generator)
 
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
         """The policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..

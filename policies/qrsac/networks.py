@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeVar
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -28,10 +30,14 @@ class Perceptron:
     Attributes:
         widths: sizes of the input, each hidden layer and the output.
         stack: () for one network, (n,) for n networks that run as one batched product.
+        layer_norm: whether each hidden layer is standardised before its ReLU.
+        precision: of the factors of matrix products; their sums and all else are float32.
     """
 
     widths: tuple[int, ...]
     stack: tuple[int, ...] = ()
+    layer_norm: bool = False
+    precision: torch.dtype = torch.float32
 
     @property
     def shapes(self) -> list[tuple[int, ...]]:
@@ -65,19 +71,23 @@ class Perceptron:
         factors = torch.split(kept, list(hidden), dim=-1) if kept is not None else None
         *layers, last = _pairs(self.tensors(parameters))
         for i, (weight, bias) in enumerate(layers):
-            inputs = torch.relu(_affine(inputs, weight, bias))
+            inputs = self._affine(inputs, weight, bias)
+            if self.layer_norm:
+                inputs = F.layer_norm(inputs, inputs.shape[-1:])
+            inputs = torch.relu(inputs)
             if factors is not None:
                 inputs = inputs * factors[i]
-        return _affine(inputs, *last)
+        return self._affine(inputs, *last)
+
+    def _affine(self, inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+        if self.precision != torch.float32:
+            return (inputs.to(self.precision) @ weight.to(self.precision)).float() + bias
+        product = torch.baddbmm if weight.dim() == 3 else torch.addmm
+        return product(bias, inputs, weight)
 
 
 def _pairs(items: list[T]) -> list[tuple[T, T]]:
     return list(zip(items[::2], items[1::2], strict=True))
-
-
-def _affine(inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-    product = torch.baddbmm if weight.dim() == 3 else torch.addmm
-    return product(bias, inputs, weight)
 
 
 def squashed_normal(outputs: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
@@ -97,3 +107,25 @@ def squashed_normal(outputs: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
     # log(1 - tanh(x)^2) in a form that does not cancel for large x
     log_slope = 2.0 * (math.log(2.0) - raw - F.softplus(-2.0 * raw))
     return torch.tanh(raw), (log_normal - log_slope).sum(-1)
+
+
+def act(
+    network: Perceptron,
+    parameters: Tensor,
+    observations: NDArray[np.float32],
+    generator: torch.Generator | None,
+) -> NDArray[np.float32]:
+    """Actions (n, a) in [-1, 1] of a policy for observations (n, d), in evaluation mode (no dropout).
+
+    Args:
+        network, parameters: the policy.
+        observations: what is seen.
+        generator: on the parameters' device, draws the actions from the policy; None for the squashed mean.
+    """
+    with torch.no_grad():
+        outputs = network(parameters, torch.as_tensor(observations, device=parameters.device))
+        if generator is None:
+            return torch.tanh(outputs.chunk(2, dim=-1)[0]).cpu().numpy()
+        shape = (len(outputs), outputs.shape[1] // 2)
+        noise = torch.randn(shape, generator=generator, device=parameters.device)
+        return squashed_normal(outputs, noise)[0].cpu().numpy()
