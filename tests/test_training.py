@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import csv
+import resource
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from policies.checkpoint import load_checkpoint
 from policies.training.config import Rollouts, TrainingConfig, read_config
 from policies.training.rollout import Rollout
-from policies.training.trainer import CURVE_FILE, Status, Trainer
+from policies.training.log import CURVE_FILE, Status
+from policies.training.state import RunState, load_state, save_state
+from policies.training.trainer import Trainer
 from sim.errors import InputError
 
 SMALL = TrainingConfig.model_validate(
@@ -78,6 +82,89 @@ def test_resume_goes_on_from_the_stop(tmp_path: Path) -> None:
         assert tensor.equal(stopped[name]), name
     train(again)
     assert again.updates == SMALL.updates
+
+
+def changed(**changes: object) -> TrainingConfig:
+    return TrainingConfig.model_validate(SMALL.model_dump() | changes)
+
+
+def test_a_kept_replay_is_there_after_a_stop(tmp_path: Path) -> None:
+    trainer = Trainer.start(tmp_path, changed(keep_replay=True), seed=1)
+    train(trainer)
+    again = Trainer.resume(tmp_path)
+    assert len(again.replay) == len(trainer.replay) > 0
+    theirs, mine = (np.random.default_rng(5) for _ in range(2))
+    for one, other in zip(trainer.replay.sample(theirs), again.replay.sample(mine), strict=True):
+        assert one.equal(other)
+
+
+def test_the_state_of_another_run_is_refused(tmp_path: Path) -> None:
+    for name, hidden in (("a", [8, 8]), ("b", [8, 9])):
+        train(Trainer.start(tmp_path / name, changed(qrsac=SMALL.qrsac.model_dump() | {"hidden": hidden}), 1))
+    (tmp_path / "b" / "state.safetensors").replace(tmp_path / "a" / "state.safetensors")
+    with pytest.raises(InputError, match="of another run: training state: tensor 'policy"):
+        Trainer.resume(tmp_path / "a")
+
+
+def test_a_state_that_does_not_fit_on_the_disk_leaves_the_old_one(tmp_path: Path) -> None:
+    rng = dict(np.random.default_rng(1).bit_generator.state)
+    save_state(tmp_path, RunState(3, 30, 1.0, {"x": torch.ones(1)}, rng))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(InputError, match=r"state\.safetensors: cannot be written"):
+            save_state(tmp_path, RunState(4, 40, 2.0, {"x": torch.ones(10_000)}, rng))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert load_state(tmp_path).updates == 3
+    assert [path.name for path in tmp_path.iterdir()] == ["state.safetensors"]
+
+
+def test_a_run_that_diverges_stops_and_keeps_its_last_checkpoint(tmp_path: Path) -> None:
+    train(Trainer.start(tmp_path, SMALL, seed=1))
+    good = {path.name: path.read_bytes() for path in (tmp_path / "checkpoints").iterdir()}
+    state = (tmp_path / "state.safetensors").read_bytes()
+    facts = (tmp_path / "run.json").read_text()
+    (tmp_path / "run.json").write_text(
+        facts.replace('"progress": 0.2', '"progress": 1e39').replace('"updates": 8', '"updates": 16')
+    )
+    with pytest.raises(InputError, match=r"diverged by update \d+.* last good checkpoint is step-0000008"):
+        train(Trainer.resume(tmp_path))
+    assert {path.name: path.read_bytes() for path in (tmp_path / "checkpoints").iterdir()} == good
+    assert (tmp_path / "state.safetensors").read_bytes() == state
+
+
+def test_workers_in_processes_of_their_own_gather_for_all_tables(tmp_path: Path) -> None:
+    trainer = Trainer.start(tmp_path, changed(workers=2, refresh_every=2), seed=1)
+    train(trainer)
+    assert trainer.updates == SMALL.updates
+    assert [table.gathered > 0 for table in trainer.replay.tables] == [True] * 4
+    assert len(list((tmp_path / "checkpoints").iterdir())) == 2
+
+
+def test_a_worker_says_what_it_cannot_do(tmp_path: Path) -> None:
+    rollouts = [{"scenario": "1v0", "races": 1, "learners": 2}]
+    trainer = Trainer.start(tmp_path, changed(workers=1, rollouts=rollouts), seed=1)
+    with pytest.raises(InputError, match="rollouts 1v0: learners is 2"):
+        train(trainer)
+
+
+def test_one_table_takes_the_experience_of_all_rollouts(tmp_path: Path) -> None:
+    trainer = Trainer.start(tmp_path, changed(tables="one"), seed=1)
+    train(trainer)
+    (table,) = trainer.replay.tables
+    assert len(table) > SMALL.warm_up
+
+
+def test_demonstrators_drive_in_the_learners_place() -> None:
+    shown = Rollouts(scenario="time_trial", races=2, learners=1, demonstrators=("driver",))
+    rollout = Rollout(SMALL, shown, np.random.default_rng(0))
+    for _ in range(300):
+        step, _ = rollout.step(np.full((2, 2), -1.0, np.float32))
+    assert (step.action != -1.0).all()
+    state = rollout.episodes.world.state
+    assert (state["progress"] > 600.0).all()
+    assert (state["off_course_s"] < 1.0).all()
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,8 @@ class QRSACConfig(BaseModel):
         critic_rate: Adam's learning rate of the critics.
         policy_rate: Adam's learning rate of the policy.
         polyak: share of the critics that is mixed into their targets after each update.
+        averaging: share of the policy that is mixed into its running mean after each update (1 is no mean).
+            Checkpoints hold the mean, which swings less from one to the next (not in the reference).
         gradient_norm: greatest norm of the gradient of both critics together.
         dropout: share of the policy's hidden units dropped in the pass that updates the policy.
         batch: transitions an update.
@@ -47,6 +49,7 @@ class QRSACConfig(BaseModel):
     critic_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 5e-5
     policy_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 2.5e-5
     polyak: Annotated[float, Field(gt=0.0, le=1.0)] = 0.005
+    averaging: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     gradient_norm: Annotated[float, Field(gt=0.0)] = 10.0
     dropout: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.1
     batch: Annotated[int, Field(ge=1, le=1_000_000)] = 1024

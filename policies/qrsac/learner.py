@@ -32,7 +32,10 @@ Metrics = dict[str, Tensor]
 
 
 class State(NamedTuple):
-    """All that an update changes: flat parameter vectors, Adam's moments of them, the count of updates."""
+    """All that an update changes: flat parameter vectors, Adam's moments of them, the count of updates.
+
+    `target` follows the critics, `average` is the running mean of the policy.
+    """
 
     policy: Tensor
     policy_mean: Tensor
@@ -41,6 +44,7 @@ class State(NamedTuple):
     critic_mean: Tensor
     critic_square: Tensor
     target: Tensor
+    average: Tensor
     step: Tensor
 
 
@@ -187,6 +191,9 @@ class Update:
         )
 
         target = torch.lerp(state.target, critic, config.polyak)
+        # The mean of all so far, until there are enough.
+        share = torch.clamp(1.0 / step, min=config.averaging).to(policy.dtype)
+        average = torch.lerp(state.average, policy, share)
         metrics = {
             "critic_loss": critic_loss,
             "policy_loss": policy_loss,
@@ -194,7 +201,9 @@ class Update:
             "entropy": -log_density,
             "gradient_norm": norm,
         }
-        new = State(policy, policy_mean, policy_square, critic, critic_mean, critic_square, target, step)
+        new = State(
+            policy, policy_mean, policy_square, critic, critic_mean, critic_square, target, average, step
+        )
         return new, metrics
 
 
@@ -246,6 +255,7 @@ class QRSAC:
             critic_mean=torch.zeros_like(critic),
             critic_square=torch.zeros_like(critic),
             target=critic.clone(),
+            average=policy.clone(),
             step=torch.zeros((), dtype=torch.float64, device=generator.device),
         )
 
@@ -287,16 +297,17 @@ class QRSAC:
         return all(bool(tensor.isfinite().all()) for tensor in self._state)
 
     def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
-        """Actions of the present policy, see `networks.act`; the noise is drawn from the learner's generator."""
-        generator = self._generator if stochastic else None
-        return act(self._update.policy, self._state.policy, observations, generator)
+        """Actions of the present policy drawn from the learner's generator, or of the mean policy; see `act`."""
+        if stochastic:
+            return act(self._update.policy, self._state.policy, observations, self._generator)
+        return act(self._update.policy, self._state.average, observations, None)
 
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
-        """The policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..
+        """The mean policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..
 
         The last layer gives the means, then the logarithms of the standard deviations.
         """
-        tensors = self._update.policy.tensors(self._state.policy)
+        tensors = self._update.policy.tensors(self._state.average)
         return {
             f"{i // 2}.{'bias' if i % 2 else 'weight'}": (tensor[0] if i % 2 else tensor).cpu().numpy()
             for i, tensor in enumerate(tensors)

@@ -1,0 +1,137 @@
+"""The crew: rollout workers, in the learner's process or in processes of their own."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from multiprocessing.connection import Connection, wait
+from typing import Protocol
+
+import numpy as np
+import torch
+
+from policies.qrsac.networks import Perceptron
+from policies.training.config import TrainingConfig
+from policies.training.worker import Gathered, News, RolloutWorker
+from sim.errors import InputError
+
+STEPS_AHEAD = 2
+"""Steps that a worker may be ahead of what the learner has taken in."""
+
+Take = list[tuple[int, Gathered]]
+
+
+class Crew(Protocol):
+    """Rollout workers."""
+
+    def take(self, wait_for_one: bool) -> Take:
+        """The steps done since the last call, with the index of the worker of each.
+
+        Args:
+            wait_for_one: whether there must be at least one.
+
+        Raises:
+            InputError: if a worker cannot work, or has ended.
+        """
+
+    def tell(self, news: News) -> None:
+        """What all workers shall know from their next steps on."""
+
+    def close(self) -> None:
+        """End the workers."""
+
+
+class LocalCrew:
+    """One worker in this process, which steps whenever it is waited for."""
+
+    def __init__(self, worker: RolloutWorker) -> None:
+        self._worker = worker
+
+    def take(self, wait_for_one: bool) -> Take:
+        return [(0, self._worker.step())] if wait_for_one else []
+
+    def tell(self, news: News) -> None:
+        self._worker.hear(news)
+
+    def close(self) -> None:
+        pass
+
+
+class ProcessCrew:
+    """Workers in processes of their own, which go on stepping until they are `STEPS_AHEAD`."""
+
+    def __init__(
+        self, config: TrainingConfig, network: Perceptron, news: News, seed: np.random.SeedSequence
+    ) -> None:
+        """Start the processes, as many as the configuration says; for the arguments see `RolloutWorker`."""
+        context = multiprocessing.get_context("spawn")
+        self._pipes: list[Connection] = []
+        self._processes = []
+        for stream in seed.spawn(config.workers):
+            here, there = context.Pipe()
+            process = context.Process(target=_serve, args=(there, config, network, news, stream), daemon=True)
+            process.start()
+            there.close()
+            self._pipes.append(here)
+            self._processes.append(process)
+        self._news: dict[int, News] = {}
+        for index in range(config.workers):
+            for _ in range(STEPS_AHEAD):
+                self._ask(index)
+
+    def _ask(self, index: int) -> None:
+        try:
+            self._pipes[index].send(self._news.pop(index, None))
+        except OSError:
+            raise self._ended(index) from None
+
+    def _ended(self, index: int) -> InputError:
+        self._processes[index].join(1.0)
+        return InputError(
+            f"training: rollout worker {index + 1} ended with exit code {self._processes[index].exitcode}"
+        )
+
+    def take(self, wait_for_one: bool) -> Take:
+        taken: Take = []
+        for pipe in wait(self._pipes, None if wait_for_one else 0.0):
+            index = self._pipes.index(pipe)  # type: ignore[arg-type]
+            try:
+                message = self._pipes[index].recv()
+            except (EOFError, OSError):
+                raise self._ended(index) from None
+            if isinstance(message, InputError):
+                raise message
+            taken.append((index, message))
+            self._ask(index)
+        return taken
+
+    def tell(self, news: News) -> None:
+        self._news = dict.fromkeys(range(len(self._pipes)), news)
+
+    def close(self) -> None:
+        for process, pipe in zip(self._processes, self._pipes, strict=True):
+            pipe.close()
+            process.terminate()
+        for process in self._processes:
+            process.join()
+
+
+def _serve(
+    pipe: Connection, config: TrainingConfig, network: Perceptron, news: News, seed: np.random.SeedSequence
+) -> None:
+    # Ctrl-C reaches the whole group; the learner's process decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    torch.set_num_threads(1)
+    try:
+        worker = RolloutWorker(config, network, news, seed)
+    except InputError as error:
+        pipe.send(error)
+        return
+    try:
+        while True:
+            fresh = pipe.recv()
+            if fresh is not None:
+                worker.hear(fresh)
+            pipe.send(worker.step())
+    except (EOFError, OSError):
+        return

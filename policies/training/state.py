@@ -1,0 +1,97 @@
+"""The state of a training run on disk: all that going on after a stop needs."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from sim.errors import InputError
+
+STATE_FILE = "state.safetensors"
+REPLAY_FILE = "replay.safetensors"
+RANDOM_KEY = "replay_rng"
+COUNTS = "counts"
+
+
+class RunState(NamedTuple):
+    """Where a run stands.
+
+    Attributes:
+        updates, transitions, wall_s: how far it has come, and in how many seconds.
+        learner: the learner's `state_dict`.
+        rng: state of the generator that samples the replay tables.
+    """
+
+    updates: int
+    transitions: int
+    wall_s: float
+    learner: dict[str, Tensor]
+    rng: dict
+
+
+def save_state(folder: Path, state: RunState) -> None:
+    """Replace the state in a run's folder.
+
+    Raises:
+        InputError: if it cannot be written; the state that was there is left as it is.
+    """
+    counts = torch.tensor([state.updates, state.transitions, state.wall_s], dtype=torch.float64)
+    tensors = {**state.learner, COUNTS: counts}
+    write_tensors(folder / STATE_FILE, tensors, {RANDOM_KEY: json.dumps(state.rng)})
+
+
+def load_state(folder: Path) -> RunState:
+    """The state in a run's folder.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    path = folder / STATE_FILE
+    tensors = read_tensors(path)
+    counts = tensors.pop(COUNTS, torch.zeros(0))
+    if counts.shape != (3,):
+        raise InputError(f"{path}: tensor {COUNTS!r}: expected 3 numbers")
+    with safe_open(path, framework="pt") as file:
+        text = (file.metadata() or {}).get(RANDOM_KEY, "")
+    try:
+        rng = json.loads(text)
+        np.random.default_rng().bit_generator.state = rng
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: {RANDOM_KEY}: expected the state of a random generator") from None
+    return RunState(int(counts[0]), int(counts[1]), float(counts[2]), tensors, rng)
+
+
+def write_tensors(path: Path, tensors: dict[str, Tensor], metadata: dict[str, str] | None = None) -> None:
+    """Replace a safetensors file.
+
+    Raises:
+        InputError: if it cannot be written; the file that was there is left as it is.
+    """
+    partial = path.with_name(path.name + ".partial")
+    try:
+        save_file(tensors, partial, metadata)
+        os.replace(partial, path)
+    except (OSError, SafetensorError) as error:
+        raise InputError(f"{path}: cannot be written: {error}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_tensors(path: Path) -> dict[str, Tensor]:
+    """The tensors of a safetensors file.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    try:
+        return load_file(path)
+    except (OSError, SafetensorError) as error:
+        raise InputError(f"{path}: not the state of a training run: {error}") from None
