@@ -110,6 +110,7 @@ def two_thread_ratio(rng: np.random.Generator) -> float:
     circuit, scenario = load_track(CIRCUIT), load_scenario(SCENARIOS[8])
     drive = random_drive(rng)
     worlds = [scenario.world(circuit, load_car(CAR), 4 * BATCH // 8, threads) for threads in (1, 2)]
+    everybody = seats(worlds[0])
     seconds = np.zeros((1 + EPISODES, 2))
     for episode in seconds:
         for world in worlds:
@@ -120,7 +121,7 @@ def two_thread_ratio(rng: np.random.Generator) -> float:
                 actions = drive(world)
                 began = time.perf_counter()
                 world.step(actions)
-                world.observe(SPEC, *seats(world))
+                world.observe(SPEC, *everybody)
                 episode[threads] += time.perf_counter() - began
     return float(np.median(seconds[1:, 0] / seconds[1:, 1]))
 

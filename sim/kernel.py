@@ -10,7 +10,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from numba import config, njit
+from numba import config, float64, njit
+from numba.extending import intrinsic
 
 PACKAGES = ("sim", "policies")
 """Those with kernels, beside each other."""
@@ -53,3 +54,30 @@ kernel = njit(**OPTIONS)
 inlined = njit(**OPTIONS, forceinline=True)
 """For functions that kernels call. A call would hand over every number of the car's parameters by
 value, which costs about as much as the arithmetic."""
+
+# A row of an array counts as a reference to the array while it lasts. Counting is atomic: it would take a
+# quarter of the world's time, and threads would pass the counters of their common arrays to and fro.
+LEAN_OPTIONS = OPTIONS | {"_nrt": False}
+
+lean_kernel = njit(**LEAN_OPTIONS)
+"""A kernel that does not count references to arrays, and so cannot make any."""
+
+lean_inlined = njit(**LEAN_OPTIONS, forceinline=True)
+"""For functions that lean kernels call."""
+
+
+def _fused(_context: Any, a: Any, b: Any, c: Any) -> Any:
+    """a * b + c in float64, rounded once.
+
+    The compiler rounds sums of products so as well, but with two products it may choose which of them
+    it rounds first, and choose anew after a change elsewhere.
+    """
+
+    def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return float64(float64, float64, float64), build
+
+
+# A kernel leaves out the context, which types cannot tell.
+fused: Any = intrinsic(_fused)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sim.car import CarParameters
-from sim.kernel import inlined, kernel
+from sim.kernel import lean_inlined, lean_kernel
 from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from sim.physics.course import CourseParameters
 from sim.state import CarRecord
@@ -18,7 +18,7 @@ OWN_SIZE = ObservationSpec(1, 1.0, 0, 0).size - 9
 """Numbers about the car itself, before the course points."""
 
 
-@kernel
+@lean_kernel
 def observe_cars(
     state: np.ndarray,
     races: np.ndarray,
@@ -29,7 +29,8 @@ def observe_cars(
     points: int,
     horizon: float,
     ahead: int,
-    behind: int,
+    nearest: np.ndarray,
+    distance: np.ndarray,
     p: CarParameters,
     course: CourseParameters,
 ) -> None:
@@ -40,11 +41,10 @@ def observe_cars(
         races, cars: (n,) indices of the cars that look.
         out: (n, size) float32, set.
         mean, scale: (size,) float32, of the spec's scaling; the scale is one over the deviation.
-        points, horizon, ahead, behind: of the spec.
+        points, horizon, ahead: of the spec.
+        nearest, distance: scratch for each of the opponents seen, (n,) int64 and float64.
         p, course: car model and circuit.
     """
-    nearest = np.empty(ahead + behind, np.int64)
-    distance = np.empty(ahead + behind)
     for row in range(len(races)):
         observe_car(
             state[races[row]],
@@ -62,7 +62,7 @@ def observe_cars(
         )
 
 
-@inlined
+@lean_inlined
 def observe_car(
     field: np.ndarray,
     index: int,
@@ -98,7 +98,7 @@ def observe_car(
     see_course(field[index], values[OWN_SIZE:lists], scale[OWN_SIZE:lists], points, horizon, course)
 
 
-@inlined
+@lean_inlined
 def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: CourseParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
     values[0] = car.velocity_x
@@ -128,7 +128,7 @@ def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: Cours
     values[30] = car.fuel / p.fuel_capacity
 
 
-@inlined
+@lean_inlined
 def see_course(
     car: CarRecord,
     values: np.ndarray,
@@ -166,7 +166,7 @@ def see_course(
         at += gap
 
 
-@inlined
+@lean_inlined
 def find_cars(field: np.ndarray, index: int, ahead: int, nearest: np.ndarray, distance: np.ndarray) -> None:
     """Sort the cars in sight into two lists, nearest first.
 
@@ -199,7 +199,7 @@ def find_cars(field: np.ndarray, index: int, ahead: int, nearest: np.ndarray, di
             distance[place], nearest[place] = apart, j
 
 
-@inlined
+@lean_inlined
 def see_cars(field: np.ndarray, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
     """What is seen of the listed cars, relative in the car's frame."""
     car = field[index]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sim.kernel import inlined
+from sim.kernel import lean_inlined
 from sim.physics.body import speed_squared
 from sim.physics.contact import Touch
 from sim.physics.course import CourseParameters, facing
@@ -22,7 +22,7 @@ SLOWING = 0.35
 """Share of the brakes with which a car is slowed for each m/s that it is too fast."""
 
 
-@inlined
+@lean_inlined
 def penalise(car: CarRecord, seconds: float) -> None:
     """Give a car a penalty."""
     if seconds > 0.0:
@@ -30,7 +30,7 @@ def penalise(car: CarRecord, seconds: float) -> None:
         car.penalty_s += seconds
 
 
-@inlined
+@lean_inlined
 def watch_limits(
     car: CarRecord, off: bool, now: float, dt: float, course: CourseParameters, rules: RuleParameters
 ) -> None:
@@ -65,7 +65,7 @@ def watch_limits(
         penalise(car, rules.limits_penalty)
 
 
-@inlined
+@lean_inlined
 def serve_penalty(car: CarRecord, dt: float, course: CourseParameters, rules: RuleParameters) -> None:
     """Hold a penalised car to the speed of the penalty zones; time spent so is served."""
     if car.penalty_s <= 0.0 or course.table[car.row, ZONE] == 0.0:
@@ -78,14 +78,14 @@ def serve_penalty(car: CarRecord, dt: float, course: CourseParameters, rules: Ru
         car.penalty_s = max(car.penalty_s - dt, 0.0)
 
 
-@inlined
+@lean_inlined
 def across(car: CarRecord, course: CourseParameters) -> float:
     """Speed of a car to the left across the road beside it, m/s."""
     sine, cosine = facing(car, course)
     return car.velocity_x * sine + car.velocity_y * cosine
 
 
-@inlined
+@lean_inlined
 def judge(
     behind: CarRecord,
     ahead: CarRecord,
@@ -120,7 +120,7 @@ def judge(
     return SIDE_SWIPE, -1
 
 
-@inlined
+@lean_inlined
 def note_contact(
     cars: np.ndarray,
     i: int,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.kernel import inlined
+from sim.kernel import lean_inlined
 from sim.physics.course import CourseParameters
 from sim.state import CarRecord
 
@@ -19,7 +19,7 @@ def first_line(start: NDArray[np.float64], sectors: tuple[float, ...], length: f
     return laps * SECTORS + passed
 
 
-@inlined
+@lean_inlined
 def time_lines(car: CarRecord, before: float, time: float, dt: float, course: CourseParameters) -> None:
     """Time the crossing of a timing line and of the finish within the step that began at `time`.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.car import Car, CarParameters, parameters
-from sim.kernel import inlined, kernel
+from sim.kernel import lean_inlined, lean_kernel
 from sim.observation import ObservationSpec
 from sim.observe import observe_cars
 from sim.physics.body import set_body_velocity, set_direction, speed_squared
@@ -79,7 +79,7 @@ class Conditions:
     fuel_rate: float = 0.0
 
 
-@kernel
+@lean_kernel
 def step_races(
     state: np.ndarray,
     actions: np.ndarray,
@@ -88,13 +88,13 @@ def step_races(
     contacts: np.ndarray,
     contact_count: np.ndarray,
     substeps: int,
+    tyres: np.ndarray,
     p: CarParameters,
     course: CourseParameters,
     rates: Rates,
     rules: RuleParameters,
 ) -> None:
-    """Advance every race by some dynamics steps; see `World.step`."""
-    tyres = np.empty((3, 4))
+    """Advance every race by some dynamics steps; see `step_race`."""
     for race in range(len(state)):
         step_race(
             state[race],
@@ -112,7 +112,7 @@ def step_races(
         )
 
 
-@inlined
+@lean_inlined
 def step_race(
     cars: np.ndarray,
     actions: np.ndarray,
@@ -184,14 +184,14 @@ def step_race(
         set_heading_error(cars[i], course)
 
 
-@inlined
+@lean_inlined
 def near(a: CarRecord, b: CarRecord, reach_squared: float) -> bool:
     """Whether two driving cars are near enough to touch."""
     dx, dy = b.x - a.x, b.y - a.y
     return dx * dx + dy * dy < reach_squared and a.driving and b.driving
 
 
-@kernel
+@lean_kernel
 def meet(
     cars: np.ndarray,
     i: int,
@@ -221,7 +221,7 @@ def meet(
     a.contact_s = b.contact_s = now
 
 
-@kernel
+@lean_kernel
 def locate_all(cars: np.ndarray, course: CourseParameters) -> None:
     """Locate every car of one race, their rows being near the truth."""
     for i in range(len(cars)):
@@ -279,7 +279,7 @@ class World:
         self.rules = rule_parameters(rules or load_rules("free"))
         self._touched = np.full((races, cars, cars), -np.inf)
         self._threads = threads
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -347,6 +347,7 @@ class World:
                 self.contacts[block],
                 self.contact_count[block],
                 substeps,
+                np.empty((3, 4)),
                 self.parameters,
                 self.course,
                 self.rates,
@@ -386,7 +387,8 @@ class World:
                 spec.course_points,
                 spec.horizon_s,
                 spec.cars_ahead,
-                spec.cars_behind,
+                np.empty(spec.cars_ahead + spec.cars_behind, np.int64),
+                np.empty(spec.cars_ahead + spec.cars_behind),
                 self.parameters,
                 self.course,
             )
@@ -395,10 +397,10 @@ class World:
         return out
 
     def _share(self, work: Callable[[slice], None], count: int) -> None:
-        """Have the threads work on `count` rows, each on a block of its own."""
-        if self._pool is None:
-            work(slice(0, count))
-            return
+        """Have the threads work on `count` rows, each on a block of its own; the caller's takes the last."""
         parts = [count * part // self._threads for part in range(self._threads + 1)]
-        blocks = [slice(*ends) for ends in pairwise(parts)]
-        list(self._pool.map(work, blocks))
+        *others, own = [slice(*ends) for ends in pairwise(parts)]
+        shares = [self._pool.submit(work, block) for block in others] if self._pool else []
+        work(own)
+        for share in shares:
+            share.result()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from sim.car import CarParameters
-from sim.kernel import inlined
+from sim.kernel import lean_inlined
 from sim.state import CarRecord
 
 
-@inlined
+@lean_inlined
 def small_sin_cos(angle: float) -> tuple[float, float]:
     """Sine and cosine of an angle below 1.2 rad, by their series, to 1e-8."""
     s = angle * angle
@@ -20,13 +20,13 @@ def small_sin_cos(angle: float) -> tuple[float, float]:
     return sine, cosine
 
 
-@inlined
+@lean_inlined
 def set_direction(car: CarRecord) -> None:
     """Cosine and sine of the yaw."""
     car.cos_yaw, car.sin_yaw = math.cos(car.yaw), math.sin(car.yaw)
 
 
-@inlined
+@lean_inlined
 def turn(car: CarRecord, angle: float) -> None:
     """Turn the car by a small angle, rad."""
     sine, cosine = small_sin_cos(angle)
@@ -37,20 +37,20 @@ def turn(car: CarRecord, angle: float) -> None:
     )
 
 
-@inlined
+@lean_inlined
 def speed_squared(car: CarRecord) -> float:
     """Square of the car's speed, m^2/s^2."""
     return car.world_velocity_x * car.world_velocity_x + car.world_velocity_y * car.world_velocity_y
 
 
-@inlined
+@lean_inlined
 def set_body_velocity(car: CarRecord) -> None:
     """Velocity in the car's frame from velocity in the world's."""
     car.velocity_x = car.world_velocity_x * car.cos_yaw + car.world_velocity_y * car.sin_yaw
     car.velocity_y = car.world_velocity_y * car.cos_yaw - car.world_velocity_x * car.sin_yaw
 
 
-@inlined
+@lean_inlined
 def push(
     car: CarRecord,
     arm_x: float,
@@ -65,7 +65,7 @@ def push(
     car.yaw_rate += (arm_x * impulse_y - arm_y * impulse_x) / p.yaw_inertia
 
 
-@inlined
+@lean_inlined
 def mobility(
     car: CarRecord,
     arm_x: float,
@@ -79,7 +79,7 @@ def mobility(
     return 1.0 / car.mass + lever * lever / p.yaw_inertia
 
 
-@inlined
+@lean_inlined
 def point_velocity(car: CarRecord, arm_x: float, arm_y: float) -> tuple[float, float]:
     """World velocity (m/s) of the point at an arm (m, world frame) from the centre of mass."""
     return (

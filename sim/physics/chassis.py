@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.car import CarParameters
-from sim.kernel import inlined
+from sim.kernel import fused, lean_inlined
 from sim.physics.body import set_body_velocity, small_sin_cos, turn
 from sim.physics.powertrain import drive_torque, shift
 from sim.physics.tyre import tyre_force
@@ -37,7 +37,7 @@ class Rates(NamedTuple):
     fuel: float
 
 
-@inlined
+@lean_inlined
 def set_loads(car: CarRecord, steepness: float, shake: np.ndarray, p: CarParameters) -> None:
     """Normal loads of the four tyres from weight, the road's shape, downforce and load transfer, N.
 
@@ -68,7 +68,7 @@ def set_loads(car: CarRecord, steepness: float, shake: np.ndarray, p: CarParamet
     car.load[3] = (0.5 * rear + roll_rear) * shake[3]
 
 
-@inlined
+@lean_inlined
 def brake_torque(spin: float, limit: float, other: float) -> float:
     """Torque of a brake that can apply `limit` N m: against the spin, or holding a locked wheel."""
     if abs(spin) > 1e-3:
@@ -76,7 +76,7 @@ def brake_torque(spin: float, limit: float, other: float) -> float:
     return -min(max(other, -limit), limit)
 
 
-@inlined
+@lean_inlined
 def within(force: float, most_squared: float) -> float:
     """A force cut to the largest one, of which the square is given."""
     if force * force <= most_squared:
@@ -84,7 +84,7 @@ def within(force: float, most_squared: float) -> float:
     return math.copysign(math.sqrt(most_squared), force)
 
 
-@inlined
+@lean_inlined
 def prepare_wheel(
     car: CarRecord,
     wheel: int,
@@ -126,7 +126,7 @@ def prepare_wheel(
     return fx, per_speed * p.radius, fy, most, torque
 
 
-@inlined
+@lean_inlined
 def controlled(
     change: float,
     spin: float,
@@ -157,7 +157,7 @@ def controlled(
     return change
 
 
-@inlined
+@lean_inlined
 def solve_axle(
     rhs_left: float,
     rhs_right: float,
@@ -178,7 +178,7 @@ def solve_axle(
     )
 
 
-@inlined
+@lean_inlined
 def step_axle(
     car: CarRecord,
     front: bool,
@@ -300,7 +300,7 @@ def step_axle(
     )
 
 
-@inlined
+@lean_inlined
 def advance(
     car: CarRecord,
     steer: float,
@@ -356,11 +356,12 @@ def advance(
     move(car, dt)
 
 
-@inlined
+@lean_inlined
 def move(car: CarRecord, dt: float) -> None:
     """Advance velocity, direction and place by dt seconds of the present acceleration and yaw rate."""
     car.world_velocity_x += dt * (car.acceleration_x * car.cos_yaw - car.acceleration_y * car.sin_yaw)
-    car.world_velocity_y += dt * (car.acceleration_x * car.sin_yaw + car.acceleration_y * car.cos_yaw)
+    northward = fused(car.acceleration_y, car.cos_yaw, car.acceleration_x * car.sin_yaw)
+    car.world_velocity_y += dt * northward
     turn(car, dt * car.yaw_rate)
     car.x += dt * car.world_velocity_x
     car.y += dt * car.world_velocity_y

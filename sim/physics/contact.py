@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from sim.car import CarParameters
-from sim.kernel import inlined
+from sim.kernel import lean_inlined
 from sim.physics.body import mobility, point_velocity, push, set_body_velocity
 from sim.state import CarRecord
 
@@ -38,7 +38,7 @@ class Touch(NamedTuple):
     normal_y: float
 
 
-@inlined
+@lean_inlined
 def reach_on(axis_x: float, axis_y: float, a: CarRecord, b: CarRecord, p: CarParameters) -> float:
     """Distance (m) of two cars' centres along a unit axis below which their boxes overlap on it."""
     reach = 0.0
@@ -49,7 +49,7 @@ def reach_on(axis_x: float, axis_y: float, a: CarRecord, b: CarRecord, p: CarPar
     return reach
 
 
-@inlined
+@lean_inlined
 def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float, float, int]:
     """Sum of the world positions of a's corners that lie in b's box, and their number."""
     sum_x = sum_y = 0.0
@@ -68,7 +68,7 @@ def corners_inside(a: CarRecord, b: CarRecord, p: CarParameters) -> tuple[float,
     return sum_x, sum_y, count
 
 
-@inlined
+@lean_inlined
 def collide(a: CarRecord, b: CarRecord, dt: float, p: CarParameters) -> Touch:
     """Resolve the contact of two cars, if there is one.
 
@@ -115,7 +115,7 @@ def collide(a: CarRecord, b: CarRecord, dt: float, p: CarParameters) -> Touch:
     return Touch(max(closing, 0.0), point_x, point_y, normal_x, normal_y)
 
 
-@inlined
+@lean_inlined
 def bounce(
     a: CarRecord, b: CarRecord, x: float, y: float, normal_x: float, normal_y: float, p: CarParameters
 ) -> float:
@@ -152,7 +152,7 @@ def bounce(
     return parting
 
 
-@inlined
+@lean_inlined
 def hit_wall(
     car: CarRecord,
     arm_x: float,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.car import CarParameters
-from sim.kernel import inlined
+from sim.kernel import fused, lean_inlined
 from sim.physics.contact import hit_wall
 from sim.physics.tyre import worn_grip
 from sim.state import CarRecord
@@ -59,7 +59,7 @@ def course_parameters(track: Track) -> CourseParameters:
     return CourseParameters(track.table, track.edges, np.array(track.sectors), track.spacing, track.length)
 
 
-@inlined
+@lean_inlined
 def project(car: CarRecord, line: np.ndarray) -> tuple[float, float, float]:
     """Where a car lies seen from a row of the table.
 
@@ -73,7 +73,7 @@ def project(car: CarRecord, line: np.ndarray) -> tuple[float, float, float]:
     return ahead, aside, ahead / max(1.0 - line[CURVATURE] * aside, 0.2)
 
 
-@inlined
+@lean_inlined
 def locate(car: CarRecord, course: CourseParameters) -> None:
     """Follow the car along the centre line from where it was last found."""
     rows = len(course.table)
@@ -97,10 +97,10 @@ def locate(car: CarRecord, course: CourseParameters) -> None:
     # Rounding must not send the search to and fro between two rows.
     car.along = min(max(along, 0.0), course.spacing)
     car.lateral = aside - 0.5 * course.table[car.row, CURVATURE] * ahead * along
-    car.progress = car.wraps * course.length + car.row * course.spacing + car.along
+    car.progress = fused(float(car.row), course.spacing, car.wraps * course.length) + car.along
 
 
-@inlined
+@lean_inlined
 def facing(car: CarRecord, course: CourseParameters) -> tuple[float, float]:
     """Sine and cosine of the heading error of a located car.
 
@@ -114,14 +114,14 @@ def facing(car: CarRecord, course: CourseParameters) -> tuple[float, float]:
     return sine * level - cosine * turn, cosine * level + sine * turn
 
 
-@inlined
+@lean_inlined
 def set_heading_error(car: CarRecord, course: CourseParameters) -> None:
     """Yaw of a located car minus the direction of the centre line beside it, rad in [-pi, pi]."""
     sine, cosine = facing(car, course)
     car.heading_error = math.atan2(sine, cosine)
 
 
-@inlined
+@lean_inlined
 def feel_road(car: CarRecord, sine: float, cosine: float, course: CourseParameters) -> None:
     """Set height, gradient and heave of the road under a located car.
 
@@ -150,7 +150,7 @@ def feel_road(car: CarRecord, sine: float, cosine: float, course: CourseParamete
     )
 
 
-@inlined
+@lean_inlined
 def stand_on(
     car: CarRecord,
     sine: float,
@@ -206,7 +206,7 @@ def stand_on(
     return out
 
 
-@inlined
+@lean_inlined
 def meet_walls(
     car: CarRecord, sine: float, cosine: float, p: CarParameters, course: CourseParameters
 ) -> bool:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sim.kernel import inlined
+from sim.kernel import lean_inlined
 
 LENGTH = 45.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car
@@ -15,7 +15,7 @@ REACH = 150.0  # m
 EDGE = 4.0  # half-widths beside the wake where nothing of it is left: exp(-8) = 0.0003
 
 
-@inlined
+@lean_inlined
 def wake(behind: float, beside: float) -> float:
     """Strength of a wake in [0, 1] at a place `behind` (m, gap) and `beside` (m) its car."""
     if behind < 0.0 or behind > REACH:
@@ -26,7 +26,7 @@ def wake(behind: float, beside: float) -> float:
     return math.exp(-behind / LENGTH - 0.5 * spread * spread)
 
 
-@inlined
+@lean_inlined
 def set_draught(cars: np.ndarray, car_length: float) -> None:
     """Sum the wakes that each car of one race sits in, at most 1."""
     for i in range(len(cars)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sim.car import TORQUE_POINTS, CarParameters
-from sim.kernel import inlined
+from sim.kernel import lean_inlined
 from sim.state import CarRecord
 
 RPM = 60.0 / (2.0 * math.pi)
@@ -13,7 +13,7 @@ DOWNSHIFT_MARGIN_RPM = 700.0
 """A lower gear is taken only if it leaves the engine so far below its upshift."""
 
 
-@inlined
+@lean_inlined
 def engine_torque(throttle: float, rpm: float, p: CarParameters) -> float:
     """Torque at the crank, N m, between closed-throttle drag and the full-load curve."""
     if rpm >= p.rpm_max:
@@ -25,7 +25,7 @@ def engine_torque(throttle: float, rpm: float, p: CarParameters) -> float:
     return drag + throttle * (full - drag)
 
 
-@inlined
+@lean_inlined
 def shift(car: CarRecord, driven_spin: float, dt: float, p: CarParameters) -> None:
     """Change gear by engine speed; the torque is cut while `shifting` lasts."""
     if car.shifting > 0.0:
@@ -42,7 +42,7 @@ def shift(car: CarRecord, driven_spin: float, dt: float, p: CarParameters) -> No
             car.shifting = p.shift_time
 
 
-@inlined
+@lean_inlined
 def drive_torque(car: CarRecord, driven_spin: float, p: CarParameters) -> tuple[float, float]:
     """Torque on the driven axle, N m, and the engine's inertia as the axle feels it, kg m^2.
 

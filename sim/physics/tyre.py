@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from sim.car import CarParameters
-from sim.kernel import inlined
+from sim.kernel import lean_inlined
 from sim.tyre_curve import CELLS
 
 WORN_GRIP = 0.12
@@ -19,7 +19,7 @@ SPENT_GRIP = 0.4
 LEAST_GRIP = 0.5
 
 
-@inlined
+@lean_inlined
 def tyre_force(
     slip_ratio: float, slip_angle: float, load: float, grip: float, p: CarParameters
 ) -> tuple[float, float, float, float]:
@@ -54,7 +54,7 @@ def tyre_force(
     return stiffness * slip_ratio, most_y * share_y, stiffness, left
 
 
-@inlined
+@lean_inlined
 def worn_grip(wear: float) -> float:
     """Share of its grip that a tyre has left."""
     return max(1.0 - WORN_GRIP * wear - SPENT_GRIP * max(wear - 1.0, 0.0), LEAST_GRIP)
