@@ -1,53 +1,90 @@
 """Draws the learning curves of the bundled checkpoints, from the `curve.csv` of their training runs.
 
-`.venv/bin/python -m benchmarks.curves` writes `policies/bundled/curves.svg` and prints one JSON object.
+`.venv/bin/python -m benchmarks.curves` writes `policies/bundled/curves.svg`, the runs of each circuit and
+car side by side, and prints one JSON object.
 """
 
 from __future__ import annotations
 
 import json
+from itertools import cycle
+from pathlib import Path
 
 import matplotlib
 import polars as pl
+from matplotlib.axes import Axes
+from rich.console import Console
 from rich.progress import track
 
 from arena.entrant import enter
-from benchmarks.bundled import alone
+from benchmarks.time_trial import drive_alone, limits
 from policies.bundled import BUNDLED
-from policies.checkpoint import read_card
+from policies.checkpoint import Card, read_card
+from policies.load import DRIVER
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-COLOURS = ("#1f6fb4", "#c8590b")
+COLOURS = ("#1f6fb4", "#c8590b", "#3a8a3f", "#8a4fa3", "#a8823c", "#c4457d")
+
+Runs = dict[tuple[str, str], list[tuple[Path, list[Card]]]]
+
+
+def bundled_runs() -> Runs:
+    """The curves of the runs that checkpoints are bundled of, with the cards of these, by circuit and car."""
+    runs: Runs = {}
+    for curve in sorted((BUNDLED / "curves").glob("*.csv")):
+        cards = [read_card(path) for path in sorted(BUNDLED.glob(f"{curve.stem}-*.safetensors"))]
+        if cards:
+            runs.setdefault((cards[0].circuit, cards[0].car), []).append((curve, cards))
+    return runs
+
+
+def draw_run(laps: Axes, off: Axes, path: Path, cards: list[Card], colour: str) -> float | None:
+    """Draw one run; returns its best mean lap, s."""
+    curve = pl.read_csv(path, null_values="nan", schema_overrides={"lap_s": pl.Float64})
+    lap = curve.filter(pl.col("lap_s").is_not_null())
+    chosen = lap.filter(pl.col("updates").is_in([card.step for card in cards]))
+    laps.plot(lap["updates"] / 1000, lap["lap_s"], color=colour, label=path.stem)
+    laps.plot(chosen["updates"] / 1000, chosen["lap_s"], "o", color=colour, markersize=4)
+    off.plot(curve["updates"] / 1000, 100 * curve["off_course_share"], color=colour)
+    return min(lap["lap_s"].to_list(), default=None)
+
+
+def draw_references(laps: Axes, circuit: str, car: str) -> None:
+    """Draw the built-in driver's lap, and the fastest there is where it is known."""
+    driver_s = drive_alone(enter(DRIVER, circuit, car)).lap_s
+    laps.axhline(driver_s, color="#666", linewidth=0.8, linestyle="--", label="built-in driver")
+    limit_s = limits().get((circuit, car))
+    if limit_s is not None:
+        laps.axhline(limit_s, color="#666", linewidth=0.8, linestyle=":", label="fastest lap there is")
 
 
 def main() -> None:
     """Draw all runs in `policies/bundled/curves`."""
     plt.rcParams.update({"font.family": "sans-serif", "font.size": 9, "svg.hashsalt": "nathlon"})
-    figure, (laps, off) = plt.subplots(2, 1, figsize=(7, 5), sharex=True, height_ratios=(2, 1))
+    runs = bundled_runs()
+    figure, axes = plt.subplots(
+        2, len(runs), figsize=(max(7, 4 * len(runs)), 5), sharex="col", height_ratios=(2, 1), squeeze=False
+    )
     best = {}
-    runs = sorted((BUNDLED / "curves").glob("*.csv"))
-    for path, colour in track(list(zip(runs, COLOURS, strict=True)), description="runs"):
-        curve = pl.read_csv(path, null_values="nan")
-        kept = [read_card(checkpoint).step for checkpoint in BUNDLED.glob(f"{path.stem}-*.safetensors")]
-        lap = curve.filter(pl.col("lap_s").is_not_null())
-        chosen = lap.filter(pl.col("updates").is_in(kept))
-        laps.plot(lap["updates"] / 1000, lap["lap_s"], color=colour, label=path.stem)
-        laps.plot(chosen["updates"] / 1000, chosen["lap_s"], "o", color=colour, markersize=4)
-        off.plot(curve["updates"] / 1000, 100 * curve["off_course_share"], color=colour)
-        best[path.stem] = lap["lap_s"].min()
-    driver = alone(enter("driver", "lindenring", "gt3"))["lap_s"]
-    laps.axhline(driver, color="#666", linewidth=0.8, linestyle="--", label="built-in driver")
-    laps.set_ylabel("mean lap, s (dots: bundled)")
-    laps.legend(frameon=False)
-    off.set_ylabel("off course, % of time")
-    off.set_yscale("symlog", linthresh=1)
-    off.set_ylim(0, 100)
-    off.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
-    off.set_xlabel("thousand updates")
-    for axis in (laps, off):
-        axis.spines[["top", "right"]].set_visible(False)
+    console = Console(stderr=True)
+    for (laps, off), (circuit, car) in track(
+        list(zip(axes.T, runs, strict=True)), "circuits", console=console
+    ):
+        for (path, cards), colour in zip(runs[circuit, car], cycle(COLOURS)):
+            best[path.stem] = draw_run(laps, off, path, cards, colour)
+        draw_references(laps, circuit, car)
+        laps.set_title(f"{circuit}, {car}", fontsize=9)
+        laps.legend(frameon=False)
+        off.set_yscale("symlog", linthresh=1)
+        off.set_ylim(0, 100)
+        off.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
+        off.set_xlabel("thousand updates")
+        for axis in (laps, off):
+            axis.spines[["top", "right"]].set_visible(False)
+    axes[0, 0].set_ylabel("mean lap, s (dots: bundled)")
+    axes[1, 0].set_ylabel("off course, % of time")
     figure.tight_layout()
     figure.savefig(BUNDLED / "curves.svg", metadata={"Date": None})
     print(json.dumps({"best_lap_s": best}))

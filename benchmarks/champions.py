@@ -1,0 +1,265 @@
+"""How good the champions are: alone against the limit and the driver, and from the back of the grid.
+
+`python -m benchmarks.champions --json FILE [--circuit NAME ...] [CHECKPOINT ...]` measures checkpoints, or
+folders of them, on the circuit and in the car of their cards. Without any it takes the bundled champions:
+those that `policies/bundled/champions.toml` names, or the last checkpoint of every bundled run where there
+is no such file.
+
+The JSON has, by circuit and car, `limit_s` (the fastest lap by optimal control, see `benchmarks.lap_limit`,
+null where it is not known), the built-in driver's figures alone under `driver`, and each checkpoint's under
+`champions`, by name:
+
+- `lap_s`, `best_lap_s`: median and best flying lap of the time trial from 8 starts, null where half of them
+  or all gave none; `clean_laps`, how many laps were completed without leaving the course;
+  `off_course_share`, of the time driven;
+- `limit_ratio`, `driver_ratio`: `lap_s` over the limit, and over the driver's in the same time trial;
+- `races`, `finished`, `wins_from_back`, `mean_place`: from the last place of the grid of the scenario `race`
+  (eight cars, standing start, two laps, penalties) against seven built-in drivers at full pace; `wins_low`
+  and `wins_high` are Wilson's 95 % interval;
+- `contacts_per_km`, `at_fault_per_km`: contacts with other cars in those races, and those that the stewards
+  laid to the champion, each with its 95 % interval: a bootstrap over races, nowhere shorter than counting
+  allows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from rich import box
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from scipy.special import gammaincinv
+from scipy.stats import binomtest
+
+from arena.entrant import Entrant, enter, enter_all, find_checkpoints
+from arena.match import Match, Race, Seat
+from arena.pool import match_policies
+from arena.runner import run_match
+from arena.statistics import interval, spread
+from benchmarks.time_trial import TimeTrial, drive_alone, limits
+from policies.bundled import BUNDLED
+from policies.checkpoint import read_card
+from policies.load import DRIVER
+from sim.data_file import Section, read_toml
+from sim.errors import InputError
+from sim.scenario import load_scenario
+
+CHAMPIONS = BUNDLED / "champions.toml"
+RACE = "race"
+RACES = 10
+SEED = 4711
+CONFIDENCE = 0.95
+RESAMPLES = 2000
+WIDTH = 150
+"""Of the printed tables, in characters."""
+
+Figures = dict[str, Any]
+
+
+class Champions(Section):
+    """The names of the bundled champions, files of `policies/bundled` without their suffix."""
+
+    names: tuple[str, ...]
+
+
+def bundled_champions() -> list[Path]:
+    """The checkpoints that stand for what comes with nathlon.
+
+    Raises:
+        InputError: if the file that names them cannot be read.
+    """
+    if CHAMPIONS.exists():
+        names = read_toml(CHAMPIONS, Champions, "champions").names
+        return [BUNDLED / f"{name}.safetensors" for name in names]
+    last: dict[str, Path] = {}
+    for path in sorted(BUNDLED.glob("*.safetensors"), key=lambda path: read_card(path).step):
+        last[path.stem.rpartition("-")[0]] = path
+    return list(last.values())
+
+
+def entrants_of(paths: Sequence[Path], circuits: Sequence[str]) -> dict[tuple[str, str], list[Entrant]]:
+    """Entrants by circuit and car, as their cards say, of the circuits given or of all.
+
+    Raises:
+        InputError: if a checkpoint cannot drive, or there is none for one of the circuits.
+    """
+    sources: dict[tuple[str, str], list[str]] = {}
+    for path in paths:
+        card = read_card(path)
+        if not circuits or card.circuit in circuits:
+            sources.setdefault((card.circuit, card.car), []).append(str(path))
+    for circuit in circuits:
+        if circuit not in {known for known, _ in sources}:
+            raise InputError(f"circuit {circuit}: no checkpoint for it, expected at least one")
+    return {where: enter_all(found, *where) for where, found in sorted(sources.items())}
+
+
+def alone(laps: TimeTrial, limit_s: float | None, driver: TimeTrial) -> Figures:
+    """Figures of a time trial."""
+    return {
+        "lap_s": _number(laps.lap_s, 3),
+        "best_lap_s": _number(laps.best_s, 3),
+        "clean_laps": laps.clean,
+        "off_course_share": round(laps.off_course_share, 5),
+        "limit_ratio": _number(laps.lap_s / limit_s, 4) if limit_s else None,
+        "driver_ratio": _number(laps.lap_s / driver.lap_s, 4),
+    }
+
+
+def race_match(entrant: Entrant, races: int) -> Match:
+    """Races of an entrant from the last place, all others are built-in drivers."""
+    seats = (*[Seat(1)] * (load_scenario(RACE).cars - 1), Seat(0))
+    return Match(
+        "race",
+        RACE,
+        RACE,
+        entrant.circuit,
+        entrant.car,
+        (entrant.id, DRIVER),
+        (entrant.source, DRIVER),
+        tuple(Race(SEED + race, seats) for race in range(races)),
+    )
+
+
+def from_the_back(rows: pl.DataFrame, rng: np.random.Generator) -> Figures:
+    """Figures of an entrant's RESULTS, one row a race; races with a fault of the simulator are void."""
+    rows = rows.filter(pl.col("ending") != "simulator_fault")
+    finished = rows.filter(pl.col("ending") == "finished")
+    wins = int((finished["place"] == 1).sum())
+    share = binomtest(wins, rows.height).proportion_ci(CONFIDENCE, "wilson")
+    km = rows["distance_m"].to_numpy() / 1000
+    figures = {
+        "races": rows.height,
+        "finished": finished.height,
+        "wins_from_back": wins,
+        "wins_low": round(share.low * rows.height, 2),
+        "wins_high": round(share.high * rows.height, 2),
+        "mean_place": float(rows["place"].to_numpy().mean()),
+    }
+    for name, column in (("contacts", "contacts"), ("at_fault", "contacts_at_fault")):
+        rate, low, high = rate_interval(rows[column].to_numpy().astype(np.float64), km, rng)
+        figures |= {f"{name}_per_km": _number(rate, 3), f"{name}_low": _number(low, 3)}
+        figures[f"{name}_high"] = _number(high, 3)
+    return figures
+
+
+def rate_interval(
+    events: NDArray[np.float64], km: NDArray[np.float64], rng: np.random.Generator
+) -> tuple[float, float, float]:
+    """Events a kilometre over some races, (races,) each, and the bounds of its interval; nan without a way.
+
+    The interval resamples races, the ratio made linear at its value, and is nowhere shorter than
+    Poisson counting alone allows.
+    """
+    total, way = events.sum(), km.sum()
+    if way <= 0.0:
+        return math.nan, math.nan, math.nan
+    rate, races = total / way, len(km)
+    spreads = spread(events - rate * km, np.array([races]), RESAMPLES, rng)
+    low, high = interval(np.array([rate]), np.array([[races / way]]), spreads, CONFIDENCE)
+    tail = (1 - CONFIDENCE) / 2
+    fewest = gammaincinv(total, tail) / way if total else 0.0
+    most = gammaincinv(total + 1, 1 - tail) / way
+    return float(rate), float(max(np.fmin(low[0], fewest), 0.0)), float(np.fmax(high[0], most))
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def measure(
+    entrants: dict[tuple[str, str], list[Entrant]], races: int, console: Console
+) -> dict[str, dict[str, Figures]]:
+    """All figures by circuit and car."""
+    measured: dict[str, dict[str, Figures]] = {}
+    for (circuit, car), those in entrants.items():
+        limit_s = limits().get((circuit, car))
+        driver = drive_alone(enter(DRIVER, circuit, car))
+        champions = {}
+        for entrant in track(those, f"{circuit}, {car}", console=console):
+            match = race_match(entrant, races)
+            rows = run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
+            champions[entrant.name] = {
+                **alone(drive_alone(entrant), limit_s, driver),
+                **from_the_back(rows, np.random.default_rng(SEED)),
+            }
+        measured.setdefault(circuit, {})[car] = {
+            "limit_s": limit_s,
+            "driver": alone(driver, limit_s, driver),
+            "champions": champions,
+        }
+    return measured
+
+
+def table(circuit: str, car: str, figures: Figures) -> Table:
+    """The figures of one circuit and car for people."""
+    limit = "not known" if figures["limit_s"] is None else f"{figures['limit_s']:.3f} s"
+    rendered = Table(
+        "",
+        *("lap, s", "best, s", "/ limit", "/ driver", "off course"),
+        *("wins of races", "place", "contacts / km", "at fault / km"),
+        title=f"{circuit}, {car}: limit {limit}",
+        title_justify="left",
+        box=box.MARKDOWN,
+    )
+    rendered.add_row("built-in driver", *_alone_cells(figures["driver"]), *[""] * 4)
+    for name, champion in figures["champions"].items():
+        wins = f"{champion['wins_from_back']} of {champion['races']}"
+        rendered.add_row(
+            name,
+            *_alone_cells(champion),
+            f"{wins} ({champion['wins_low']:.1f}-{champion['wins_high']:.1f})",
+            f"{champion['mean_place']:.1f}",
+            _rate_cell(champion, "contacts"),
+            _rate_cell(champion, "at_fault"),
+        )
+    return rendered
+
+
+def _alone_cells(figures: Figures) -> list[str]:
+    cells = [figures[name] for name in ("lap_s", "best_lap_s", "limit_ratio", "driver_ratio")]
+    return [*("" if cell is None else f"{cell:.3f}" for cell in cells), f"{figures['off_course_share']:.2%}"]
+
+
+def _rate_cell(figures: Figures, name: str) -> str:
+    rate, low, high = (figures[f"{name}_{part}"] for part in ("per_km", "low", "high"))
+    return "" if rate is None else f"{rate:.2f} ({low:.2f}-{high:.2f})"
+
+
+def write(path: Path, measured: dict[str, dict[str, Figures]]) -> None:
+    """Write the JSON, whole or not at all."""
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(measured, indent=1) + "\n", "utf-8")
+    os.replace(partial, path)
+
+
+def main() -> None:
+    """Measure, write the JSON, print the tables."""
+    parser = argparse.ArgumentParser(prog="benchmarks.champions", description="How good the champions are")
+    parser.add_argument("checkpoints", nargs="*", type=Path, help="or folders of them; default: bundled ones")
+    parser.add_argument("--json", type=Path, required=True, help="file for the figures")
+    parser.add_argument("--circuit", nargs="+", action="extend", default=[], help="measure only these")
+    chosen = parser.parse_args()
+    try:
+        paths = find_checkpoints(chosen.checkpoints) or bundled_champions()
+        measured = measure(entrants_of(paths, chosen.circuit), RACES, Console(stderr=True))
+    except InputError as error:
+        parser.error(str(error))
+    write(chosen.json, measured)
+    for circuit, cars in measured.items():
+        for car, figures in cars.items():
+            Console(width=WIDTH).print(table(circuit, car, figures))
+
+
+if __name__ == "__main__":
+    main()

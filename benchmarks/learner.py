@@ -1,0 +1,218 @@
+"""Updates a second of the learner beside Stable-Baselines3's SAC and sb3-contrib's TQC at equal sizes.
+
+Run as `python -m benchmarks.learner --json FILE`. All learners see observations of 231 numbers, act in two,
+have twin critics and sample their own replay for each update. Ours and TQC estimate 32 quantiles a critic,
+SAC the mean. The weight of the entropy is fixed for all, which spares the others an optimiser. They take
+turns, so that what else the machine does meets all of them alike. The entries of the JSON:
+
+- `sizes`: for each shape of the networks and batch
+    - `ours`, `ours_float32`, `sb3_sac`, `tqc`: updates a second of wall time, medians over the turns; the
+      first two are one figure where the processor has no instructions for bfloat16;
+    - `ratio`: ours over each other; `float32_ratio`: the same for ours in float32;
+    - `gflop`: floating-point operations in the matrix products of one of our updates, in billions;
+    - `peak_share`: of what the processor does in one large matrix product of ours' precision, the share that
+      our updates reach, counting nothing but their matrix products; `float32_peak_share` in float32;
+    - `compile_s`: wall time of our first update, float32;
+- `peak_gflops`: that large product (2,048 x 2,048), the best turn, by precision;
+- `threads`, `machine` and `versions`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium.spaces import Box
+from rich.console import Console
+from rich.progress import track
+from sb3_contrib import TQC
+from stable_baselines3 import SAC
+from stable_baselines3.common.logger import configure
+from torch.utils.flop_counter import FlopCounterMode
+
+from policies.qrsac.config import QRSACConfig
+from policies.qrsac.learner import QRSAC, fast_precision
+from policies.replay import NStepReplay
+
+OBSERVATION, ACTION = 231, 2
+SIZES = {
+    "256x2, batch 256": ((256, 256), 256),
+    "256x2, batch 1,024": ((256, 256), 1024),
+    "2,048x4, batch 1,024": ((2048,) * 4, 1024),
+}
+STORED = 20_000
+SLOTS = 100
+ALPHA = 0.01
+TURNS = 9
+TURN_S = 0.5
+"""Of one learner, at least; one update where that takes longer."""
+PEAK_WIDTH = 2048
+
+Updates = Callable[[int], object]
+"""Makes so many updates."""
+
+
+class Space(gymnasium.Env[Any, Any]):
+    """Nothing but the spaces, from which the other learners take their sizes."""
+
+    observation_space = Box(-np.inf, np.inf, (OBSERVATION,), np.float32)
+    action_space = Box(-1.0, 1.0, (ACTION,), np.float32)
+
+
+def our_config(hidden: tuple[int, ...], batch: int, precision: torch.dtype) -> QRSACConfig:
+    """Ours at a size."""
+    name = str(precision).removeprefix("torch.")
+    return QRSACConfig.model_validate({"hidden": hidden, "batch": batch, "alpha": ALPHA, "precision": name})
+
+
+def our_replay(rng: np.random.Generator) -> NStepReplay:
+    """Our replay, full of noise."""
+    replay = NStepReplay(STORED, SLOTS, OBSERVATION, ACTION, 1, 0.99)
+    ended = np.zeros(SLOTS, np.bool_)
+    for _ in range(STORED // SLOTS):
+        seen, reached = rng.standard_normal((2, SLOTS, OBSERVATION), np.float32)
+        actions = rng.uniform(-1.0, 1.0, (SLOTS, ACTION)).astype(np.float32)
+        replay.add(seen, actions, rng.standard_normal(SLOTS, np.float32), reached, ended, ended)
+    return replay
+
+
+def ours(
+    config: QRSACConfig, replay: NStepReplay, rng: np.random.Generator, compiled: bool = True
+) -> Updates:
+    """Updates of ours."""
+    learner = QRSAC(OBSERVATION, ACTION, config, torch.Generator().manual_seed(0), compiled)
+
+    def update(count: int) -> None:
+        for _ in range(count):
+            learner.update(replay.sample(config.batch, rng))
+
+    return update
+
+
+def theirs(kind: type[SAC] | type[TQC], config: QRSACConfig, rng: np.random.Generator) -> Updates:
+    """Updates of SAC or TQC with a replay full of noise."""
+    critics: dict[str, Any] = {"n_critics": 2} | ({"n_quantiles": config.quantiles} if kind is TQC else {})
+    model = kind(
+        "MlpPolicy",
+        Space(),
+        buffer_size=STORED,
+        ent_coef=ALPHA,
+        policy_kwargs={"net_arch": list(config.hidden), **critics},
+        device="cpu",
+        seed=0,
+    )
+    model.set_logger(configure(None, []))
+    replay = model.replay_buffer
+    assert replay is not None
+    replay.observations[:] = rng.standard_normal(replay.observations.shape, np.float32)
+    replay.next_observations[:] = rng.standard_normal(replay.observations.shape, np.float32)
+    replay.actions[:] = rng.uniform(-1.0, 1.0, replay.actions.shape)
+    replay.rewards[:] = rng.standard_normal(replay.rewards.shape, np.float32)
+    replay.full = True
+    return lambda count: model.train(count, config.batch)
+
+
+def product(precision: torch.dtype) -> Updates:
+    """Large matrix products, for the peak of the processor."""
+    factors = torch.randn(2, PEAK_WIDTH, PEAK_WIDTH).to(precision)
+
+    def multiply(count: int) -> None:
+        for _ in range(count):
+            factors[0] @ factors[1]
+
+    return multiply
+
+
+def timed(updates: Updates, count: int) -> float:
+    """Seconds of wall time for one of `count` updates."""
+    began = time.perf_counter()
+    updates(count)
+    return (time.perf_counter() - began) / count
+
+
+def operations(updates: Updates) -> int:
+    """Floating-point operations (multiplications and additions) in the matrix products of one update."""
+    with FlopCounterMode(display=False) as counter:
+        updates(1)
+    return int(counter.get_total_flops())
+
+
+def measure(hidden: tuple[int, ...], batch: int, console: Console) -> tuple[dict[str, Any], dict[str, float]]:
+    """The entry of one size, and the peak in Gflop/s by precision."""
+    rng = np.random.default_rng(0)
+    precisions = {"ours_float32": torch.float32, "ours": fast_precision(torch.device("cpu"))}
+    if precisions["ours"] is torch.float32:
+        del precisions["ours"]
+    replay = our_replay(rng)
+    learners = {
+        name: ours(our_config(hidden, batch, precision), replay, rng)
+        for name, precision in precisions.items()
+    }
+    first_s = {name: timed(updates, 1) for name, updates in learners.items()}
+    plain = our_config(hidden, batch, torch.float32)
+    learners |= {"sb3_sac": theirs(SAC, plain, rng), "tqc": theirs(TQC, plain, rng)}
+    products = {str(p).removeprefix("torch."): product(p) for p in precisions.values()}
+    contenders = learners | products
+
+    counts = {}
+    for name, updates in contenders.items():
+        updates(1)
+        counts[name] = max(1, round(TURN_S / timed(updates, 1)))
+    seconds: dict[str, list[float]] = {name: [] for name in contenders}
+    for _ in track(range(TURNS), f"{'x'.join(map(str, hidden))}, batch {batch}", console=console):
+        for name, updates in contenders.items():
+            seconds[name].append(timed(updates, counts[name]))
+
+    rate = {name: 1.0 / float(np.median(seconds[name])) for name in learners}
+    rate.setdefault("ours", rate["ours_float32"])
+    peak = {name: 2e-9 * PEAK_WIDTH**3 / min(seconds[name]) for name in products}
+    gflop = 1e-9 * operations(ours(plain, replay, rng, compiled=False))
+    fast = str(precisions.get("ours", torch.float32)).removeprefix("torch.")
+    return {
+        **{name: round(rate[name], 2) for name in ("ours", "ours_float32", "sb3_sac", "tqc")},
+        "ratio": {name: round(rate["ours"] / rate[name], 2) for name in ("sb3_sac", "tqc")},
+        "float32_ratio": {name: round(rate["ours_float32"] / rate[name], 2) for name in ("sb3_sac", "tqc")},
+        "gflop": round(gflop, 3),
+        "peak_share": round(gflop * rate["ours"] / peak[fast], 3),
+        "float32_peak_share": round(gflop * rate["ours_float32"] / peak["float32"], 3),
+        "compile_s": round(first_s["ours_float32"], 1),
+    }, peak
+
+
+def main() -> None:
+    """Measure all sizes, show progress on stderr and write the JSON."""
+    parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--threads", type=int, default=2)
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    console = Console(stderr=True)
+    sizes: dict[str, Any] = {}
+    peaks: dict[str, float] = {}
+    for name, (hidden, batch) in SIZES.items():
+        sizes[name], peak = measure(hidden, batch, console)
+        peaks = {precision: max(peaks.get(precision, 0.0), value) for precision, value in peak.items()}
+    figures = {
+        "sizes": sizes,
+        "peak_gflops": {precision: round(value, 1) for precision, value in peaks.items()},
+        "threads": options.threads,
+        "machine": platform.platform(),
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("torch", "stable-baselines3", "sb3-contrib")},
+        },
+    }
+    options.json.write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

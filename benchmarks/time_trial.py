@@ -1,0 +1,72 @@
+"""Time trials: flying laps alone from a few starts, and the fastest lap to hold them against."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from arena.entrant import Entrant
+from arena.match import Match, Race, Seat
+from arena.pool import match_policies
+from arena.runner import run_match
+
+SCENARIO = "time_trial"
+STARTS = 8
+SEED = 2024
+LIMITS = Path(__file__).with_name("limits.json")
+"""What `benchmarks.lap_limit` wrote with `--out`."""
+
+
+@dataclass(frozen=True)
+class TimeTrial:
+    """Flying laps alone, one from each start.
+
+    Attributes:
+        laps_s: (starts,) inf where the lap was not completed.
+        off_course_share: of the time driven.
+        clean: laps completed without leaving the course.
+    """
+
+    laps_s: NDArray[np.float64]
+    off_course_share: float
+    clean: int
+
+    @property
+    def lap_s(self) -> float:
+        """Median lap; inf where half of the starts or more gave none."""
+        return float(np.median(self.laps_s))
+
+    @property
+    def best_s(self) -> float:
+        """Fastest lap; inf where there is none."""
+        return float(self.laps_s.min())
+
+
+def time_trial(rows: pl.DataFrame) -> TimeTrial:
+    """The time trial that some RESULTS tell of, one row a start."""
+    laps = rows["best_lap_s"].fill_null(math.inf).to_numpy()
+    clean = np.isfinite(laps) & (rows["off_course_s"] == 0.0).to_numpy()
+    off_course_share = float(rows["off_course_s"].sum()) / float(rows["driven_s"].sum())
+    return TimeTrial(laps, off_course_share, int(clean.sum()))
+
+
+def drive_alone(entrant: Entrant, starts: int = STARTS) -> TimeTrial:
+    """Let an entrant drive the time trial; the starts are the same for everybody."""
+    races = tuple(Race(SEED + start, (Seat(0),)) for start in range(starts))
+    circuit, car = entrant.circuit, entrant.car
+    match = Match("time_trial", SCENARIO, SCENARIO, circuit, car, (entrant.id,), (entrant.source,), races)
+    return time_trial(run_match(match, match_policies(match)))
+
+
+@cache
+def limits() -> dict[tuple[str, str], float]:
+    """The fastest laps by optimal control, s, by circuit and car, as far as they are known."""
+    laps = json.loads(LIMITS.read_text("utf-8"))["laps"]
+    return {(lap["circuit"], lap["car"]): lap["limit_s"] for lap in laps if lap["solved"]}
