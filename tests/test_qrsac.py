@@ -210,6 +210,103 @@ def test_updates_equal_those_of_modules_and_optimisers(bound: float) -> None:
     torch.testing.assert_close(policy.state_dict(), expected.state_dict(), rtol=1e-4, atol=1e-5)
 
 
+def settled(state: State, critics: list[nn.ModuleList], update: Update) -> list[Tensor]:
+    """Fills the modules with the critics of a state; returns their parameters."""
+    for i, layers in enumerate(critics):
+        fill(layers, [tensor[i] for tensor in update.critics.tensors(state.critic)])
+    return [parameter for layers in critics for parameter in layers.parameters()]
+
+
+def test_without_distribution_it_is_soft_actor_critic() -> None:
+    """Half the mean squared error to the smaller target value, and the step that Adam makes on it."""
+    settings = config(distributional=False, gradient_norm=1e6, alpha=0.2)
+    update = Update(OBSERVATION, ACTION, settings)
+    state = state_of(learner(distributional=False))
+    target = torch.randn(state.target.shape, generator=torch.Generator().manual_seed(0))
+    state = state._replace(target=target)
+    critics, targets = ([module(OBSERVATION + ACTION, 1) for _ in range(2)] for _ in range(2))
+    parameters = settled(state, critics, update)
+    settled(state._replace(critic=target), targets, update)
+    adam = torch.optim.Adam(parameters, lr=settings.critic_rate)
+    (batch,), noise = batches(1), noise_of(2)
+    with torch.no_grad():
+        new, metrics = update(state, batch, noise)
+        outputs = update.policy(state.policy, batch.next_observation)
+        action, log_density = squashed_normal(outputs, noise.next_action)
+        inputs = torch.cat((batch.next_observation, action), -1)
+        first, second = (forward(layers, inputs)[:, 0] for layers in targets)
+        soft = torch.minimum(first, second) - 0.2 * log_density
+        sought = batch.reward + batch.discount * soft
+    assert (first < second).any()
+    assert (first > second).any()
+    inputs = torch.cat((batch.observation, batch.action), -1)
+    loss = torch.stack([0.5 * (forward(layers, inputs)[:, 0] - sought).square().mean() for layers in critics])
+    torch.autograd.backward(loss.sum())
+    torch.testing.assert_close(metrics["critic_loss"], loss.sum().detach())
+    slopes = [parameter.grad for parameter in parameters if parameter.grad is not None]
+    torch.testing.assert_close(metrics["gradient_norm"], nn.utils.get_total_norm(slopes))
+    adam.step()
+    for i, layers in enumerate(critics):
+        expected = module(OBSERVATION + ACTION, 1)
+        fill(expected, [tensor[i] for tensor in update.critics.tensors(new.critic)])
+        torch.testing.assert_close(layers.state_dict(), expected.state_dict())
+
+
+def test_layer_norm_is_that_of_torch() -> None:
+    """Values of the critics and the norm of their gradient with torch.nn.LayerNorm; the policy has none."""
+    update = Update(OBSERVATION, ACTION, config(layer_norm=True, gradient_norm=1e6))
+    state = state_of(learner(layer_norm=True))
+    critics = [module(OBSERVATION + ACTION, 6) for _ in range(2)]
+    parameters = settled(state, critics, update)
+    networks = []
+    for first, second, last in critics:
+        norms = (nn.LayerNorm(width, elementwise_affine=False) for width in (8, 12))
+        networks.append(nn.Sequential(first, next(norms), nn.ReLU(), second, next(norms), nn.ReLU(), last))
+    (batch,), noise = batches(1), noise_of(2)
+    inputs = torch.cat((batch.observation, batch.action), -1)
+    expected = torch.stack([network(inputs) for network in networks])
+    found = update.returns(state.critic, batch.observation, batch.action)
+    torch.testing.assert_close(found, expected.detach())
+    samples = update.targets(state, batch, noise)
+    _, metrics = update(state, batch, noise)
+    loss = plain_loss(expected[0], samples) + plain_loss(expected[1], samples)
+    slopes = torch.autograd.grad(loss, parameters)
+    torch.testing.assert_close(metrics["critic_loss"], loss.detach())
+    torch.testing.assert_close(metrics["gradient_norm"], nn.utils.get_total_norm(slopes))
+    policy = module(OBSERVATION, 2 * ACTION)
+    fill(policy, update.policy.tensors(state.policy))
+    outputs = update.policy(state.policy, batch.observation)
+    torch.testing.assert_close(outputs, forward(policy, batch.observation).detach())
+
+
+def test_bfloat16_stays_near_float32() -> None:
+    """Both learners move from the same start by nearly the same way; parameters stay float32."""
+    full, fast = (
+        learner(precision=precision, hidden=(64, 64), critic_rate=1e-3, policy_rate=1e-3)
+        for precision in ("float32", "bfloat16")
+    )
+    start = full.state_dict()
+    for batch in batches(20):
+        full.update(batch)
+        fast.update(batch)
+    ends, others = full.state_dict(), fast.state_dict()
+    for name in ("policy", "critic", "target"):
+        moved, apart = (ends[name] - start[name]).norm(), (ends[name] - others[name]).norm()
+        assert 0.0 < apart < 0.1 * moved
+        assert others[name].dtype == torch.float32
+
+
+@pytest.mark.parametrize(("column", "wrong"), [("reward", np.nan), ("observation", np.inf)])
+def test_numbers_that_are_not_finite_are_noticed(column: str, wrong: float) -> None:
+    qrsac = learner()
+    first, second = batches(2)
+    qrsac.update(first)
+    assert qrsac.finite
+    getattr(second, column)[3] = wrong
+    qrsac.update(second)
+    assert not qrsac.finite
+
+
 def huber_quantile(level: float, chance: float) -> float:
     """Where the expected quantile Huber loss is least if the return is 10 with that chance and else 0."""
     if level <= 1.0 - chance:
@@ -342,6 +439,7 @@ def test_policy_tensors_give_the_actions() -> None:
         {"dropout": 1.0},
         {"polyak": 0.0},
         {"critic_rate": -1e-3},
+        {"precision": "float16"},
     ],
 )
 def test_a_wrong_configuration_is_refused(wrong: dict[str, object]) -> None:

@@ -17,11 +17,11 @@ class QRSACConfig(BaseModel):
     Attributes:
         hidden: units of each hidden layer, of the policy and of each critic.
         quantiles: quantiles of the return that each critic estimates.
-        layer_norm: whether the critics standardise each hidden layer before its ReLU (Ba et al., 2016, without
-            learned scale and shift); it keeps values bounded where there are no data, so that higher rates
-            learn (not in the reference).
-        distributional: False estimates the mean return by least squares instead, with one output a critic:
-            plain SAC.
+        layer_norm: whether the critics standardise each hidden layer before its ReLU (Ba et al., 2016,
+            without learned scale and shift); it keeps values bounded where there are no data, so that
+            higher rates learn (not in the reference).
+        distributional: False estimates the mean return by least squares instead, with one output a
+            critic: plain SAC.
         n_step: steps of a full transition (the replay buffer cuts them).
         gamma: discount a step.
         alpha: weight of the entropy bonus; tied to the scale of the reward.

@@ -297,7 +297,7 @@ class QRSAC:
         return all(bool(tensor.isfinite().all()) for tensor in self._state)
 
     def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
-        """Actions of the present policy drawn from the learner's generator, or of the mean policy; see `act`."""
+        """Actions (n, a) of the present policy drawn from the learner's generator, or of the mean policy."""
         if stochastic:
             return act(self._update.policy, self._state.policy, observations, self._generator)
         return act(self._update.policy, self._state.average, observations, None)
