@@ -10,9 +10,12 @@ from pathlib import Path
 import polars as pl
 
 from arena.results import ENTRANTS
-from policies.checkpoint import checkpoint_id, load_checkpoint
-from policies.load import DRIVER, load_policy
+from policies.load import DRIVER, SUFFIXES, load_file, load_policy
+from policies.plugin import PLUGIN, plugin_id
 from sim.errors import InputError
+
+CIRCUIT, CAR = "lindenring", "gt3"
+"""What policies drive when nothing else is said."""
 
 
 @dataclass(frozen=True)
@@ -20,9 +23,11 @@ class Entrant:
     """A policy that races.
 
     Attributes:
-        id: SHA-256 of a checkpoint's bytes, or the built-in driver's name with its settings.
+        id: SHA-256 of a file's bytes or of an installed package, or the built-in driver's name with its
+            settings.
         name: short, unique among the entrants of a run.
-        source: path of the checkpoint, or the driver's name.
+        source: path of the file, or the name of the driver or plugin.
+        step, seed: of the training; None where they are not known.
     """
 
     id: str
@@ -41,17 +46,20 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
     Raises:
         InputError: if it cannot drive this car on this circuit.
     """
-    if source.partition(":")[0] == DRIVER:
+    kind, _, name = source.partition(":")
+    if kind == DRIVER:
         load_policy(source, circuit, car)
         return Entrant(source, source, source, "built-in driver", circuit, car, None, None)
-    path = Path(source)
-    card = load_checkpoint(path).card
+    if kind == PLUGIN:
+        load_policy(source, circuit, car)
+        return Entrant(plugin_id(name), name, source, "plugin", circuit, car, None, None)
+    policy = load_file(Path(source))
+    card = policy.card
     for field, made_for, wanted in (("circuit", card.circuit, circuit), ("car", card.car, car)):
-        if made_for != wanted:
+        if made_for not in (None, wanted):
             raise InputError(f"{source}: {field} is {made_for!r}, expected {wanted!r}")
-    return Entrant(
-        checkpoint_id(path), path.stem, source, card.algorithm, card.circuit, card.car, card.step, card.seed
-    )
+    algorithm = card.algorithm or "unknown"
+    return Entrant(policy.id, Path(source).stem, source, algorithm, circuit, car, card.step, card.seed)
 
 
 def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
@@ -63,13 +71,29 @@ def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
-            inside = sorted(p for p in path.rglob("*.safetensors") if p.name != "state.safetensors")
+            inside = sorted(
+                p for p in path.rglob("*") if p.suffix in SUFFIXES and p.name != "state.safetensors"
+            )
             if not inside:
-                raise InputError(f"{path}: holds no .safetensors checkpoint")
+                raise InputError(f"{path}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
             found.extend(inside)
         else:
             found.append(path)
     return found
+
+
+def trained_on(sources: Iterable[str]) -> tuple[str, str]:
+    """Circuit and car of the first of some files that tells them, or else the environments' own.
+
+    Raises:
+        InputError: if a file that comes before it cannot be read.
+    """
+    for source in sources:
+        if source.partition(":")[0] not in (DRIVER, PLUGIN):
+            card = load_file(Path(source)).card
+            if card.circuit is not None and card.car is not None:
+                return card.circuit, card.car
+    return CIRCUIT, CAR
 
 
 def enter_all(sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:

@@ -79,6 +79,7 @@ class Match:
         facts["code"] = code_fingerprint()
         facts["numpy"] = version("numpy")
         facts["numba"] = version("numba")
+        facts["onnxruntime"] = version("onnxruntime")
         return facts
 
 

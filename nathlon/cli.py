@@ -50,7 +50,10 @@ def demo(
 @app.command()
 def evaluate(
     checkpoints: Annotated[
-        list[Path], typer.Argument(help="Checkpoints (.safetensors), or folders of them.")
+        list[Path],
+        typer.Argument(
+            help="Checkpoints (.safetensors, Stable-Baselines3 .zip, .onnx), folders of them, plugin:NAME."
+        ),
     ],
     out: Out = Path("runs/evaluation"),
     seed: Seed = 1,
@@ -83,10 +86,41 @@ def train(
 
 
 @app.command()
+def ablate(
+    config: Annotated[
+        str, typer.Argument(help="time_trial, racing, or the path of a training configuration (.toml).")
+    ],
+    out: Out = Path("runs/ablation"),
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each variant, with seeds from 1 on.")] = 3,
+    updates: Annotated[
+        int | None, typer.Option(min=1, help="Updates of each run; those of the configuration by default.")
+    ] = None,
+    variant: Annotated[
+        list[str] | None, typer.Option(help="Train this variant; may be repeated. All by default.")
+    ] = None,
+    pairs: Annotated[
+        int, typer.Option(min=0, help="Mirrored pairs of 4v4 races of each run against the base.")
+    ] = 0,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Threads of the learner, processes of the races.")
+    ] = None,
+) -> None:
+    """Train variants of a configuration without parts of the method, and draw what the parts are worth.
+
+    The same command goes on after Ctrl-C.
+    """
+    from nathlon.commands.ablate import ablate as run
+
+    run(config, out, seeds, updates, variant or [], pairs, workers)
+
+
+@app.command()
 def race(
     entrants: Annotated[
         list[str],
-        typer.Argument(help="Checkpoints or built-in drivers (driver:pace=0.95), from pole in turn."),
+        typer.Argument(
+            help="Checkpoints, built-in drivers (driver:pace=0.95) or plugin:NAME, from pole in turn."
+        ),
     ],
     scenario: Annotated[str, typer.Option(help="Name or path of the scenario.")] = "race",
     circuit: Annotated[str, typer.Option(help="Name or path of the circuit.")] = "lindenring",
@@ -113,6 +147,17 @@ def replay(
     from nathlon.commands.racing import replay as run
 
     run(recording, show)
+
+
+@app.command()
+def export(
+    checkpoint: Annotated[Path, typer.Argument(help="Checkpoint (.safetensors).")],
+    onnx: Annotated[Path, typer.Option("--onnx", help="The ONNX file to write.")],
+) -> None:
+    """Write a checkpoint as an ONNX graph, which other programs can run and nathlon can race."""
+    from nathlon.commands.export import export as run
+
+    run(checkpoint, onnx)
 
 
 @app.command()

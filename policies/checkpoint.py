@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidat
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from policies.mlp import Mlp
 from policies.policy import Batch
 from sim.errors import InputError, first_fault
 from sim.observation import ObservationSpec
@@ -36,6 +37,11 @@ def _observation_spec(value: Any) -> ObservationSpec:
     if not isinstance(value, dict):
         raise ValueError("expected an object")
     return ObservationSpec.from_dict(value)
+
+
+Observation = Annotated[
+    ObservationSpec, PlainValidator(_observation_spec), PlainSerializer(ObservationSpec.to_dict)
+]
 
 
 class Card(BaseModel):
@@ -59,9 +65,7 @@ class Card(BaseModel):
     format: Literal[1] = 1
     algorithm: str
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)]
-    observation: Annotated[
-        ObservationSpec, PlainValidator(_observation_spec), PlainSerializer(ObservationSpec.to_dict)
-    ]
+    observation: Observation
     circuit: str
     car: str
     scenarios: tuple[str, ...]
@@ -138,6 +142,7 @@ class NetworkPolicy:
         card: what the policy is.
         id: the checkpoint's id.
         observation_spec: layout of the observations that it expects.
+        network: from observations to actions.
     """
 
     def __init__(self, card: Card, identity: str, tensors: Mapping[str, NDArray[np.float32]]) -> None:
@@ -148,9 +153,8 @@ class NetworkPolicy:
         *hidden, (weight, bias) = (
             (tensors[f"{i}.weight"], tensors[f"{i}.bias"]) for i in range(len(card.hidden) + 1)
         )
-        self._hidden = hidden
-        self._weight = np.ascontiguousarray(weight[:, :ACTION_SIZE])
-        self._bias = bias[:ACTION_SIZE]
+        means = (np.ascontiguousarray(weight[:, :ACTION_SIZE]), bias[:ACTION_SIZE])
+        self.network = Mlp((*hidden, means), "relu", "tanh")
 
     @classmethod
     def load(cls, path: Path) -> NetworkPolicy:
@@ -177,12 +181,7 @@ class NetworkPolicy:
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """Actions (n, 2) float32 for observations (n, observation_spec.size) float32; memory as it was."""
-        layer = observations
-        for weight, bias in self._hidden:
-            layer = layer @ weight
-            layer += bias
-            np.maximum(layer, 0.0, out=layer)
-        return np.tanh(layer @ self._weight + self._bias), memory
+        return self.network(observations), memory
 
 
 def load_checkpoint(path: Path) -> NetworkPolicy:

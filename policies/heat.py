@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.load import load_policy
 from policies.policy import Batch, Policy
-from sim.episode import Episodes, View
+from sim.episode import Episodes, Moment, View
 from sim.errors import InputError
 from sim.observation import ObservationSpec
 
@@ -17,24 +17,21 @@ Indices = NDArray[np.int64]
 
 
 class Opponent:
-    """A policy and the cars that it drives."""
+    """A policy that may drive any of the opponents' cars, with a memory for each of them."""
 
-    def __init__(self, policy: Policy, episodes: Episodes, races: Indices, cars: Indices) -> None:
-        """Cars at (n,) indices."""
-        self.races, self.cars = races, cars
-        self._policy = policy
-        self._view: View = episodes.watch(policy.observation_spec, races, cars)
-        self._memory = policy.initial_memory(len(races))
+    def __init__(self, policy: Policy, view: View, cars: int) -> None:
+        """A policy, the view from all of those cars, and their number."""
+        self._policy, self._view = policy, view
+        self._memory = policy.initial_memory(cars)
 
-    def act(self) -> Batch:
-        """Actions of its cars, (n, 2)."""
-        actions, self._memory = self._policy.act(self._view.seen, self._memory)
+    def act(self, cars: Indices) -> Batch:
+        """Actions of some of the cars, (n, 2)."""
+        actions, self._memory[cars] = self._policy.act(self._view.seen[cars], self._memory[cars])
         return actions
 
-    def forget(self, races: Iterable[int]) -> None:
-        """Start the memory of its cars in some races afresh."""
-        mine = np.isin(self.races, list(races))
-        self._memory[mine] = self._policy.initial_memory(int(mine.sum()))
+    def forget(self, cars: Indices) -> None:
+        """Start the memory of some of the cars afresh."""
+        self._memory[cars] = self._policy.initial_memory(len(cars))
 
 
 class Heat:
@@ -43,6 +40,7 @@ class Heat:
     Attributes:
         episodes: the races themselves, read them freely.
         races, cars: (n,) indices of the cars that are driven from outside.
+        others: how many cars of each race the opponents drive.
     """
 
     def __init__(
@@ -58,7 +56,8 @@ class Heat:
             episodes: the races.
             places: indices of the cars that are driven from outside, the same in every race.
             observation: what is seen from those.
-            opponents: who drive the others in turn, beginning one further on in each race.
+            opponents: who drive the others in turn, beginning one further on in each race, until
+                `seat` says otherwise.
 
         Raises:
             InputError: if nobody drives the others.
@@ -66,31 +65,64 @@ class Heat:
         self.episodes = episodes
         races, count = episodes.world.state.shape
         others = np.setdiff1d(np.arange(count), places)
-        if len(others) and not opponents:
+        self.others = len(others)
+        if self.others and not opponents:
             raise InputError(
-                f"opponents is empty, expected someone for {len(others)} of the {count} cars "
+                f"opponents is empty, expected someone for {self.others} of the {count} cars "
                 f"of scenario {episodes.scenario.name!r}"
             )
         self.races, self.cars = _seats(np.arange(races), np.sort(places))
         self._view = episodes.watch(observation, self.races, self.cars)
-        other_races, other_cars = _seats(np.arange(races), others)
-        turns = other_races + np.searchsorted(others, other_cars)
-        self._opponents = [
-            Opponent(policy, episodes, other_races[mine], other_cars[mine])
-            for turn, policy in enumerate(opponents)
-            if (mine := turns % len(opponents) == turn).any()
-        ]
+        self._other_races, self._other_cars = _seats(np.arange(races), others)
+        self._views: dict[ObservationSpec, View] = {}
+        self._opponents: list[Opponent] = []
+        if self.others:
+            self._opponents = [self._engage(policy) for policy in opponents]
+            self._who = np.add.outer(np.arange(races), np.arange(self.others)) % len(opponents)
+            self._share_out()
+
+    def _engage(self, policy: Policy) -> Opponent:
+        spec = policy.observation_spec
+        if spec not in self._views:
+            self._views[spec] = self.episodes.watch(spec, self._other_races, self._other_cars)
+        return Opponent(policy, self._views[spec], len(self._other_races))
+
+    def _share_out(self) -> None:
+        self._shares = [np.flatnonzero(self._who == turn) for turn in range(len(self._opponents))]
 
     @property
     def seen(self) -> NDArray[np.float32]:
         """What is seen from the cars that are driven from outside, (n, size) float32."""
         return self._view.seen
 
-    def start(self, races: Sequence[int], rngs: Iterable[np.random.Generator]) -> None:
-        """Start some races anew, each with a generator of its own."""
+    def seat(self, races: Sequence[int], who: Indices) -> None:
+        """Have other opponents drive in some races.
+
+        Args:
+            races: those that are started next.
+            who: (races, others) index of the opponent on each place.
+        """
+        self._who[races] = who
+        self._share_out()
+
+    def replace(self, index: int, policy: Policy) -> None:
+        """Have another policy drive the cars of an opponent from here on."""
+        known = len(self._views)
+        self._opponents[index] = self._engage(policy)
+        if len(self._views) > known:
+            self._views[policy.observation_spec].look(self.episodes.world)
+
+    def start(
+        self,
+        races: Sequence[int],
+        rngs: Iterable[np.random.Generator],
+        moments: Mapping[int, Moment] | None = None,
+    ) -> None:
+        """Start some races anew; for the arguments see `Episodes.start`."""
+        cars = np.flatnonzero(np.isin(self._other_races, races))
         for opponent in self._opponents:
-            opponent.forget(races)
-        self.episodes.start(races, rngs)
+            opponent.forget(cars)
+        self.episodes.start(races, rngs, moments)
 
     def step(self, actions: NDArray[np.float32]) -> NDArray[np.float64]:
         """Advance all races by one step.
@@ -106,8 +138,10 @@ class Heat:
         """
         everybody = np.zeros((*self.episodes.endings.shape, 2), np.float32)
         everybody[self.races, self.cars] = actions
-        for opponent in self._opponents:
-            everybody[opponent.races, opponent.cars] = opponent.act()
+        for turn, opponent in enumerate(self._opponents):
+            share = self._shares[turn]
+            if len(share):
+                everybody[self._other_races[share], self._other_cars[share]] = opponent.act(share)
         return self.episodes.step(everybody)[self.races, self.cars]
 
 

@@ -1,22 +1,30 @@
-"""Policies by name: checkpoint files and built-in drivers."""
+"""Policies by name: files of weights, built-in drivers and policies of installed packages."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from policies.checkpoint import load_checkpoint
+from policies.checkpoint import NetworkPolicy, load_checkpoint
 from policies.driver import Driver
+from policies.early_braker import EarlyBraker
+from policies.onnx import OnnxPolicy
+from policies.plugin import PLUGIN, load_plugin
 from policies.policy import Policy
+from policies.sb3 import Sb3Policy
 from sim.errors import InputError
 
 DRIVER = "driver"
+FilePolicy = NetworkPolicy | Sb3Policy | OnnxPolicy
+SUFFIXES = (".safetensors", ".zip", ".onnx")
+"""Of the files that hold policies."""
 
 
 def load_policy(name: str, circuit: str, car: str) -> Policy:
     """The policy called `name`, made for a circuit and car.
 
     Args:
-        name: path of a checkpoint, or `driver` with settings: `driver:pace=0.95,lane=2.5`.
+        name: path of a file, `driver` with settings (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes
+            30 m before it must), or `plugin:NAME`.
         circuit: the circuit to drive.
         car: the car to drive.
 
@@ -26,10 +34,26 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     kind, _, settings = name.partition(":")
     if kind == DRIVER:
         return _driver(name, settings, circuit, car)
-    return load_checkpoint(Path(name))
+    if kind == PLUGIN:
+        return load_plugin(settings, circuit, car)
+    return load_file(Path(name))
 
 
-def _driver(name: str, settings: str, circuit: str, car: str) -> Driver:
+def load_file(path: Path) -> FilePolicy:
+    """The policy in a file: a checkpoint, a `.zip` of Stable-Baselines3 or an `.onnx` graph.
+
+    Raises:
+        InputError: if there is no such file, or no policy in it that can drive.
+    """
+    match path.suffix:
+        case ".zip":
+            return Sb3Policy.load(path)
+        case ".onnx":
+            return OnnxPolicy.load(path)
+    return load_checkpoint(path)
+
+
+def _driver(name: str, settings: str, circuit: str, car: str) -> Policy:
     values: dict[str, float] = {}
     for setting in filter(None, settings.split(",")):
         key, _, value = setting.partition("=")
@@ -37,10 +61,16 @@ def _driver(name: str, settings: str, circuit: str, car: str) -> Driver:
             values[key] = float(value)
         except ValueError:
             raise InputError(f"driver {name!r}: setting {key} is {value!r}, expected a number") from None
-    unknown = set(values) - {"pace", "lane"}
+    unknown = set(values) - {"pace", "lane", "early"}
     if unknown:
-        raise InputError(f"driver {name!r}: unknown setting {sorted(unknown)[0]!r}, expected pace or lane")
+        raise InputError(
+            f"driver {name!r}: unknown setting {sorted(unknown)[0]!r}, expected pace or lane, or early"
+        )
     pace = values.get("pace", 1.0)
     if not 0.2 <= pace <= 1.1:
         raise InputError(f"driver {name!r}: pace is {pace}, expected 0.2 to 1.1")
-    return Driver(circuit, car, pace, values.get("lane"))
+    early = values.get("early", 0.0)
+    if not 0.0 <= early <= 200.0:
+        raise InputError(f"driver {name!r}: early is {early}, expected 0 to 200 m")
+    driver = Driver(circuit, car, pace, values.get("lane"))
+    return EarlyBraker(driver, circuit, early) if early else driver

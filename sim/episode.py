@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -13,7 +13,8 @@ from sim.car import load_car
 from sim.errors import InputError
 from sim.observation import ObservationSpec
 from sim.reaction import Perception
-from sim.scenario import load_scenario
+from sim.scenario import Scenario, load_scenario
+from sim.state import CONTACT
 from sim.timing import gaps
 from sim.track import load_track
 from sim.world import DYNAMICS_HZ, World
@@ -59,6 +60,27 @@ def action_space() -> Box[np.float32]:
     return Box(-1.0, 1.0, (2,), np.float32)
 
 
+class Moment(NamedTuple):
+    """All that decides how races go on from a moment of them: copies, one row a race.
+
+    Attributes:
+        arrays: as of `World.arrays`.
+        endings: as of `Episodes`.
+    """
+
+    arrays: tuple[np.ndarray, ...]
+    endings: NDArray[np.str_]
+
+    @property
+    def state(self) -> NDArray[np.void]:
+        """CAR_STATE of the cars."""
+        return self.arrays[0]
+
+    def of(self, race: int) -> Moment:
+        """A copy of the moment of one race, without the dimension of races."""
+        return Moment(tuple(array[race].copy() for array in self.arrays), self.endings[race].copy())
+
+
 class View:
     """What some cars of the episodes see; made by `Episodes.watch`.
 
@@ -70,6 +92,10 @@ class View:
 
     def __init__(self, perception: Perception) -> None:
         self._perception = perception
+
+    def forget(self, races: Collection[int]) -> None:
+        """Have some races begin with what is seen next."""
+        self._perception.forget(races)
 
     def look(self, world: World) -> None:
         """See the present; to be called once a tick."""
@@ -85,13 +111,14 @@ class Episodes:
         endings: (races, cars) str, how each run ended: 'finished', 'stuck' or 'time_up'; '' while it lasts.
         limit_s: (races,) time at which each race ends, the scenario's unless changed.
         step_s: length of a step, s.
+        contacts, contact_races: (n,) CONTACT, those that began in the last step, and (n,) their races.
     """
 
     def __init__(
         self,
         circuit: str,
         car: str,
-        scenario: str,
+        scenario: str | Scenario,
         races: int = 1,
         threads: int = 1,
         stuck_s: float = STUCK_S,
@@ -99,7 +126,7 @@ class Episodes:
         """Races yet to be started.
 
         Args:
-            circuit, car, scenario: shipped names or paths of `.toml` files.
+            circuit, car, scenario: shipped names or paths of `.toml` files, or the scenario itself.
             races: how many.
             threads: on which a step works; the results do not depend on them.
             stuck_s: a car at rest for longer is out, s.
@@ -107,10 +134,12 @@ class Episodes:
         Raises:
             InputError: if a name is unknown, a file is wrong, or the cars act at different rates.
         """
-        self.scenario = load_scenario(scenario)
+        self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
         self._reaction = self.scenario.reaction
         if len(set(self._reaction.period)) > 1:
-            raise InputError(f"scenario {scenario!r}: action_hz differs between cars, expected one rate")
+            raise InputError(
+                f"scenario {self.scenario.name!r}: action_hz differs between cars, expected one rate"
+            )
         self._track = load_track(circuit)
         self.world = self.scenario.world(self._track, load_car(car), races, threads)
         self.endings = np.full(self.world.state.shape, "", dtype="U8")
@@ -118,6 +147,8 @@ class Episodes:
         self.step_s = float(self._reaction.period[0] / DYNAMICS_HZ)
         self._stuck_s = stuck_s
         self._views: list[View] = []
+        self.contacts = np.zeros(0, CONTACT)
+        self.contact_races = np.zeros(0, np.int64)
 
     def watch(self, spec: ObservationSpec, races: NDArray[np.int64], cars: NDArray[np.int64]) -> View:
         """The view of some cars, (n,) indices, kept up to date from the next start on."""
@@ -125,12 +156,34 @@ class Episodes:
         self._views.append(view)
         return view
 
-    def start(self, races: Iterable[int], rngs: Iterable[np.random.Generator]) -> None:
-        """Put all cars of some races at starts that the scenario draws, each with a generator of its own."""
+    def start(
+        self,
+        races: Collection[int],
+        rngs: Iterable[np.random.Generator],
+        moments: Mapping[int, Moment] | None = None,
+    ) -> None:
+        """Put all cars of some races at starts that the scenario draws.
+
+        Args:
+            races: their indices.
+            rngs: a generator for each.
+            moments: for those of the races that go on from a moment of a race instead; its clock goes on too.
+        """
         for race, rng in zip(races, rngs, strict=True):
-            self.world.reset(race, self.scenario.place(self._track, rng))
-            self.endings[race] = ""
+            if moments and race in moments:
+                for array, row in zip(self.world.arrays(), moments[race].arrays, strict=True):
+                    array[race] = row
+                self.endings[race] = moments[race].endings
+            else:
+                self.world.reset(race, self.scenario.place(self._track, rng))
+                self.endings[race] = ""
+        for view in self._views:
+            view.forget(races)
         self._look()
+
+    def moment(self) -> Moment:
+        """The present moment of all races."""
+        return Moment(tuple(array.copy() for array in self.world.arrays()), self.endings.copy())
 
     def _look(self) -> None:
         for view in self._views:
@@ -157,8 +210,10 @@ class Episodes:
         state, tick = self.world.state, self._reaction.tick
         before = state["progress"].copy()
         flags = {name: np.zeros(state.shape, np.bool_) for name in FLAGS}
+        self.contacts, self.contact_races = self.contacts[:0], self.contact_races[:0]
         for _ in range(self._reaction.period[0] // tick):
             self.world.step(actions, tick)
+            self._note_contacts()
             for name, flag in flags.items():
                 flag |= state[name]
             self._look()
@@ -166,6 +221,14 @@ class Episodes:
             state[name] = flag
         end_runs(self.world, self.endings, self.limit_s, self._stuck_s)
         return np.where(state["off_course"], 0.0, state["progress"] - before)
+
+    def _note_contacts(self) -> None:
+        counts = self.world.contact_count
+        races = np.flatnonzero(counts)
+        if len(races):
+            notes = [self.world.new_contacts(int(race)) for race in races]
+            self.contacts = np.concatenate([self.contacts, *notes])
+            self.contact_races = np.concatenate([self.contact_races, np.repeat(races, counts[races])])
 
     def facts(self) -> Facts:
         """What a log would note of each car, by name, (races, cars); a time that was not driven is nan.

@@ -67,7 +67,7 @@ class ObservationSpec:
     Attributes:
         course_points: points on each of left edge, centre line and right edge (the reference has 60);
             the first is beside the car, the others evenly ahead of it. Each is given as x of left,
-            centre and right, then y, then z of the three.
+            centre and right, then y, then z of the three. With none, there is no such field.
         horizon_s: seconds of travel at the present speed that the course points span.
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
         version: layout version; a policy trained on another version cannot drive.
@@ -84,11 +84,11 @@ class ObservationSpec:
             raise InputError(
                 f"observation spec: version is {self.version}, this simulator makes version {VERSION}"
             )
-        for name, least in (("course_points", 1), ("cars_ahead", 0), ("cars_behind", 0)):
+        for name in ("course_points", "cars_ahead", "cars_behind"):
             value = getattr(self, name)
-            if not isinstance(value, int) or not least <= value <= 500:
+            if not isinstance(value, int) or not 0 <= value <= 500:
                 raise InputError(
-                    f"observation spec: {name} is {value!r}, expected a whole number from {least} to 500"
+                    f"observation spec: {name} is {value!r}, expected a whole number from 0 to 500"
                 )
         if not 0.0 < self.horizon_s <= 60.0:
             raise InputError(f"observation spec: horizon_s is {self.horizon_s!r}, expected 0 to 60 s")
@@ -122,7 +122,7 @@ class ObservationSpec:
             for point in range(self.course_points)
             for share in (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, *(STEEP,) * 3)
         )
-        course = (Field("course", "m", tuple(-x for x in reach), reach),)
+        course = (Field("course", "m", tuple(-x for x in reach), reach),) if reach else ()
         lists = tuple(
             Field(
                 f"cars_{where}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,11 @@ class Perception:
         self._late = reaction.delay[cars] // self._tick
         self._period = reaction.period[cars]
         self._seen: NDArray[np.float32] | None = None
+        self._new = np.zeros(len(races), np.bool_)
+
+    def forget(self, races: Collection[int]) -> None:
+        """See the present of some races when next they are seen, as at their start."""
+        self._new |= np.isin(self._races, list(races))
 
     def due(self, world: World) -> NDArray[np.bool_]:
         """Which of the cars act now, (n,)."""
@@ -74,8 +80,9 @@ class Perception:
         depth = int(self._late.max()) + 1
         if self._seen is None:
             self._seen = np.repeat(now[None], depth, axis=0)
-        new = world.ticks[self._races] == 0
+        new = self._new | (world.ticks[self._races] == 0)
         self._seen[:, new] = now[new]
+        self._new[:] = False
         rows = np.arange(len(now))
         at = world.ticks[self._races] // self._tick
         self._seen[at % depth, rows] = now

@@ -38,6 +38,14 @@ class GridStart(Section):
     jitter_m: Annotated[float, Field(ge=0)] = 0.3
 
 
+class StoppedCar(Section):
+    """The first car of a column stands on the road; every quantity is drawn evenly from its span."""
+
+    gap_m: Span  # to the next car, in place of that of the column
+    lateral_m: Span
+    heading_rad: Span  # relative to the road, + is to the left
+
+
 class RollingStart(Section):
     """A column of cars on the move; every quantity is drawn evenly from its span."""
 
@@ -46,6 +54,8 @@ class RollingStart(Section):
     gap_m: Span  # from each car to the next, between centres
     lateral_m: Span
     speed_m_s: Span  # one for all cars
+    closing_m_s: Span | None = None  # by which each car is faster than the one before it
+    stopped: StoppedCar | None = None
 
 
 class FormationStart(Section):
@@ -186,13 +196,18 @@ class Scenario(Section):
     def _rolling(self, start: RollingStart, track: Track, rng: np.random.Generator) -> Start:
         gaps = np.concatenate([[0.0], rng.uniform(*start.gap_m, self.cars - 1)])
         origin = track.stretch(self.origin)[0] if self.origin else 0.0
-        return Start(
-            distance=origin + rng.uniform(*start.leader_m) - np.cumsum(gaps),
-            lateral=rng.uniform(*start.lateral_m, self.cars),
-            heading=np.zeros(self.cars),
-            speed=np.full(self.cars, rng.uniform(*start.speed_m_s)),
-            finish=self._finish(track),
-        )
+        leader = origin + rng.uniform(*start.leader_m)
+        lateral = rng.uniform(*start.lateral_m, self.cars)
+        heading = np.zeros(self.cars)
+        speed = np.full(self.cars, rng.uniform(*start.speed_m_s))
+        if start.closing_m_s:
+            speed[1:] += np.cumsum(rng.uniform(*start.closing_m_s, self.cars - 1))
+        if start.stopped:
+            gaps[1:2] = rng.uniform(*start.stopped.gap_m)
+            lateral[0] = rng.uniform(*start.stopped.lateral_m)
+            heading[0] = rng.uniform(*start.stopped.heading_rad)
+            speed[0] = 0.0
+        return Start(leader - np.cumsum(gaps), lateral, heading, speed, self._finish(track))
 
     def _anywhere(self, start: AnywhereStart, track: Track, rng: np.random.Generator) -> Start:
         gaps = np.concatenate([[0.0], rng.uniform(*start.gap_m, self.cars - 1)])

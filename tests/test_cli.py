@@ -44,7 +44,7 @@ def refused(result: subprocess.CompletedProcess[str], *said: str) -> None:
 def test_help_names_every_command(tmp_path: Path) -> None:
     result = nathlon("--help", cwd=tmp_path)
     assert result.returncode == 0
-    for command in ("demo", "evaluate", "train", "race", "replay", "observation"):
+    for command in ("demo", "evaluate", "train", "ablate", "race", "replay", "observation"):
         assert command in result.stdout
 
 
@@ -71,7 +71,7 @@ def test_a_foreign_file(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_checkpoints(tmp_path: Path) -> None:
-    refused(nathlon("evaluate", tmp_path, cwd=tmp_path), "holds no .safetensors checkpoint")
+    refused(nathlon("evaluate", tmp_path, cwd=tmp_path), "holds no checkpoint")
 
 
 def test_a_checkpoint_of_another_observation_version(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from tests.driving import GT3, drive, road, stadium, world_with
 
 specs = st.builds(
     ObservationSpec,
-    course_points=st.integers(1, 200),
+    course_points=st.integers(0, 200),
     horizon_s=st.floats(0.5, 60.0),
     cars_ahead=st.integers(0, 10),
     cars_behind=st.integers(0, 10),
@@ -83,7 +83,7 @@ class TestSpec:
     @pytest.mark.parametrize(
         ("change", "complaint"),
         [
-            ({"course_points": 0}, "course_points is 0, expected a whole number from 1 to 500"),
+            ({"course_points": -1}, "course_points is -1, expected a whole number from 0 to 500"),
             ({"course_points": 2.5}, "course_points is 2.5, expected a whole number"),
             ({"course_points": "60"}, "course_points is '60', expected a whole number"),
             ({"cars_ahead": -1}, "cars_ahead is -1, expected a whole number from 0"),
@@ -226,6 +226,14 @@ class TestCourse:
         steps = np.hypot(*np.diff(points, axis=0).T)
         # At rest the horizon is spanned at 10 m/s; the end of the half circle bends a chord by 1 mm.
         np.testing.assert_allclose(steps, 10.0, atol=0.01)
+
+    def test_without_points_all_else_stays(self) -> None:
+        world = world_with(stadium(), [1000.0, 1015.0], lateral=[0.0, 2.0], speed=[30.0, 20.0])
+        many, none = (
+            world.observe(ObservationSpec(course_points=n), np.array([0, 0]), np.array([0, 1]))
+            for n in (60, 0)
+        )
+        np.testing.assert_array_equal(np.delete(many, ObservationSpec().slice("course"), axis=1), none)
 
 
 class TestOpponents:

@@ -15,7 +15,7 @@ from sim.car import load_car
 from sim.data_file import DATA
 from sim.errors import InputError
 from sim.scenario import SAFE_LATERAL, Scenario, load_scenario
-from sim.track import CURVATURE, WALL_LEFT, WALL_RIGHT, Track, load_track
+from sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
 from sim.world import Start
 
 TRACKS = {name: load_track(name) for name in ("grandes-landes", "lindenring", "porto-sereno")}
@@ -79,7 +79,7 @@ def test_shipped_scenario_puts_all_its_cars_on_free_places(name: str, circuit: s
 
 
 @pytest.mark.parametrize("circuit", TRACKS)
-@pytest.mark.parametrize("name", ["1v0", "1v3", "1v7"])
+@pytest.mark.parametrize("name", ["1v0", "1v2", "1v3", "1v7"])
 def test_start_anywhere_is_never_inside_a_wall_or_another_car(name: str, circuit: str) -> None:
     scenario, rng = load_scenario(name), np.random.default_rng(1)
     for _ in range(500):
@@ -122,6 +122,34 @@ def test_rolling_start_is_drawn_from_its_spans_at_its_origin(seed: int, circuit:
     assert len(set(start.speed)) == 1
     assert 42.0 <= start.speed[0] <= 44.0
     assert (start.finish == end + 150.0).all()
+
+
+@given(seeds, st.sampled_from(sorted(TRACKS)))
+def test_an_attacker_comes_from_behind_and_faster(seed: int, circuit: str) -> None:
+    track = TRACKS[circuit]
+    begin, end = track.stretch("longest straight")
+    start = load_scenario("defending").place(track, np.random.default_rng(seed))
+    assert begin + 200.0 <= start.distance[0] <= begin + 350.0
+    assert 14.0 <= start.distance[0] - start.distance[1] <= 22.0
+    assert 42.0 <= start.speed[0] <= 45.0
+    assert 3.0 <= start.speed[1] - start.speed[0] <= 6.0
+    assert (start.finish == end + 130.0).all()
+
+
+@given(seeds, st.sampled_from(sorted(TRACKS)))
+def test_a_stopped_car_leaves_room_to_pass_on_the_road(seed: int, circuit: str) -> None:
+    track = TRACKS[circuit]
+    start = load_scenario("emergency_avoidance").place(track, np.random.default_rng(seed))
+    assert start.speed[0] == 0.0
+    assert len(set(start.speed[1:])) == 1
+    assert (start.speed[1:] >= 38.0).all()
+    assert (start.heading[1:] == 0.0).all()
+    assert 90.0 <= start.distance[0] - start.distance[1] <= 150.0
+    assert 12.0 <= start.distance[1] - start.distance[2] <= 25.0
+    _, lateral = corners(start)
+    row = int(start.distance[0] / track.spacing)
+    beside = max(track.table[row, LEFT] - lateral[0].max(), lateral[0].min() + track.table[row, RIGHT])
+    assert beside > WIDTH
 
 
 def test_origin_may_be_any_section_by_its_name(tmp_path: Path) -> None:
@@ -256,6 +284,12 @@ class TestConditions:
             'kind = "grid"',
             'kind = "formation"\nleader_m = -9.0',
             "field start.formation.gap_m: Field required",
+        ),
+        (
+            'kind = "grid"',
+            'kind = "rolling"\nleader_m = [0.0, 0.0]\ngap_m = [9.0, 9.0]\nlateral_m = [0.0, 0.0]\n'
+            "speed_m_s = [9.0, 9.0]\nclosing_m_s = [3.0, 1.0]",
+            "field start.rolling.closing_m_s is .*: expected the smaller number first",
         ),
         ("[start]", "[start", "not a TOML file"),
     ],

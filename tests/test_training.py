@@ -12,8 +12,8 @@ import torch
 
 from policies.checkpoint import load_checkpoint
 from policies.training.config import Rollouts, TrainingConfig, read_config
-from policies.training.rollout import Rollout
 from policies.training.log import CURVE_FILE, Status
+from policies.training.rollout import Rollout
 from policies.training.state import RunState, load_state, save_state
 from policies.training.trainer import Trainer
 from sim.errors import InputError

@@ -7,19 +7,17 @@ from pathlib import Path
 
 from rich.table import Table
 
-from arena.entrant import enter_all, find_checkpoints
+from arena.entrant import enter_all, find_checkpoints, trained_on
 from nathlon.commands.console import console, progress_bars, say
 from nathlon.output import OutputFolder
 from nathlon.pipeline import STAGES, Settings, select
-from policies.checkpoint import read_card
 from reports.selection import Selection
 
 
 def evaluate(checkpoints: Sequence[Path], out: Path, settings: Settings) -> None:
     """Run the selection on checkpoints and say what came of it."""
-    paths = find_checkpoints(checkpoints)
-    card = read_card(paths[0])
-    entrants = enter_all([str(path) for path in paths], card.circuit, card.car)
+    sources = [str(path) for path in find_checkpoints(checkpoints)]
+    entrants = enter_all(sources, *trained_on(sources))
     output = OutputFolder(out)
     try:
         with progress_bars() as progress:

@@ -11,21 +11,23 @@ import torch
 
 from nathlon.commands.console import progress_bars, say
 from policies.training.config import CONFIGS, read_config
-from policies.training.trainer import Status, Trainer
+from policies.training.log import Status
+from policies.training.trainer import Trainer
 from sim.data_file import find_data
 
 
 def train(config: str, out: Path, seed: int, threads: int | None, resume: bool) -> None:
     """Train to the end of a configuration, or until Ctrl-C."""
     logging.basicConfig(format="%(message)s")
-    torch.set_num_threads(threads or os.cpu_count() or 1)
     trainer = (
         Trainer.resume(out)
         if resume
         else Trainer.start(out, read_config(find_data(config, "training configuration", CONFIGS)), seed)
     )
+    # Two threads of matrix products beside a busy process are slower than one.
+    torch.set_num_threads(threads or max((os.cpu_count() or 1) - trainer.config.workers, 1))
     gigabytes = trainer.replay.nbytes / 1e9
-    say(f"Training in {out}; the replay buffer may take {gigabytes:.1f} GB.")
+    say(f"Training in {out}; the replay tables may take {gigabytes:.1f} GB.")
     try:
         with progress_bars() as progress:
             task = progress.add_task("updates", total=trainer.config.updates, note="warming up")

@@ -3,34 +3,89 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from policies.qrsac.config import QRSACConfig
 from policies.training.rewards import RewardWeights
 from sim.data_file import Section, read_toml
 from sim.observation import ObservationSpec
+from sim.scenario import Delay
 
 Count = Annotated[int, Field(ge=1)]
 
 CONFIGS = Path(__file__).parent / "configs"
 """The configurations that come with nathlon."""
 
+SELF, PAST = "self", "past"
+"""Opponents: the policy in training, and one of its checkpoints so far."""
+
+
+class Opponent(Section):
+    """One that may drive the cars that the learner does not.
+
+    Attributes:
+        policy: a built-in driver or the path of a checkpoint, see policies.load; or `self`, `past`.
+        weight: how often it is drawn, relative to the others.
+    """
+
+    policy: str
+    weight: Annotated[float, Field(gt=0)] = 1.0
+
+
+def _named(value: Any) -> Any:
+    return {"policy": value} if isinstance(value, str) else value
+
+
+def _somebody_at_first(opponents: tuple[Opponent, ...]) -> tuple[Opponent, ...]:
+    if opponents and all(opponent.policy in (SELF, PAST) for opponent in opponents):
+        raise ValueError("expected one besides self and past, to stand in for them at first")
+    return opponents
+
+
+Opponents = Annotated[
+    tuple[Annotated[Opponent, BeforeValidator(_named)], ...], AfterValidator(_somebody_at_first)
+]
+
 
 class Rollouts(Section):
-    """Races of one scenario that run side by side."""
+    """Races of one scenario that run side by side.
+
+    Attributes:
+        scenario: name of a shipped one, or path.
+        races: how many.
+        learners: cars a race that the learner drives and learns from.
+        places: their starting places, 1 is the first; without it they are spread from the last.
+        opponents: who drive the others, each car drawn anew at each start; without any, those of the run.
+        share: of each minibatch that comes from these races.
+        mistakes: share of the starts, once there are any, from shortly before a learner's loss of control.
+        demonstrators: policies that drive the learner's cars in its place, in turn, so that it learns from
+            what they do; see policies.load.
+        perception_delay_s: in place of the scenario's, for all cars or for each place.
+    """
 
     scenario: str
     races: Count
-    learners: Count  # cars a race that the learner drives and learns from
-    opponents: tuple[str, ...] = ()  # who drives the others, in turn; see policies.load
+    learners: Count
+    places: tuple[Count, ...] | None = None
+    opponents: Opponents = ()
+    share: Annotated[float, Field(gt=0, le=1)] | None = None
+    mistakes: Annotated[float, Field(ge=0, le=1)] = 0.0
+    demonstrators: tuple[str, ...] = ()
+    perception_delay_s: Delay | tuple[Delay, ...] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Rollouts:
+        if self.places is not None and len(set(self.places)) != self.learners:
+            raise ValueError(f"places must be {self.learners} different ones, one for each of the learners")
+        return self
 
 
 class ObservationSettings(Section):
     """The observation spec to train on; see sim.observation."""
 
-    course_points: Count = 60
+    course_points: Annotated[int, Field(ge=0)] = 60
     horizon_s: float = 6.0
     cars_ahead: Annotated[int, Field(ge=0)] = 4
     cars_behind: Annotated[int, Field(ge=0)] = 4
@@ -49,6 +104,12 @@ class TrainingConfig(Section):
         warm_up: transitions to gather before the first update.
         replay: transitions to remember.
         checkpoint_every: updates between checkpoints.
+        opponents: of the rollouts that name none of their own.
+        workers: processes that step all the rollouts while the learner updates; 0 takes turns in one process,
+            which is exactly reproducible.
+        refresh_every: updates between the policies that the rollouts are given.
+        tables: one replay table for each of the rollouts, or one for all.
+        keep_replay: whether a stop keeps the replay tables too, so that going on needs no warm-up.
     """
 
     circuit: str
@@ -58,10 +119,30 @@ class TrainingConfig(Section):
     warm_up: Count
     replay: Count
     checkpoint_every: Count
+    workers: Annotated[int, Field(ge=0, le=64)] = 0
+    refresh_every: Count = 1
+    tables: Literal["each", "one"] = "each"
+    keep_replay: bool = False
+    opponents: Opponents = ()
     rollouts: Annotated[tuple[Rollouts, ...], Field(min_length=1)]
     observation: ObservationSettings = ObservationSettings()
     qrsac: QRSACConfig = QRSACConfig()
     reward: RewardWeights = RewardWeights()
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Of each minibatch, by rollouts; they add up to 1."""
+        given = [rollouts.share or 1.0 for rollouts in self.rollouts]
+        return tuple(share / sum(given) for share in given)
+
+    @model_validator(mode="after")
+    def _shares_add_up(self) -> TrainingConfig:
+        given = [rollouts.share for rollouts in self.rollouts if rollouts.share is not None]
+        if given and len(given) < len(self.rollouts):
+            raise ValueError("share must be given for all rollouts or for none")
+        if given and abs(sum(given) - 1.0) > 1e-6:
+            raise ValueError(f"the shares of the rollouts add up to {sum(given):g}, expected 1")
+        return self
 
     @model_validator(mode="after")
     def _warm_up_fits(self) -> TrainingConfig:

@@ -2,23 +2,39 @@
 
 Penalties for leaving the road and touching the wall are charged on the speed that was brought
 there, not on the speed that is left: otherwise the wall becomes a brake.
+
+`before` and `after` are (races, cars) CAR_STATE records of the state on both sides of an agent step;
+`contacts` are (n,) CONTACT records of the contacts that began in it, of the races in `where`, (n,).
+All components are (races, cars).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
-from sim.world import World
+from sim.errors import InputError
+from sim.state import REAR_END, SIDE_SWIPE
+from sim.track import SECTION, Track
 
 PASSING_AHEAD_M = 40.0
 PASSING_BEHIND_M = 20.0
+
+Records = NDArray[np.void]
+Indices = NDArray[np.int64]
 Rewards = NDArray[np.float64]
 
 
 class RewardWeights(BaseModel):
-    """Weights of the components; see the functions of the same names."""
+    """Weights of the components; see the functions of the same names.
+
+    Attributes:
+        off_course_in: by name of a section, the factor by which `off_course` counts more there.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -30,74 +46,144 @@ class RewardWeights(BaseModel):
     passing: float = 0.0
     contact: float = 0.0
     rear_end: float = 0.0
+    unsporting: float = 0.0
+    off_course_in: dict[str, Annotated[float, Field(ge=0)]] = {}
 
 
-class Transition:
-    """What a step of the world changed; take one before the step, then ask for its rewards after.
+def progress(before: Records, after: Records) -> Rewards:
+    """Metres of centre line gained, none while off course."""
+    return np.where(after["off_course"], 0.0, after["progress"] - before["progress"])
 
-    All rewards are (races, cars).
+
+def off_course(before: Records, after: Records, factor: NDArray[np.float64] | float = 1.0) -> Rewards:
+    """Minus time off course times the square of the speed before the step, s m^2/s^2.
+
+    Args:
+        before, after: see above.
+        factor: by which it counts more where the car is, (races, cars).
     """
+    return -(after["off_course_s"] - before["off_course_s"]) * _speed_squared(before) * factor
 
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self._before = world.state.copy()
 
-    def progress(self) -> Rewards:
-        """Metres of centre line gained, none while off course."""
-        after = self._world.state
-        return np.where(after["off_course"], 0.0, after["progress"] - self._before["progress"])
+def wall(before: Records, after: Records) -> Rewards:
+    """Minus time at the wall times the square of the speed before the step, s m^2/s^2."""
+    return -(after["wall_s"] - before["wall_s"]) * _speed_squared(before)
 
-    def off_course(self) -> Rewards:
-        """Minus time off course times the square of the speed before the step, s m^2/s^2."""
-        return -(self._world.state["off_course_s"] - self._before["off_course_s"]) * self._speed_squared()
 
-    def wall(self) -> Rewards:
-        """Minus time at the wall times the square of the speed before the step, s m^2/s^2."""
-        return -(self._world.state["wall_s"] - self._before["wall_s"]) * self._speed_squared()
+def wall_touch(after: Records) -> Rewards:
+    """-1 in contact with a wall; not among the components of the reference."""
+    return -after["wall_contact"].astype(np.float64)
 
-    def wall_touch(self) -> Rewards:
-        """-1 in contact with a wall."""
-        return -self._world.state["wall_contact"].astype(np.float64)
 
-    def tyre_slip(self) -> Rewards:
-        """Minus the sum over tyres of min(abs(slip ratio), 1) times abs(slip angle)."""
-        after = self._world.state
-        slip = np.minimum(np.abs(after["slip_ratio"]), 1.0) * np.abs(after["slip_angle"])
-        return -slip.sum(axis=2)
+def tyre_slip(after: Records) -> Rewards:
+    """Minus the sum over tyres of min(abs(slip ratio), 1) times abs(slip angle)."""
+    slip = np.minimum(np.abs(after["slip_ratio"]), 1.0) * np.abs(after["slip_angle"])
+    return -slip.sum(axis=2)
 
-    def passing(self) -> Rewards:
-        """Ground gained on each opponent within 20 m behind and 40 m ahead, m; ground lost counts alike."""
-        before, after = self._before["progress"], self._world.state["progress"]
-        length = self._world.track.length
-        gap = before[:, None, :] - before[:, :, None]
-        gap -= np.round(gap / length) * length
-        gained = (after - before)[:, :, None] - (after - before)[:, None, :]
-        near = (gap > -PASSING_BEHIND_M) & (gap < PASSING_AHEAD_M)
-        near &= self._before["driving"][:, None, :] & ~np.eye(before.shape[1], dtype=np.bool_)
-        return (gained * near).sum(axis=2)
 
-    def contact(self) -> Rewards:
-        """-1 in contact with a car."""
-        return -self._world.state["car_contact"].astype(np.float64)
+def passing(before: Records, after: Records, lap_m: float) -> Rewards:
+    """Ground gained on each opponent within 20 m behind and 40 m ahead, m; ground lost counts alike."""
+    was = before["progress"]
+    gained = after["progress"] - was
+    gap = was[:, None, :] - was[:, :, None]
+    gap -= np.round(gap / lap_m) * lap_m
+    near = (gap > -PASSING_BEHIND_M) & (gap < PASSING_AHEAD_M)
+    near &= before["driving"][:, None, :] & ~np.eye(was.shape[1], dtype=np.bool_)
+    return ((gained[:, :, None] - gained[:, None, :]) * near).sum(axis=2)
 
-    def rear_end(self) -> Rewards:
-        """Minus the square of the closing speed of contacts begun while behind and faster, m^2/s^2."""
-        world = self._world
-        penalty = np.zeros(world.state.shape)
-        for race in np.flatnonzero(world.contact_count):
-            for contact in world.new_contacts(int(race)):
-                if contact["faster"] == contact["behind"]:
-                    penalty[race, contact["behind"]] -= contact["closing"] ** 2
+
+def contact(after: Records) -> Rewards:
+    """-1 in contact with a car."""
+    return -after["car_contact"].astype(np.float64)
+
+
+def rear_end(contacts: Records, where: Indices, shape: tuple[int, ...]) -> Rewards:
+    """Minus the square of the relative speed of contacts begun while behind and faster, m^2/s^2.
+
+    Args:
+        contacts, where: see above.
+        shape: (races, cars).
+    """
+    penalty = np.zeros(shape)
+    if not len(contacts):
         return penalty
-
-    def components(self) -> dict[str, Rewards]:
-        """Every component, unweighted, by name."""
-        return {name: getattr(self, name)() for name in RewardWeights.model_fields}
-
-    def _speed_squared(self) -> Rewards:
-        return self._before["velocity_x"] ** 2 + self._before["velocity_y"] ** 2
+    charged = contacts["faster"] == contacts["behind"]
+    relative = contacts["relative_x"] ** 2 + contacts["relative_y"] ** 2
+    np.subtract.at(penalty, (where[charged], contacts["behind"][charged]), relative[charged])
+    return penalty
 
 
-def total(components: dict[str, Rewards], weights: RewardWeights) -> Rewards:
-    """The weighted sum of the components."""
-    return np.sum([getattr(weights, name) * value for name, value in components.items()], axis=0)
+def unsporting(
+    contacts: Records, where: Indices, curved: NDArray[np.bool_], shape: tuple[int, ...]
+) -> Rewards:
+    """-1 for each contact begun in an unsporting way.
+
+    That is to rear-end or side-swipe on a straight, and in a curve any contact but being rear-ended.
+    The car behind rear-ends; a side-swipe is the fault that the stewards find, or that of both.
+
+    Args:
+        contacts, where: see above.
+        curved: (sections + 1,) whether each section of the circuit is a curve, and what lies outside them.
+        shape: (races, cars).
+    """
+    penalty = np.zeros(shape)
+    if not len(contacts):
+        return penalty
+    geometry, fault = contacts["geometry"], contacts["fault"]
+    for role in ("behind", "ahead"):
+        car, section = contacts[role], contacts[f"section_{role}"]
+        swiped = (geometry == SIDE_SWIPE) & ((fault == car) | (fault < 0))
+        charged = np.where(curved[section], geometry != REAR_END, swiped)
+        if role == "behind":
+            charged |= geometry == REAR_END
+        np.subtract.at(penalty, (where[charged], car[charged]), 1.0)
+    return penalty
+
+
+def _speed_squared(cars: Records) -> Rewards:
+    return cars["velocity_x"] ** 2 + cars["velocity_y"] ** 2
+
+
+class Reward:
+    """The components on one circuit and their weighted sum."""
+
+    def __init__(self, weights: RewardWeights, track: Track) -> None:
+        """A reward.
+
+        Raises:
+            InputError: if a weight names a section that the circuit does not have.
+        """
+        names = [section.name for section in track.sections]
+        for name in weights.off_course_in:
+            if name not in names:
+                raise InputError(
+                    f"reward: off_course_in.{name} is not a section of {track.name}, "
+                    f"expected one of {', '.join(names)}"
+                )
+        self._weights = weights
+        self._track = track
+        # The last element is for what lies outside all sections: their index is -1.
+        self._factor = np.array([*(weights.off_course_in.get(name, 1.0) for name in names), 1.0])
+        self._curved = np.array([*(section.kind != "straight" for section in track.sections), False])
+
+    def components(
+        self, before: Records, after: Records, contacts: Records, where: Indices
+    ) -> dict[str, Rewards]:
+        """Every component, unweighted, by name; for the arguments see this module."""
+        section = self._track.table[after["row"], SECTION].astype(np.int64)
+        return {
+            "progress": progress(before, after),
+            "off_course": off_course(before, after, self._factor[section]),
+            "wall": wall(before, after),
+            "wall_touch": wall_touch(after),
+            "tyre_slip": tyre_slip(after),
+            "passing": passing(before, after, self._track.length),
+            "contact": contact(after),
+            "rear_end": rear_end(contacts, where, after.shape),
+            "unsporting": unsporting(contacts, where, self._curved, after.shape),
+        }
+
+    def total(self, components: Mapping[str, Rewards]) -> Rewards:
+        """The weighted sum of the components."""
+        weighted = [getattr(self._weights, name) * value for name, value in components.items()]
+        return np.sum(weighted, axis=0)

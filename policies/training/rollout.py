@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import repeat
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from policies.heat import Heat, load_opponents
+from policies.policy import Policy
 from policies.training.config import Rollouts, TrainingConfig
-from policies.training.rewards import Rewards, Transition, total
+from policies.training.demonstration import Demonstrators
+from policies.training.mistakes import Mistakes
+from policies.training.population import Population
+from policies.training.rewards import Reward, Rewards
 from sim.episode import Episodes
 from sim.errors import InputError
+from sim.scenario import Scenario, load_scenario
 
 STUCK_S = 5.0
 """A car at rest for so long has ended its episode: it will not get away."""
@@ -33,6 +39,36 @@ class Step(NamedTuple):
     valid: Flags
 
 
+def _scenario(rollouts: Rollouts) -> Scenario:
+    scenario = load_scenario(rollouts.scenario)
+    delay = rollouts.perception_delay_s
+    if delay is None:
+        return scenario
+    if isinstance(delay, tuple) and len(delay) != scenario.cars:
+        raise InputError(
+            f"rollouts {rollouts.scenario}: perception_delay_s has {len(delay)} numbers, "
+            f"expected one, or one for each of the scenario's {scenario.cars} cars"
+        )
+    return scenario.model_copy(update={"perception_delay_s": delay})
+
+
+def _learners(rollouts: Rollouts, cars: int) -> NDArray[np.int64]:
+    """Indices of the learner's cars in each race."""
+    if rollouts.learners > cars:
+        raise InputError(
+            f"rollouts {rollouts.scenario}: learners is {rollouts.learners}, "
+            f"expected at most the scenario's {cars} cars"
+        )
+    if rollouts.places is None:
+        return np.unique(np.linspace(cars - 1, 0, rollouts.learners).round().astype(np.int64))
+    if max(rollouts.places) > cars:
+        raise InputError(
+            f"rollouts {rollouts.scenario}: places has {max(rollouts.places)}, "
+            f"expected at most the scenario's {cars}"
+        )
+    return np.sort(np.array(rollouts.places) - 1)
+
+
 class Rollout:
     """Side-by-side races of one scenario; a race starts anew when its learners are through.
 
@@ -48,24 +84,27 @@ class Rollout:
         Raises:
             InputError: if the scenario has fewer cars than learners, or nobody drives the others.
         """
-        episodes = Episodes(config.circuit, config.car, rollouts.scenario, rollouts.races, stuck_s=STUCK_S)
-        cars = episodes.scenario.cars
-        if rollouts.learners > cars:
-            raise InputError(
-                f"rollouts {rollouts.scenario}: learners is {rollouts.learners}, "
-                f"expected at most the scenario's {cars} cars"
-            )
-        learners = np.unique(np.linspace(cars - 1, 0, rollouts.learners).round().astype(np.int64))
-        opponents = load_opponents(rollouts.opponents, config.circuit, config.car)
+        episodes = Episodes(config.circuit, config.car, _scenario(rollouts), rollouts.races, stuck_s=STUCK_S)
+        learners = _learners(rollouts, episodes.scenario.cars)
+        opponents = rollouts.opponents or config.opponents
+        self._population = Population(opponents, config.circuit, config.car)
         self.episodes, self._learners = episodes, learners
-        self._heat = Heat(episodes, learners.tolist(), config.observation.spec(), opponents)
-        self._weights = config.reward
+        self._heat = Heat(episodes, learners.tolist(), config.observation.spec(), self._population.policies)
+        self._demonstrators = Demonstrators(
+            load_opponents(rollouts.demonstrators, config.circuit, config.car),
+            episodes,
+            self._heat.races,
+            self._heat.cars,
+        )
+        self._reward = Reward(config.reward, episodes.world.track)
+        self._mistakes = Mistakes(episodes, learners)
+        self._again = rollouts.mistakes
         self._rng = rng
-        # The first episodes are of different length, so that races do not restart all at once.
-        episodes.limit_s *= rng.uniform(0.2, 1.0, rollouts.races)
         self.laps: list[float] = []
         self.driven_s = self.off_course_s = 0.0
-        self._start(range(rollouts.races))
+        self._start(list(range(rollouts.races)))
+        # The first episodes are of different length, so that races do not restart all at once.
+        episodes.limit_s *= rng.uniform(0.2, 1.0, rollouts.races)
 
     @property
     def slots(self) -> int:
@@ -73,39 +112,69 @@ class Rollout:
         return len(self._heat.cars)
 
     @property
+    def demonstrated(self) -> bool:
+        """Whether demonstrators drive the learner's cars."""
+        return bool(self._demonstrators)
+
+    @property
     def observation(self) -> Array:
         """What the learner's cars see, (slots, size) float32."""
         return self._heat.seen
 
-    def _start(self, races: Sequence[int]) -> None:
-        self._heat.start(races, repeat(self._rng, len(races)))
+    def meet(self, current: Policy | None, past: Sequence[Path]) -> None:
+        """Let the opponents `self` and `past` be what they are called.
+
+        Args:
+            current: the policy in training; None leaves `self` as it is.
+            past: checkpoints of the run so far.
+
+        Raises:
+            InputError: if a checkpoint cannot be read.
+        """
+        if not self._heat.others:
+            return
+        for index in self._population.meet(current, past, self._rng):
+            self._heat.replace(index, self._population.policies[index])
+
+    def _start(self, races: list[int]) -> None:
+        if self._heat.others:
+            who = self._population.draw(len(races) * self._heat.others, self._rng)
+            self._heat.seat(races, who.reshape(len(races), -1))
+        again = {
+            race: self._mistakes.draw(self._rng)
+            for race in races
+            if len(self._mistakes) and self._rng.random() < self._again
+        }
+        self._demonstrators.forget(races)
+        self._heat.start(races, repeat(self._rng, len(races)), again)
+        self._mistakes.restart(races)
+        self.episodes.limit_s[races] = self.episodes.world.time[races] + self.episodes.scenario.time_s
 
     def step(self, action: Array) -> tuple[Step, dict[str, Rewards]]:
-        """Advance all races by one step with the learner's actions, (slots, 2).
+        """Advance all races by one step with the learner's actions, (slots, 2), or the demonstrators'.
 
         Returns:
             the step, and the components of its reward by name, each (slots,).
         """
-        mine, world = (self._heat.races, self._heat.cars), self.episodes.world
-        valid = world.state["driving"][mine]
-        laps_before = world.state["laps"][mine]
-        transition = Transition(world)
+        mine, episodes = (self._heat.races, self._heat.cars), self.episodes
+        before, after = episodes.world.state.copy(), episodes.world.state
+        if self.demonstrated:
+            action = self._demonstrators.act(self._rng)
         self._heat.step(action)
-        components = {name: value[mine] for name, value in transition.components().items()}
-        reward = total(components, self._weights).astype(np.float32)
-        ending = self.episodes.endings[mine]
+        everyone = self._reward.components(before, after, episodes.contacts, episodes.contact_races)
+        components = {name: value[mine] for name, value in everyone.items()}
+        reward = self._reward.total(components).astype(np.float32)
+        valid, ending = before["driving"][mine], episodes.endings[mine]
         terminated = valid & (ending == "stuck")
         truncated = valid & ((ending == "time_up") | (ending == "finished"))
-        self._count(valid, laps_before)
+        self._count(valid, before["laps"][mine])
+        if self._again:
+            self._mistakes.watch()
         step = Step(action, reward, self.observation, terminated, truncated, valid)
-        self._restart_finished()
-        return step, components
-
-    def _restart_finished(self) -> None:
-        over = (self.episodes.endings[:, self._learners] != "").all(axis=1)
+        over = (episodes.endings[:, self._learners] != "").all(axis=1)
         if over.any():
-            self.episodes.limit_s[over] = self.episodes.scenario.time_s
             self._start(np.flatnonzero(over).tolist())
+        return step, components
 
     def _count(self, valid: Flags, laps_before: NDArray[np.int64]) -> None:
         state = self.episodes.world.state[self._heat.races, self._heat.cars]

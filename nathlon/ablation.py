@@ -1,0 +1,92 @@
+"""What the runs of an ablation came to: one table of all checkpoints, and races of the last ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import polars as pl
+
+from arena.entrant import Entrant, enter
+from arena.match import Match
+from arena.pool import run_matches
+from arena.store import Store
+from nathlon.stages import tournament_matches
+from policies.training.ablation import BASE, Run
+from reports.ablation import ABLATION
+from tournament.points import matchups
+
+CHECKPOINT = ("variant", "seed", "updates")
+DUELS = pl.Schema({name: ABLATION[name] for name in (*CHECKPOINT, "score_difference", "contacts_per_km")})
+
+
+def checkpoints(runs: Sequence[Run], duels: pl.DataFrame) -> pl.DataFrame:
+    """All checkpoints of some runs so far (ABLATION), with the races (DUELS) of some of them."""
+    curves = [
+        pl.read_csv(run.curve, null_values="nan", schema_overrides=ABLATION)
+        .with_columns(variant=pl.lit(run.variant), seed=pl.lit(run.seed, pl.Int64))
+        .select(name for name in ABLATION if name not in DUELS or name in CHECKPOINT)
+        for run in runs
+        if run.curve.exists()
+    ]
+    if not curves:
+        return pl.DataFrame(schema=ABLATION)
+    return pl.concat(curves).join(duels, on=CHECKPOINT, how="left", maintain_order="left")
+
+
+def race_base(
+    runs: Sequence[Run], pairs: int, workers: int, store: Store, on_match: Callable[[int, int], None]
+) -> pl.DataFrame:
+    """Race the last checkpoint of every variant, 4v4, against that of the base with the same seed.
+
+    Args:
+        runs: of variants and base.
+        pairs: mirrored pairs of races for each; all variants get the same starts.
+        workers: processes.
+        store: keeps finished matches, which do not run again.
+        on_match: told matches done and matches in all.
+
+    Returns:
+        the DUELS of the variants.
+    """
+    duels = _duels(runs, pairs)
+    missing = [match for _, _, match in duels if not store.has(match.key)]
+    done = len(duels) - len(missing)
+    on_match(done, len(duels))
+    for match, results in run_matches(missing, workers):
+        store.add_match(match.key, match.stage, match.spec(), results)
+        done += 1
+        on_match(done, len(duels))
+    return pl.concat([pl.DataFrame(schema=DUELS), *(_score(*duel, store) for duel in duels)])
+
+
+def _duels(runs: Sequence[Run], pairs: int) -> list[tuple[Run, Entrant, Match]]:
+    """The match of each variant's run against the base, if both have a checkpoint and not the same."""
+    entrants = {
+        run: enter(str(path), run.config.circuit, run.config.car)
+        for run in runs
+        if (path := run.last_checkpoint)
+    }
+    base = {run.seed: entrant for run, entrant in entrants.items() if run.variant == BASE}
+    return [
+        (run, entrant, match)
+        for run, entrant in entrants.items()
+        if run.seed in base and base[run.seed].id != entrant.id
+        for match in tournament_matches([entrant, base[run.seed]], pairs, np.random.SeedSequence(run.seed))
+    ]
+
+
+def _score(run: Run, entrant: Entrant, match: Match, store: Store) -> pl.DataFrame:
+    """The variant's side of its match, DUELS."""
+    table = matchups(store.results_of([match.key]), np.random.default_rng(run.seed))
+    return (
+        table.filter(pl.col("entrant") == entrant.id)
+        .select(
+            "contacts_per_km",
+            variant=pl.lit(run.variant),
+            seed=pl.lit(run.seed, pl.Int64),
+            updates=pl.lit(entrant.step, pl.Int64),
+            score_difference="difference",
+        )
+        .select(DUELS.names())
+    )

@@ -1,0 +1,114 @@
+"""`nathlon ablate`."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+import torch
+from rich.progress import Progress
+
+from arena.store import Store
+from nathlon.ablation import DUELS, checkpoints, race_base
+from nathlon.commands.console import progress_bars, say, worker_count
+from policies.training.ablation import VARIANTS, Run, claim, configurations, plan
+from policies.training.config import CONFIGS, TrainingConfig, read_config
+from policies.training.log import Status
+from policies.training.trainer import Diverged
+from reports.ablation import write_ablation
+from sim.data_file import find_data
+from sim.errors import InputError
+
+
+def ablate(
+    config: str,
+    out: Path,
+    seeds: int,
+    updates: int | None,
+    names: Sequence[str],
+    pairs: int,
+    workers: int | None,
+) -> None:
+    """Train all variants with all seeds, race them against the base if asked to, and draw the figure."""
+    logging.basicConfig(format="%(message)s")
+    torch.set_num_threads(worker_count(workers))
+    base = _base(config, updates)
+    configs = configurations(base, names or VARIANTS)
+    claim(out, base)
+    for name in names or VARIANTS:
+        if name not in configs:
+            say(f"{name} is the configuration itself, and left out.")
+    runs = plan(configs, seeds, out)
+    try:
+        with progress_bars() as progress:
+            diverged = _train(runs, out, progress)
+            if pairs:
+                _publish(runs, out, _race(runs, out, pairs, worker_count(workers), progress))
+            else:
+                _publish(runs, out)
+    except KeyboardInterrupt:
+        say("Stopped. The same command goes on.")
+        raise SystemExit(130) from None
+    say(f"Figure       {out / 'ablation.svg'}")
+    say(f"Table        {out / 'ablation.csv'}")
+    if diverged:
+        raise InputError(
+            f"{out}: {diverged} of {len(runs)} runs diverged; figure and table show what they did"
+        )
+
+
+def _base(name: str, updates: int | None) -> TrainingConfig:
+    config = read_config(find_data(name, "training configuration", CONFIGS))
+    if updates is not None:
+        config = config.model_copy(update={"updates": updates})
+    if config.updates < config.checkpoint_every:
+        raise InputError(
+            f"{name}: updates is {config.updates}, "
+            f"expected at least the {config.checkpoint_every} of checkpoint_every"
+        )
+    return config
+
+
+def _train(runs: Sequence[Run], out: Path, progress: Progress) -> int:
+    """Train those that are not finished, and publish after each; the number of those that diverged."""
+    diverged = 0
+    overall = progress.add_task("runs", total=len(runs), note="")
+    current = progress.add_task("updates", total=None, note="")
+    for run in runs:
+        name = f"{run.variant}, seed {run.seed}"
+        progress.update(overall, note=name)
+        if not run.finished:
+            trainer = run.trainer()
+            progress.reset(current, total=run.config.updates, completed=trainer.updates, note="warming up")
+
+            def on_status(status: Status) -> None:
+                lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
+                progress.update(
+                    current, completed=status.updates, note=f"{status.updates_per_s:.0f}/s, {lap}"
+                )
+
+            try:
+                trainer.run(on_status)
+            except Diverged as error:
+                say(str(error))
+                diverged += 1
+            _publish(runs, out)
+        progress.advance(overall)
+    return diverged
+
+
+def _race(runs: Sequence[Run], out: Path, pairs: int, workers: int, progress: Progress) -> pl.DataFrame:
+    task = progress.add_task("races", total=None, note="matches")
+
+    def on_match(done: int, total: int) -> None:
+        progress.update(task, completed=done, total=total)
+
+    with Store(out / "store.sqlite") as store:
+        return race_base(runs, pairs, workers, store, on_match)
+
+
+def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame | None = None) -> None:
+    write_ablation(checkpoints(runs, pl.DataFrame(schema=DUELS) if duels is None else duels), out)

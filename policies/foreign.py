@@ -1,0 +1,69 @@
+"""What is known of a policy that another program wrote: the card that its file may carry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from policies.checkpoint import Count, Observation
+from sim.errors import InputError, first_fault
+from sim.observation import ObservationSpec
+
+_POINT = ObservationSpec(course_points=2).size - ObservationSpec(course_points=1).size
+
+
+class ForeignCard(BaseModel):
+    """The fields of a checkpoint's card, `hidden` apart; None and empty for what is not known."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    format: Literal[1] = 1
+    algorithm: str | None = None
+    observation: Observation | None = None
+    circuit: str | None = None
+    car: str | None = None
+    scenarios: tuple[str, ...] = ()
+    step: Count | None = None
+    transitions: Count | None = None
+    seed: Count | None = None
+    created_by: dict[str, str] = {}
+
+
+def parse_card(path: Path, text: str) -> ForeignCard:
+    """The card written as JSON in the file at `path`.
+
+    Raises:
+        InputError: if it is none.
+    """
+    try:
+        return ForeignCard.model_validate_json(text)
+    except ValidationError as error:
+        raise InputError(f"{path}: the card: {first_fault(error)}") from None
+    except InputError as error:
+        raise InputError(f"{path}: the card: {error}") from None
+
+
+def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpec:
+    """The observations of a policy that takes `size` numbers.
+
+    A card that does not tell stands for the default with as many course points as fit.
+
+    Raises:
+        InputError: if the card's have another size, or no number of course points fits.
+    """
+    if card.observation is not None:
+        expected = card.observation.size
+        if expected != size:
+            raise InputError(
+                f"{path}: takes {size} numbers, expected {expected} as its card's observation has"
+            )
+        return card.observation
+    points, rest = divmod(size - ObservationSpec(course_points=1).size, _POINT)
+    if rest or not 0 <= points < 500:
+        raise InputError(
+            f"{path}: takes {size} numbers, expected {ObservationSpec().size}, the size of the default "
+            "observation, or a card with another observation"
+        )
+    return ObservationSpec(course_points=points + 1)

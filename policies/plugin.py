@@ -1,0 +1,73 @@
+"""Policies that installed packages offer under the entry point group `nathlon.policies`.
+
+An entry point names a callable that takes the names of circuit and car and returns a policy, such as the
+policy's class. Unlike a file of weights it is code, and is loaded only when a user names it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+from policies.policy import Policy
+from sim.errors import InputError
+from sim.observation import ObservationSpec
+
+PLUGIN = "plugin"
+GROUP = "nathlon.policies"
+
+
+def load_plugin(name: str, circuit: str, car: str) -> Policy:
+    """The policy that a package offers as `name`, made for a circuit and car.
+
+    Raises:
+        InputError: if no package or more than one offers it, or it is no policy.
+    """
+    point = _entry_point(name)
+    try:
+        policy = point.load()(circuit, car)
+    # It is foreign code: whatever it raises, the user wants to know whose it is.
+    except Exception as error:
+        raise InputError(
+            f"{PLUGIN}:{name}: {point.value} raised {type(error).__name__} ({error}), expected a policy"
+        ) from error
+    if not isinstance(getattr(policy, "observation_spec", None), ObservationSpec):
+        raise InputError(f"{PLUGIN}:{name}: {point.value} made no policy: it has no observation_spec")
+    for method in ("initial_memory", "act"):
+        if not callable(getattr(policy, method, None)):
+            raise InputError(f"{PLUGIN}:{name}: {point.value} made no policy: it has no method {method}")
+    return policy
+
+
+def plugin_id(name: str) -> str:
+    """SHA-256 in hexadecimal of the entry point and of all files of the top package that it lies in.
+
+    The package has been imported by `load_plugin`.
+    """
+    point = _entry_point(name)
+    digest = hashlib.sha256(f"{name}={point.value}".encode())
+    top = sys.modules[point.module.partition(".")[0]]
+    folders = [Path(folder) for folder in getattr(top, "__path__", [])]
+    files = [(path, path.relative_to(folder)) for folder in folders for path in folder.rglob("*")]
+    if not folders:
+        file = Path(str(top.__file__))
+        files = [(file, Path(file.name))]
+    for path, relative in sorted(files):
+        if path.is_file() and "__pycache__" not in relative.parts:
+            content = path.read_bytes()
+            digest.update(f"\0{relative.as_posix()}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()
+
+
+def _entry_point(name: str) -> EntryPoint:
+    offered = entry_points(group=GROUP)
+    points = list(dict.fromkeys(offered.select(name=name)))
+    if not points:
+        known = ", ".join(sorted(offered.names)) or "none"
+        raise InputError(f"{PLUGIN}:{name}: no package offers this policy; those offered are {known}")
+    if len(points) > 1:
+        values = ", ".join(point.value for point in points)
+        raise InputError(f"{PLUGIN}:{name}: offered more than once, by {values}")
+    return points[0]

@@ -1,0 +1,291 @@
+"""Ablations: variants of a configuration, going on after a stop, folders refused, table and figure."""
+
+from __future__ import annotations
+
+import csv
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+import torch
+from PIL import Image
+
+from arena.store import Store
+from nathlon.commands.ablate import ablate
+from policies.checkpoint import load_checkpoint
+from policies.training.ablation import VARIANTS, claim, configurations, plan
+from policies.training.config import TrainingConfig, read_config
+from policies.training.log import Status
+from reports.ablation import ABLATION, last_checkpoints, seed_band
+from sim.errors import InputError
+from tests.test_cli import nathlon, refused
+
+TOML = """
+circuit = "lindenring"
+car = "gt3"
+updates = 6
+updates_per_step = 2
+warm_up = 60
+replay = 500
+checkpoint_every = 2
+
+[[rollouts]]
+scenario = "1v0"
+races = 3
+learners = 1
+
+[[rollouts]]
+scenario = "standing_start"
+races = 1
+learners = 1
+opponents = ["driver"]
+
+[observation]
+course_points = 3
+cars_ahead = 1
+cars_behind = 1
+
+[qrsac]
+hidden = [8]
+quantiles = 4
+batch = 16
+n_step = 5
+
+[reward]
+passing = 0.5
+"""
+CHECKPOINTS = (2, 4, 6)
+CHOSEN = ("no-quantiles", "no-course-points")
+SEEDS = 2
+
+
+@pytest.fixture(scope="module", autouse=True)
+def uncompiled() -> Iterator[None]:
+    """Updates as they are written: compiling one for each variant takes longer than all that is tested."""
+    with torch.compiler.set_stance("force_eager"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def toml(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("configuration") / "small.toml"
+    path.write_text(TOML)
+    return path
+
+
+@pytest.fixture(scope="module")
+def base(toml: Path) -> TrainingConfig:
+    return read_config(toml)
+
+
+def leaves(config: TrainingConfig) -> dict[str, Any]:
+    """All values of a configuration by their dotted names."""
+
+    def walk(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                yield from walk(f"{name}.{key}", inner)
+        else:
+            yield name[1:], value
+
+    return dict(walk("", config.model_dump()))
+
+
+@pytest.mark.parametrize(
+    ("variant", "field", "value"),
+    [
+        ("no-quantiles", "qrsac.distributional", False),
+        ("n-step-1", "qrsac.n_step", 1),
+        ("n-step-3", "qrsac.n_step", 3),
+        ("n-step-7", "qrsac.n_step", 7),
+        ("one-table", "tables", "one"),
+        ("no-passing-reward", "reward.passing", 0.0),
+        ("no-course-points", "observation.course_points", 0),
+    ],
+)
+def test_a_variant_changes_one_field(base: TrainingConfig, variant: str, field: str, value: Any) -> None:
+    changed = leaves(VARIANTS[variant](base))
+    differing = {name: now for name, now in changed.items() if now != leaves(base)[name]}
+    assert differing == {field: value}
+    TrainingConfig.model_validate(VARIANTS[variant](base).model_dump())
+
+
+def test_without_skill_scenarios_the_races_stay(base: TrainingConfig) -> None:
+    left = VARIANTS["no-skill-scenarios"](base)
+    assert left.rollouts == base.rollouts[:1]
+    duel = base.rollouts[0].model_copy(update={"scenario": "1v1"})
+    shared = [
+        rollouts.model_copy(update={"share": share})
+        for rollouts, share in zip((*base.rollouts, duel), (0.2, 0.5, 0.3), strict=True)
+    ]
+    left = VARIANTS["no-skill-scenarios"](base.model_copy(update={"rollouts": tuple(shared)}))
+    assert [rollouts.scenario for rollouts in left.rollouts] == ["1v0", "1v1"]
+    assert left.shares == pytest.approx([0.4, 0.6])
+    skills = base.model_copy(update={"rollouts": base.rollouts[1:]})
+    with pytest.raises(InputError, match="no rollouts are left"):
+        configurations(skills, ["no-skill-scenarios"])
+
+
+def test_variants_that_are_the_base_are_left_out(base: TrainingConfig) -> None:
+    assert list(configurations(base, VARIANTS)) == [
+        "base",
+        *(name for name in VARIANTS if name != "n-step-5"),
+    ]
+    alone = base.model_copy(update={"rollouts": base.rollouts[:1]})
+    assert list(configurations(alone, ["one-table", "no-skill-scenarios", "n-step-1"])) == [
+        "base",
+        "n-step-1",
+    ]
+
+
+def test_all_variants_come_with_the_first_seed_first(base: TrainingConfig) -> None:
+    runs = plan(configurations(base, ["n-step-1"]), 2, Path("out"))
+    assert [(run.variant, run.seed) for run in runs] == [
+        ("base", 1),
+        ("n-step-1", 1),
+        ("base", 2),
+        ("n-step-1", 2),
+    ]
+    assert runs[-1].folder == Path("out/n-step-1/seed-2")
+
+
+def test_a_folder_of_another_configuration_is_refused(base: TrainingConfig, tmp_path: Path) -> None:
+    claim(tmp_path / "out", base)
+    claim(tmp_path / "out", base)
+    with pytest.raises(InputError, match="another configuration, which differs in updates"):
+        claim(tmp_path / "out", base.model_copy(update={"updates": 8}))
+    (tmp_path / "out" / "ablation.json").write_text("{")
+    with pytest.raises(InputError, match=r"ablation\.json"):
+        claim(tmp_path / "out", base)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be read or written"):
+        claim(tmp_path / "file", base)
+
+
+def test_a_run_of_another_seed_is_not_taken_over(base: TrainingConfig, tmp_path: Path) -> None:
+    first, second = plan({"base": base}, 2, tmp_path)
+    first.trainer()
+    first.folder.rename(second.folder)
+    with pytest.raises(InputError, match="another training run"):
+        second.trainer()
+
+
+def test_bad_input_is_one_sentence(toml: Path, tmp_path: Path) -> None:
+    refused(nathlon("ablate", toml, "--variant", "no-wheels", cwd=tmp_path), "no-wheels", "no-quantiles")
+    with pytest.raises(InputError, match="updates is 1, expected at least the 2"):
+        ablate(str(toml), tmp_path / "out", 1, 1, [], 0, 1)
+    assert not list(tmp_path.iterdir())
+
+
+def modified(out: Path) -> dict[Path, int]:
+    """When each checkpoint was written."""
+    return {path: path.stat().st_mtime_ns for path in out.rglob("step-*.safetensors")}
+
+
+@pytest.fixture(scope="module")
+def out(toml: Path, base: TrainingConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An ablation that was stopped in its second run, and went on."""
+    out = tmp_path_factory.mktemp("ablation")
+    first, second = plan(configurations(base, CHOSEN), SEEDS, out)[:2]
+    first.trainer().run(lambda status: None)
+    assert first.finished
+
+    def stop(status: Status) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        second.trainer().run(stop)
+    assert not second.finished
+    before = modified(out)
+    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1)
+    after = modified(out)
+    assert {path: after[path] for path in before} == before
+    assert len(after) == (1 + len(CHOSEN)) * SEEDS * len(CHECKPOINTS)
+    return out
+
+
+def test_the_table_has_a_row_for_each_checkpoint(out: Path) -> None:
+    rows = list(csv.DictReader((out / "ablation.csv").open()))
+    assert list(rows[0]) == list(ABLATION)
+    seen = {(row["variant"], int(row["seed"]), int(row["updates"])) for row in rows}
+    names = ("base", *CHOSEN)
+    assert len(rows) == len(seen)
+    assert seen == {(name, seed, step) for name in names for seed in (1, 2) for step in CHECKPOINTS}
+    own = list(csv.DictReader((out / "no-quantiles" / "seed-2" / "curve.csv").open()))
+    mine = [row for row in rows if (row["variant"], row["seed"]) == ("no-quantiles", "2")]
+    for row, wanted in zip(mine, own, strict=True):
+        assert float(row["off_course_share"]) == float(wanted["off_course_share"])
+        assert row["transitions"] == wanted["transitions"]
+        assert (row["lap_s"] == "") == math.isnan(float(wanted["lap_s"]))
+
+
+def test_variants_race_the_base_with_their_last_checkpoints(out: Path) -> None:
+    rows = list(csv.DictReader((out / "ablation.csv").open()))
+    raced = [row for row in rows if row["score_difference"]]
+    assert [(row["variant"], row["updates"]) for row in raced] == [(name, "6") for name in CHOSEN * SEEDS]
+    with Store.open(out / "store.sqlite") as store:
+        results = store.results()
+    for row in raced:
+        path = out / row["variant"] / f"seed-{row['seed']}" / "checkpoints" / "step-0000006.safetensors"
+        mine = pl.col("entrant") == load_checkpoint(path).id
+        match = results.filter(mine.any().over("match"))
+        assert match.select("race", "car").n_unique() == match.height == 16
+        own, other = (
+            match.filter(side).select("points", "contacts", "distance_m").sum() for side in (mine, ~mine)
+        )
+        assert float(row["score_difference"]) == pytest.approx((own - other)["points"].item() / 2)
+        assert float(row["contacts_per_km"]) == pytest.approx(
+            1000 * own["contacts"].item() / own["distance_m"].item()
+        )
+
+
+def test_a_policy_without_course_points_sees_none(out: Path) -> None:
+    path = out / "no-course-points" / "seed-1" / "checkpoints" / "step-0000006.safetensors"
+    assert load_checkpoint(path).observation_spec.size == 31 + 2 * 7
+
+
+def test_the_figure_names_every_variant(out: Path) -> None:
+    ET.parse(out / "ablation.svg")
+    with Image.open(out / "ablation.png") as picture:
+        assert min(picture.size) > 500
+        assert len(picture.convert("RGB").getcolors(1 << 20) or []) > 10
+
+
+def test_the_same_command_again_trains_nothing(toml: Path, out: Path) -> None:
+    before, figure = modified(out), (out / "ablation.svg").read_bytes()
+    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1)
+    assert modified(out) == before
+    assert (out / "ablation.svg").read_bytes() == figure
+
+
+def test_runs_that_diverge_do_not_stop_the_others(toml: Path, tmp_path: Path) -> None:
+    config = tmp_path / "steep.toml"
+    config.write_text(toml.read_text() + "progress = 1e300\n")
+    with pytest.raises(InputError, match="2 of 2 runs diverged"):
+        ablate(str(config), tmp_path / "out", 1, None, ["n-step-1"], 0, 1)
+    assert pl.read_csv(tmp_path / "out" / "ablation.csv").columns == list(ABLATION)
+    assert (tmp_path / "out" / "ablation.svg").exists()
+
+
+def test_a_seed_without_a_lap_is_the_slowest() -> None:
+    laps = {2: (100.0, 90.0, None), 4: (80.0, 70.0, 75.0), 6: (None, None, 60.0)}
+    rows = [
+        {"variant": variant, "seed": seed, "updates": updates, "lap_s": lap}
+        for variant in ("base", "other")
+        for updates, drawn in laps.items()
+        for seed, lap in enumerate(drawn)
+        if (variant, updates) != ("other", 6)
+    ]
+    table = pl.DataFrame(rows, schema_overrides=ABLATION)
+    band = seed_band(table, "base")
+    assert band["updates"].to_list() == [2, 4, 6]
+    assert band["low"].to_list() == [90.0, 70.0, 60.0]
+    assert band["median"].to_list() == [100.0, 75.0, math.inf]
+    assert band["high"].to_list() == [math.inf, 80.0, math.inf]
+    last = last_checkpoints(table)
+    assert last["updates"].to_list() == [6, 6, 6, 4, 4, 4]
+    assert last["lap_s"].to_list() == [None, None, 60.0, 80.0, 70.0, 75.0]

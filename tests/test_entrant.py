@@ -1,0 +1,59 @@
+"""Who takes part: entrants from files of every kind."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import onnx
+import pytest
+from onnx import helper
+
+from arena.entrant import enter_all, entrants_table, find_checkpoints, trained_on
+from policies.checkpoint import load_checkpoint
+from policies.onnx import export_onnx
+from sim.errors import InputError
+from tests.test_cli import BUNDLED
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two checkpoints, the state of a training run, and an ONNX graph that does not tell its circuit."""
+    (tmp_path / "run").mkdir()
+    shutil.copy(BUNDLED[0], tmp_path / "b.safetensors")
+    shutil.copy(BUNDLED[-1], tmp_path / "run" / "step.safetensors")
+    (tmp_path / "run" / "state.safetensors").write_bytes(b"no policy")
+    (tmp_path / "notes.txt").write_text("no policy")
+    export_onnx(load_checkpoint(BUNDLED[0]), tmp_path / "a.onnx")
+    model = onnx.load(tmp_path / "a.onnx")
+    del model.metadata_props[:]
+    card = {"observation": load_checkpoint(BUNDLED[0]).observation_spec.to_dict()}
+    helper.set_model_props(model, {"nathlon": json.dumps(card)})
+    onnx.save(model, tmp_path / "a.onnx")
+    return tmp_path
+
+
+def test_a_folder_stands_for_all_policies_below_it(folder: Path) -> None:
+    (folder / "c.zip").write_bytes(b"")
+    found = [path.relative_to(folder).as_posix() for path in find_checkpoints([folder])]
+    assert found == ["a.onnx", "b.safetensors", "c.zip", "run/step.safetensors"]
+    (folder / "empty").mkdir()
+    with pytest.raises(InputError, match=r"empty: holds no checkpoint"):
+        find_checkpoints([folder / "empty"])
+
+
+def test_circuit_and_car_are_those_of_the_first_that_tells_them(folder: Path) -> None:
+    sources = [str(folder / "a.onnx"), str(folder / "b.safetensors")]
+    assert trained_on(["plugin:any", "driver", *sources]) == ("lindenring", "gt3")
+    card = load_checkpoint(folder / "b.safetensors").card
+    assert trained_on(sources) == (card.circuit, card.car)
+    assert trained_on(sources[:1]) == ("lindenring", "gt3")
+
+
+def test_files_of_every_kind_stand_in_one_table(folder: Path) -> None:
+    sources = [str(path) for path in find_checkpoints([folder])]
+    table = entrants_table(enter_all(sources, "lindenring", "gt3"))
+    assert table["name"].to_list() == ["a", "b", "step"]
+    assert table["algorithm"].to_list() == ["ONNX", "QR-SAC", "QR-SAC"]
+    assert table["step"].null_count() == 1
