@@ -14,6 +14,9 @@ from policies.load import DRIVER, SUFFIXES, load_file, load_policy
 from policies.plugin import PLUGIN, plugin_id
 from sim.errors import InputError
 
+TRAINING_STATE = ("state.safetensors", "replay.safetensors")
+"""Files of a training run that are no checkpoints."""
+
 CIRCUIT, CAR = "lindenring", "gt3"
 """What policies drive when nothing else is said."""
 
@@ -72,7 +75,7 @@ def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
     for path in paths:
         if path.is_dir():
             inside = sorted(
-                p for p in path.rglob("*") if p.suffix in SUFFIXES and p.name != "state.safetensors"
+                p for p in path.rglob("*") if p.suffix in SUFFIXES and p.name not in TRAINING_STATE
             )
             if not inside:
                 raise InputError(f"{path}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")

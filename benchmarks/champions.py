@@ -82,7 +82,7 @@ def bundled_champions() -> list[Path]:
         names = read_toml(CHAMPIONS, Champions, "champions").names
         return [BUNDLED / f"{name}.safetensors" for name in names]
     last: dict[str, Path] = {}
-    for path in sorted(BUNDLED.glob("*.safetensors"), key=lambda path: read_card(path).step):
+    for path in sorted(BUNDLED.rglob("*.safetensors"), key=lambda path: read_card(path).step):
         last[path.stem.rpartition("-")[0]] = path
     return list(last.values())
 

@@ -34,7 +34,7 @@ def bundled_runs() -> Runs:
     """The curves of the runs that checkpoints are bundled of, with the cards of these, by circuit and car."""
     runs: Runs = {}
     for curve in sorted((BUNDLED / "curves").glob("*.csv")):
-        cards = [read_card(path) for path in sorted(BUNDLED.glob(f"{curve.stem}-*.safetensors"))]
+        cards = [read_card(path) for path in sorted(BUNDLED.rglob(f"{curve.stem}-*.safetensors"))]
         if cards:
             runs.setdefault((cards[0].circuit, cards[0].car), []).append((curve, cards))
     return runs

@@ -62,15 +62,15 @@ def race_base(
 
 def _duels(runs: Sequence[Run], pairs: int) -> list[tuple[Run, Entrant, Match]]:
     """The match of each variant's run against the base, if both have a checkpoint and not the same."""
-    entrants = {
-        run: enter(str(path), run.config.circuit, run.config.car)
+    entrants = [
+        (run, enter(str(path), run.config.circuit, run.config.car))
         for run in runs
         if (path := run.last_checkpoint)
-    }
-    base = {run.seed: entrant for run, entrant in entrants.items() if run.variant == BASE}
+    ]
+    base = {run.seed: entrant for run, entrant in entrants if run.variant == BASE}
     return [
         (run, entrant, match)
-        for run, entrant in entrants.items()
+        for run, entrant in entrants
         if run.seed in base and base[run.seed].id != entrant.id
         for match in tournament_matches([entrant, base[run.seed]], pairs, np.random.SeedSequence(run.seed))
     ]

@@ -44,7 +44,7 @@ def demo(
     from nathlon.pipeline import Settings
     from policies.bundled import BUNDLED
 
-    run([BUNDLED], out, Settings(seed, shortlist, pairs, worker_count(workers)))
+    run([BUNDLED / "lindenring"], out, Settings(seed, shortlist, pairs, worker_count(workers)))
 
 
 @app.command()

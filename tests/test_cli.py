@@ -15,7 +15,7 @@ import policies
 from policies.checkpoint import load_checkpoint, save_checkpoint
 from sim.observation import ObservationSpec
 
-BUNDLED = sorted((Path(str(policies.__file__)).parent / "bundled").glob("*.safetensors"))
+BUNDLED = sorted((Path(str(policies.__file__)).parent / "bundled" / "lindenring").glob("*.safetensors"))
 NATHLON = Path(sys.executable).parent / "nathlon"
 
 

@@ -17,7 +17,7 @@ from sim.episode import Episodes
 from sim.errors import InputError
 from sim.observation import ObservationSpec
 
-BUNDLED = sorted((Path(__file__).parent.parent / "policies" / "bundled").glob("race-*.safetensors"))[:3]
+BUNDLED = sorted((Path(__file__).parent.parent / "policies" / "bundled" / "lindenring").glob("*.safetensors"))[:3]
 
 
 def population(*opponents: str | tuple[str, float]) -> Population:
