@@ -23,7 +23,8 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "run").mkdir()
     shutil.copy(BUNDLED[0], tmp_path / "b.safetensors")
     shutil.copy(BUNDLED[-1], tmp_path / "run" / "step.safetensors")
-    (tmp_path / "run" / "state.safetensors").write_bytes(b"no policy")
+    for name in ("state", "replay"):
+        (tmp_path / "run" / f"{name}.safetensors").write_bytes(b"no policy")
     (tmp_path / "notes.txt").write_text("no policy")
     export_onnx(load_checkpoint(BUNDLED[0]), tmp_path / "a.onnx")
     model = onnx.load(tmp_path / "a.onnx")
