@@ -17,7 +17,8 @@ from sim.episode import Episodes
 from sim.errors import InputError
 from sim.observation import ObservationSpec
 
-BUNDLED = sorted((Path(__file__).parent.parent / "policies" / "bundled" / "lindenring").glob("*.safetensors"))[:3]
+LADDER = Path(__file__).parent.parent / "policies" / "bundled" / "lindenring"
+BUNDLED = sorted(LADDER.glob("*.safetensors"))[:3]
 
 
 def population(*opponents: str | tuple[str, float]) -> Population:
