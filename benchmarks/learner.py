@@ -201,17 +201,18 @@ def main() -> None:
     for name, (hidden, batch) in SIZES.items():
         sizes[name], peak = measure(hidden, batch, console)
         peaks = {precision: max(peaks.get(precision, 0.0), value) for precision, value in peak.items()}
-    figures = {
-        "sizes": sizes,
-        "peak_gflops": {precision: round(value, 1) for precision, value in peaks.items()},
-        "threads": options.threads,
-        "machine": platform.platform(),
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("torch", "stable-baselines3", "sb3-contrib")},
-        },
-    }
-    options.json.write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
+        # After each size: the largest takes long, and may not fit in memory.
+        figures = {
+            "sizes": sizes,
+            "peak_gflops": {precision: round(value, 1) for precision, value in peaks.items()},
+            "threads": options.threads,
+            "machine": platform.platform(),
+            "versions": {
+                "python": platform.python_version(),
+                **{package: version(package) for package in ("torch", "stable-baselines3", "sb3-contrib")},
+            },
+        }
+        options.json.write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":
