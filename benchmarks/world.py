@@ -4,7 +4,7 @@ Run as `python -m benchmarks.world`; the last line of the output is one JSON obj
 four by number of cars in a race:
 
 - `agent_steps_per_s_core`: cars advanced by 0.1 s and observed in full, a CPU second, under random actions;
-- `agent_steps_per_s_core_trained`: the same while the first bundled checkpoint drives;
+- `agent_steps_per_s_core_trained`: the same while the first bundled checkpoint of the Lindenring drives;
 - `car_seconds_per_cpu_second`: time simulated, without observing, under random actions;
 - `step_share`: share of the CPU time that goes to stepping under random actions; the rest goes to observing;
 - `two_thread_ratio`: agent steps a second of wall time on two threads against one, eight cars;
@@ -20,6 +20,7 @@ policy computes is not counted.
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
@@ -37,8 +38,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-import policies
 from benchmarks.peers import measure
+from policies.bundled import BUNDLED
 from policies.checkpoint import load_checkpoint
 from sim.car import load_car
 from sim.observation import ObservationSpec
@@ -167,9 +168,10 @@ def compile_s() -> dict[str, float]:
 
 def main() -> None:
     """Measure, show progress on stderr, print the figures as JSON."""
+    argparse.ArgumentParser(description=str(__doc__).partition("\n")[0]).parse_args()
     rng = np.random.default_rng(0)
     console = Console(stderr=True)
-    bundled = sorted((Path(str(policies.__file__)).parent / "bundled").rglob("*.safetensors"))
+    bundled = sorted((BUNDLED / "lindenring").glob("*.safetensors"))
     drives = {"random": random_drive(rng), "trained": trained_drive(bundled[0])}
     runs = [(name, cars) for name in drives for cars in SCENARIOS]
     costs = {
