@@ -72,7 +72,10 @@ def evaluate(
 @app.command()
 def train(
     config: Annotated[
-        str, typer.Argument(help="time_trial, racing, or the path of a training configuration (.toml).")
+        str,
+        typer.Argument(
+            help="time_trial, racing (also as CIRCUIT-racing ..), paper, or the path of a .toml file."
+        ),
     ] = "time_trial",
     out: Out = Path("runs/training"),
     seed: Seed = 1,
