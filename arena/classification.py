@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arena.match import Match, Race
+from arena.results import POLICY_FAULTS
 
 POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
-FAULTS = ("policy_raised", "illegal_action")
 
 
 def classify(
@@ -35,7 +35,7 @@ def classify(
         (
             np.where(finished, 0.0, -cars["progress"]),
             np.where(finished, cars["finish_s"], 0.0),
-            np.where(finished, 0, np.where(np.isin(endings, FAULTS), 2, 1)),
+            np.where(finished, 0, np.where(np.isin(endings, POLICY_FAULTS), 2, 1)),
         )
     )
     place = np.empty(len(cars), np.int64)

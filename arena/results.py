@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import polars as pl
 
-ENDINGS = ("finished", "time_up", "stuck", "policy_raised", "illegal_action", "simulator_fault")
-"""How a car's run can end. `policy_raised` and `illegal_action` (not finite, or of the wrong shape)
-are the policy's fault and score last; `simulator_fault` voids the race; `time_up` means that
-the scenario ended while the car was still driving."""
+ENDINGS = (
+    "finished",
+    "time_up",
+    "stuck",
+    "policy_raised",
+    "illegal_action",
+    "timed_out",
+    "simulator_fault",
+    "interrupted",
+)
+"""How a car's run can end. `time_up` means that the scenario ended while the car was still driving."""
+
+POLICY_FAULTS = ("policy_raised", "illegal_action", "timed_out")
+"""Endings by the policy's own fault, which score last. An illegal action is not finite or of the wrong
+shape; a policy that has not answered within its time has timed out."""
+
+VOID_ENDINGS = ("simulator_fault", "interrupted")
+"""Endings that void the race, and with it the mirrored pair: nobody is to blame who raced."""
 
 RESULTS = pl.Schema(
     {

@@ -44,6 +44,7 @@ from scipy.stats import binomtest
 from arena.entrant import Entrant, enter, enter_all, find_checkpoints
 from arena.match import Match, Race, Seat
 from arena.pool import match_policies
+from arena.results import VOID_ENDINGS
 from arena.runner import run_match
 from arena.statistics import interval, spread
 from benchmarks.time_trial import TimeTrial, drive_alone, limits
@@ -133,7 +134,7 @@ def race_match(entrant: Entrant, races: int) -> Match:
 
 def from_the_back(rows: pl.DataFrame, rng: np.random.Generator) -> Figures:
     """Figures of an entrant's RESULTS, one row a race; races with a fault of the simulator are void."""
-    rows = rows.filter(pl.col("ending") != "simulator_fault")
+    rows = rows.filter(~pl.col("ending").is_in(VOID_ENDINGS))
     finished = rows.filter(pl.col("ending") == "finished")
     wins = int((finished["place"] == 1).sum())
     share = binomtest(wins, rows.height).proportion_ci(CONFIDENCE, "wilson")

@@ -11,7 +11,7 @@ from arena.entrant import Entrant, enter
 from arena.match import Match
 from arena.pool import run_matches
 from arena.store import Store
-from nathlon.stages import tournament_matches
+from nathlon.race_off import tournament_matches
 from policies.training.ablation import BASE, Run
 from reports.ablation import ABLATION
 from tournament.points import matchups

@@ -7,10 +7,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.results import PARETO
+from arena.results import PARETO, POLICY_FAULTS, VOID_ENDINGS
 from arena.statistics import Floats, group_sums, resample_counts
-
-POLICY_FAULTS = ("policy_raised", "illegal_action")
 
 
 def pareto(
@@ -61,7 +59,7 @@ def pareto(
 
 def _races(results: pl.DataFrame) -> pl.DataFrame:
     """One row for each entrant in each race that is not void: its cars together, ordered."""
-    void = (pl.col("ending") == "simulator_fault").any().over("match", "race")
+    void = pl.col("ending").is_in(VOID_ENDINGS).any().over("match", "race")
     lap_counts = ~pl.col("ending").is_in(POLICY_FAULTS)
     return (
         results.sort("entrant", "match", "race", "car")

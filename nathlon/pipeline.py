@@ -6,38 +6,30 @@ their results into its answer with a pure function.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import polars as pl
 
 from arena.entrant import Entrant, entrants_table
 from arena.match import Match
-from arena.pool import match_policies, run_matches
+from arena.pool import match_policies
 from arena.recorder import record_race
 from arena.recording import write_recording
-from arena.results import BATTERY, MATCHUPS, RANKING, RESULTS, SKILLS
+from arena.results import POLICY_FAULTS
 from arena.store import Store
-from nathlon.battery import MEASURES, rank_battery, skills
+from nathlon.filter import run_filter
+from nathlon.n_athlon import run_battery
 from nathlon.output import OutputFolder
-from nathlon.pareto import pareto
-from nathlon.skill import Skill, measure_runs, shipped_skills
-from nathlon.stages import filter_matches, skill_matches, tournament_matches
+from nathlon.race_off import run_round_robin
+from nathlon.run import CONFIDENCE, OnMatch, Run
 from nathlon.summary import versions
 from reports.page import write_page
 from reports.replay import write_replay
 from reports.selection import Selection
 from reports.spreadsheet import write_spreadsheet
-from tournament.points import matchups, pair_correlation, rank
-
-STAGES = ("pareto", "battery", "tournament")
-CONFIDENCE = 0.95
-
-OnMatch = Callable[[str, int, int], None]
-"""Told the stage, matches done and matches in all, whenever a match ends."""
+from tournament.points import pair_correlation
 
 
 @dataclass(frozen=True)
@@ -57,44 +49,6 @@ class Settings:
     workers: int = 1
 
 
-@dataclass
-class _Run:
-    """A selection under way."""
-
-    store: Store
-    settings: Settings
-    on_match: OnMatch
-    keys: list[str] = field(default_factory=list)
-    stages: list[dict[str, Any]] = field(default_factory=list)
-
-    def seeds(self, stage: str) -> np.random.SeedSequence:
-        """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
-        return np.random.SeedSequence([self.settings.seed, STAGES.index(stage)])
-
-    def rng(self, stage: str) -> np.random.Generator:
-        """The generator of a stage's bootstrap."""
-        return np.random.default_rng([self.settings.seed, len(STAGES), STAGES.index(stage)])
-
-    def results(self, stage: str, matches: Sequence[Match]) -> pl.DataFrame:
-        """Results of all matches, running those that the store does not have."""
-        missing = [match for match in matches if not self.store.has(match.key)]
-        done = len(matches) - len(missing)
-        self.on_match(stage, done, len(matches))
-        for match, results in run_matches(missing, self.settings.workers):
-            self.store.add_match(match.key, stage, match.spec(), results)
-            done += 1
-            self.on_match(stage, done, len(matches))
-        keys = [match.key for match in matches]
-        self.keys += keys
-        return self.store.results_of(keys) if keys else pl.DataFrame(schema=RESULTS)
-
-    def note(self, stage: str, came: int, left: int, matches: Sequence[Match], began: float) -> None:
-        """Keep a stage's counts for the summary."""
-        races = sum(len(match.races) for match in matches)
-        wall_s = round(time.perf_counter() - began, 2)
-        self.stages.append({"name": stage, "in": came, "out": left, "races": races, "wall_s": wall_s})
-
-
 def select(
     entrants: Sequence[Entrant], output: OutputFolder, settings: Settings, on_match: OnMatch
 ) -> Selection:
@@ -109,16 +63,18 @@ def select(
         on_match: told about progress.
     """
     with Store(output.store) as store:
-        run = _Run(store, settings, on_match)
+        run = Run(store, settings.seed, settings.workers, on_match)
         tables: dict[str, pl.DataFrame] = {"entrants": entrants_table(entrants)}
-        survivors = _filter(run, entrants, tables)
-        shortlist = _test(run, survivors, shipped_skills(), tables)
-        matches, results = _race(run, shortlist, tables)
+        filtered = run_filter(run, entrants)
+        tested = run_battery(run, filtered.entrants, settings.shortlist)
+        raced, matches = run_round_robin(run, tested.entrants, settings.pairs)
+        for answer in (filtered, tested, raced):
+            tables |= answer.tables
         for name, table in tables.items():
             store.put_table(name, table)
 
         everything = store.results_of(run.keys)
-        files = _record_decider(output, matches, results, tables)
+        files = _record_decider(output, matches, raced.results, tables)
         summary = {
             "stages": run.stages,
             "ranking": _ranking_summary(tables),
@@ -126,7 +82,7 @@ def select(
             "circuit": entrants[0].circuit,
             "car": entrants[0].car,
             "versions": versions(),
-            "pair_correlation": pair_correlation(results),
+            "pair_correlation": pair_correlation(raced.results),
             "confidence": CONFIDENCE,
             "faults": _faults(everything),
             **files,
@@ -139,59 +95,8 @@ def select(
     return selection
 
 
-def _filter(run: _Run, entrants: Sequence[Entrant], tables: dict[str, pl.DataFrame]) -> list[Entrant]:
-    began = time.perf_counter()
-    matches = filter_matches(entrants, run.seeds("pareto"))
-    results = run.results("pareto", matches)
-    candidates = results.filter(pl.col("entrant").is_in([entrant.id for entrant in entrants]))
-    tables["pareto"] = pareto(candidates, run.rng("pareto"))
-    kept = set(tables["pareto"].filter("survives")["entrant"])
-    survivors = [entrant for entrant in entrants if entrant.id in kept]
-    run.note("pareto", len(entrants), len(survivors), matches, began)
-    return survivors
-
-
-def _test(
-    run: _Run, entrants: Sequence[Entrant], battery: Sequence[Skill], tables: dict[str, pl.DataFrame]
-) -> list[Entrant]:
-    began = time.perf_counter()
-    planned = skill_matches(entrants, battery, run.seeds("battery"))
-    matches = [match for _, _, match in planned]
-    results = run.results("battery", matches)
-    marks = [
-        measure_runs(skill, entrant.id, results.filter(pl.col("match") == match.key))
-        for skill, entrant, match in planned
-    ]
-    measures = pl.concat(marks) if marks else pl.DataFrame(schema=MEASURES)
-    if measures.is_empty():
-        tables["skills"], tables["battery"] = pl.DataFrame(schema=SKILLS), pl.DataFrame(schema=BATTERY)
-    else:
-        tables["skills"] = skills(measures, run.rng("battery"))
-        tables["battery"] = rank_battery(measures, run.rng("battery"), run.settings.shortlist)
-    kept = set(tables["battery"].filter("shortlisted")["entrant"])
-    shortlist = [entrant for entrant in entrants if entrant.id in kept]
-    run.note("battery", len(entrants), len(shortlist), matches, began)
-    return shortlist
-
-
-def _race(
-    run: _Run, entrants: Sequence[Entrant], tables: dict[str, pl.DataFrame]
-) -> tuple[list[Match], pl.DataFrame]:
-    began = time.perf_counter()
-    matches = tournament_matches(entrants, run.settings.pairs, run.seeds("tournament"))
-    results = run.results("tournament", matches)
-    if matches:
-        tables["ranking"] = rank(results, run.rng("tournament"), confidence=CONFIDENCE)
-        tables["matchups"] = matchups(results, run.rng("tournament"), confidence=CONFIDENCE)
-    else:
-        tables["ranking"], tables["matchups"] = pl.DataFrame(schema=RANKING), pl.DataFrame(schema=MATCHUPS)
-    first = tables["ranking"].filter(pl.col("rank") == 1).height
-    run.note("tournament", len(entrants), first, matches, began)
-    return matches, results
-
-
 def _faults(results: pl.DataFrame) -> int:
-    return results.filter(pl.col("ending").is_in(["policy_raised", "illegal_action"])).height
+    return results.filter(pl.col("ending").is_in(POLICY_FAULTS)).height
 
 
 def _ranking_summary(tables: dict[str, pl.DataFrame]) -> list[dict[str, Any]]:

@@ -15,10 +15,12 @@ from arena.entrant import Entrant, enter_all
 from arena.pool import run_matches
 from arena.recording import read_recording
 from arena.store import Store
+from nathlon.filter import filter_matches
+from nathlon.n_athlon import skill_matches
 from nathlon.output import OutputFolder
 from nathlon.pipeline import Settings, deciding_race, select
+from nathlon.race_off import tournament_matches
 from nathlon.skill import shipped_skills
-from nathlon.stages import filter_matches, skill_matches, tournament_matches
 from policies.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import InputError
 from tests.test_cli import BUNDLED

@@ -10,13 +10,11 @@ import numpy as np
 import polars as pl
 from scipy.special import gammaincinv
 
-from arena.results import MATCHUPS, RANKING
+from arena.results import MATCHUPS, POLICY_FAULTS, RANKING, VOID_ENDINGS
 from arena.statistics import interval, spread, tied_ranks
 
 TEAM_POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
 """Points of places 1 to 8."""
-
-POLICY_FAULTS = ("policy_raised", "illegal_action")
 
 MATCHUP = ("entrant", "opponent")
 
@@ -127,7 +125,7 @@ def _sides(results: pl.DataFrame) -> pl.DataFrame:
         results.sort("match", "race", "car")
         .with_columns(pair=pl.col("race") // 2)
         .filter(
-            ~(pl.col("ending") == "simulator_fault").any().over(pair),
+            ~pl.col("ending").is_in(VOID_ENDINGS).any().over(pair),
             pl.col("mirrored").n_unique().over(pair) == 2,
         )
     )

@@ -10,7 +10,8 @@ from rich.table import Table
 from arena.entrant import enter_all, find_checkpoints, trained_on
 from nathlon.commands.console import console, progress_bars, say
 from nathlon.output import OutputFolder
-from nathlon.pipeline import STAGES, Settings, select
+from nathlon.pipeline import Settings, select
+from nathlon.run import STAGES
 from reports.selection import Selection
 
 
