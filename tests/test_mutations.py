@@ -136,7 +136,7 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 SETTINGS = settings(
-    max_examples=200,
+    max_examples=150,
     deadline=None,
     derandomize=True,
     suppress_health_check=[
