@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import polars as pl
 
 from arena.results import ENTRANTS
+from policies.checkpoint import checkpoint_id
+from policies.composite import SUFFIX as COMPOSITE
+from policies.composite import CompositeSource
 from policies.load import DRIVER, SUFFIXES, load_file, load_policy
 from policies.plugin import PLUGIN, plugin_id
 from sim.errors import InputError
@@ -26,8 +29,8 @@ class Entrant:
     """A policy that races.
 
     Attributes:
-        id: SHA-256 of a file's bytes or of an installed package, or the built-in driver's name with its
-            settings.
+        id: SHA-256 of a file's bytes, of an installed package, or of a composite with all its parts, or the
+            built-in driver's name with its settings.
         name: short, unique among the entrants of a run.
         source: path of the file, or the name of the driver or plugin.
         step, seed: of the training; None where they are not known.
@@ -56,6 +59,8 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
     if kind == PLUGIN:
         load_policy(source, circuit, car)
         return Entrant(plugin_id(name), name, source, "plugin", circuit, car, None, None)
+    if source.endswith(COMPOSITE):
+        return _enter_composite(source, circuit, car)
     policy = load_file(Path(source))
     card = policy.card
     for field, made_for, wanted in (("circuit", card.circuit, circuit), ("car", card.car, car)):
@@ -63,6 +68,30 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
             raise InputError(f"{source}: {field} is {made_for!r}, expected {wanted!r}")
     algorithm = card.algorithm or "unknown"
     return Entrant(policy.id, Path(source).stem, source, algorithm, circuit, car, card.step, card.seed)
+
+
+def _enter_composite(source: str, circuit: str, car: str) -> Entrant:
+    composite = CompositeSource.read(Path(source))
+    ids = [_part_id(composite.source(part), part.circuit, circuit, car) for part in composite.file.part]
+    load_policy(source, circuit, car)
+    identity = composite.identity(ids)
+    return Entrant(identity, composite.file.name, source, "composite", circuit, car, None, None)
+
+
+def _part_id(source: str, home: str | None, circuit: str, car: str) -> str:
+    """The id of a composite's part; one for another circuit is not checked: there the car may be another."""
+    if home in (None, circuit):
+        return enter(source, circuit, car).id
+    kind, _, name = source.partition(":")
+    if kind == PLUGIN:
+        load_policy(source, home, car)
+        return plugin_id(name)
+    return source if kind == DRIVER else checkpoint_id(Path(source))
+
+
+def checkpoints_below(folder: Path) -> list[Path]:
+    """The checkpoints in a folder and those below it, without the states of training runs."""
+    return sorted(p for p in folder.rglob("*") if p.suffix in SUFFIXES and p.name not in TRAINING_STATE)
 
 
 def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
@@ -74,9 +103,7 @@ def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
-            inside = sorted(
-                p for p in path.rglob("*") if p.suffix in SUFFIXES and p.name not in TRAINING_STATE
-            )
+            inside = checkpoints_below(path)
             if not inside:
                 raise InputError(f"{path}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
             found.extend(inside)
@@ -91,12 +118,20 @@ def trained_on(sources: Iterable[str]) -> tuple[str, str]:
     Raises:
         InputError: if a file that comes before it cannot be read.
     """
-    for source in sources:
-        if source.partition(":")[0] not in (DRIVER, PLUGIN):
-            card = load_file(Path(source)).card
-            if card.circuit is not None and card.car is not None:
-                return card.circuit, card.car
+    for path in _weights(sources):
+        card = load_file(path).card
+        if card.circuit is not None and card.car is not None:
+            return card.circuit, card.car
     return CIRCUIT, CAR
+
+
+def _weights(sources: Iterable[str]) -> Iterator[Path]:
+    """The files of weights among some sources, those of composites in their place."""
+    for source in sources:
+        if source.endswith(COMPOSITE):
+            yield from _weights(CompositeSource.read(Path(source)).sources)
+        elif source.partition(":")[0] not in (DRIVER, PLUGIN):
+            yield Path(source)
 
 
 def enter_all(sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:

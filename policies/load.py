@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from policies.checkpoint import NetworkPolicy, load_checkpoint
+from policies.composite import SUFFIX as COMPOSITE
+from policies.composite import CompositeSource
 from policies.driver import Driver
 from policies.early_braker import EarlyBraker
 from policies.onnx import OnnxPolicy
@@ -23,8 +25,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     """The policy called `name`, made for a circuit and car.
 
     Args:
-        name: path of a file, `driver` with settings (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes
-            30 m before it must), or `plugin:NAME`.
+        name: path of a file of weights or of a composite (`.toml`), `driver` with settings
+            (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), or `plugin:NAME`.
         circuit: the circuit to drive.
         car: the car to drive.
 
@@ -36,6 +38,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
         return _driver(name, settings, circuit, car)
     if kind == PLUGIN:
         return load_plugin(settings, circuit, car)
+    if name.endswith(COMPOSITE):
+        return CompositeSource.read(Path(name)).load(circuit, car, load_policy)
     return load_file(Path(name))
 
 

@@ -1,0 +1,239 @@
+"""Composites: a TOML file that says which policy drives on which part of the race."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from policies.plugin import PLUGIN
+from policies.policy import Batch, Policy
+from sim.data_file import Section, read_toml
+from sim.errors import InputError
+from sim.observation import ObservationSpec
+from sim.track import Track, load_track
+
+SUFFIX = ".toml"
+NO_FILES = ("driver", PLUGIN)
+"""What the names of policies that are no files begin with."""
+PLACE = 2
+"""Numbers of the memory that tell where a car started and how far it has come."""
+
+Load = Callable[[str, str, str], Policy]
+"""Gives the policy of a name, circuit and car."""
+
+
+class Part(Section):
+    """A policy and where it drives; a condition that is left out always holds.
+
+    Attributes:
+        policy: path of a file of weights, relative to the composite's, or the name of a driver or plugin.
+        until_m: drives until the car has come this far from its start, m along the centre line.
+        sections: drives in these sections of the circuit; as for `Track.stretch`.
+        circuit: drives on this circuit.
+    """
+
+    policy: str
+    until_m: Annotated[float, Field(ge=0)] | None = None
+    sections: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    circuit: str | None = None
+
+    @property
+    def unconditional(self) -> bool:
+        """Whether it drives wherever it is asked, on its circuit."""
+        return self.until_m is None and self.sections is None
+
+
+class CompositeFile(Section):
+    """The composite's TOML file: of the parts whose conditions hold, the first drives."""
+
+    name: Annotated[str, Field(min_length=1)]
+    part: Annotated[tuple[Part, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class CompositeSource:
+    """A composite as its file describes it, without its policies."""
+
+    path: Path
+    file: CompositeFile
+
+    @classmethod
+    def read(cls, path: Path) -> CompositeSource:
+        """Read a composite's file.
+
+        Raises:
+            InputError: if it is none, or a part is a composite itself.
+        """
+        file = read_toml(path, CompositeFile, "composite")
+        for part in file.part:
+            if part.policy.endswith(SUFFIX):
+                raise InputError(
+                    f"{path}: policy is {part.policy!r}, expected a file of weights, a driver or a plugin"
+                )
+        return cls(path, file)
+
+    @property
+    def sources(self) -> list[str]:
+        """The names of all its policies, files by their paths."""
+        return [self.source(part) for part in self.file.part]
+
+    def source(self, part: Part) -> str:
+        """The name of a part's policy."""
+        if part.policy.partition(":")[0] in NO_FILES:
+            return part.policy
+        return str(self.path.parent / part.policy)
+
+    def identity(self, ids: Sequence[str]) -> str:
+        """SHA-256 in hexadecimal of all that decides how it drives, given the ids of all its policies."""
+        facts = [part.model_dump_json(exclude={"policy"}) for part in self.file.part]
+        return hashlib.sha256("\n".join([*facts, *ids]).encode()).hexdigest()
+
+    def load(self, circuit: str, car: str, load: Load) -> Composite:
+        """The policy, made for a circuit and car.
+
+        Raises:
+            InputError: if a part's policy cannot be read or its section is not on the circuit, if nobody
+                drives at some place, or if the parts do not see the same.
+        """
+        parts = [part for part in self.file.part if part.circuit in (None, circuit)]
+        if not parts or not parts[-1].unconditional:
+            raise InputError(
+                f"{self.path}: part: nobody drives everywhere on {circuit}, "
+                "expected a last part without until_m and sections"
+            )
+        track = load_track(circuit)
+        sources = [self.source(part) for part in parts]
+        policies = [load(source, circuit, car) for source in sources]
+        spec = joint_spec(sources, [policy.observation_spec for policy in policies])
+        try:
+            return Composite(track, parts, policies, spec)
+        except InputError as error:
+            raise InputError(f"{self.path}: sections: {error}") from None
+
+
+class Composite:
+    """A policy made of others; every part watches the whole race, and one of them drives.
+
+    Each part is asked at every tick about every car, so that it knows what it must remember when its
+    turn comes, and what it answers does not depend on whose turn it is.
+
+    Its memory is where the car started and the furthest it has come since, both in rad of the lap
+    angle, then the memories of its parts.
+    """
+
+    def __init__(
+        self, track: Track, parts: Sequence[Part], policies: Sequence[Policy], spec: ObservationSpec
+    ) -> None:
+        """A composite of parts with their policies.
+
+        Args:
+            track: the circuit to drive.
+            parts: in the order in which they are asked; the last is unconditional.
+            policies: one for each part.
+            spec: contains what each policy sees.
+
+        Raises:
+            InputError: if the circuit lacks a section.
+        """
+        self.observation_spec = spec
+        self._policies = policies
+        self._columns = [columns(spec, policy.observation_spec) for policy in policies]
+        widths = [policy.initial_memory(1).shape[1] for policy in policies]
+        self._bounds = PLACE + np.cumsum([0, *widths[:-1]])
+        self._metres = track.length / (2.0 * np.pi)
+        self._until = [np.inf if part.until_m is None else part.until_m for part in parts]
+        self._stretches = [
+            None if part.sections is None else [track.stretch(name) for name in part.sections]
+            for part in parts
+        ]
+        self._progress = spec.slice("progress")
+        mean, deviation = (half[self._progress].astype(np.float64) for half in spec.scaling)
+        self._mean, self._deviation = mean, deviation
+
+    def initial_memory(self, n: int) -> Batch:
+        """See `Policy.initial_memory`; a place that is not known yet is nan."""
+        place = np.full((n, PLACE), np.nan, np.float32)
+        return np.concatenate([place, *(policy.initial_memory(n) for policy in self._policies)], axis=1)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """See `Policy.act`."""
+        place, *memories = np.split(memory, self._bounds, axis=1)
+        angle, place = self._follow(observations, place)
+        answers = [
+            policy.act(np.ascontiguousarray(observations[:, seen]), np.ascontiguousarray(own))
+            for policy, seen, own in zip(self._policies, self._columns, memories, strict=True)
+        ]
+        driving = self._driving(angle, place)
+        actions = np.stack([actions for actions, _ in answers])[driving, np.arange(len(observations))]
+        return actions, np.concatenate([place, *(own for _, own in answers)], axis=1)
+
+    def _follow(self, observations: Batch, place: Batch) -> tuple[NDArray[np.float64], Batch]:
+        """Lap angles of the cars (n,), rad from 0 to 2 pi, and where they started and have come to.
+
+        A car that is pushed back has still come as far as it had; so the way since the last tick is that to
+        the nearest point with this lap angle.
+        """
+        sine, cosine = (observations[:, self._progress] * self._deviation + self._mean).T
+        angle = np.arctan2(sine, cosine) % (2.0 * np.pi)
+        start, furthest = np.where(np.isnan(place), angle[:, None], place).T
+        now = furthest + (angle - furthest + np.pi) % (2.0 * np.pi) - np.pi
+        return angle, np.stack([start, np.maximum(furthest, now)], axis=1).astype(np.float32)
+
+    def _driving(self, angle: NDArray[np.float64], place: Batch) -> NDArray[np.intp]:
+        """Which part drives each car, (n,)."""
+        start, furthest = place.T.astype(np.float64)
+        gone = (furthest - start) * self._metres
+        at = angle * self._metres
+        turns = []
+        for until, stretches in zip(self._until, self._stretches, strict=True):
+            inside = np.full(len(at), stretches is None)
+            for begin, end in stretches or ():
+                inside |= (begin <= at) & (at < end)
+            turns.append(inside & (gone < until))
+        return np.argmax(turns, axis=0)
+
+
+def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> ObservationSpec:
+    """The smallest spec that contains what each of some policies sees.
+
+    A course of one point is the beginning of any other, and shorter lists of cars that of longer ones.
+
+    Args:
+        sources: names of the policies, for the error.
+        specs: of each.
+
+    Raises:
+        InputError: if two of them see different courses of more than one point.
+    """
+    widest = max(range(len(specs)), key=lambda index: specs[index].course_points)
+    course = specs[widest]
+    for source, spec in zip(sources, specs, strict=True):
+        if spec.course_points > 1 and (spec.course_points, spec.horizon_s) != (
+            course.course_points,
+            course.horizon_s,
+        ):
+            raise InputError(
+                f"{source} sees {spec.course_points} course points over {spec.horizon_s:g} s, "
+                f"{sources[widest]} {course.course_points} over {course.horizon_s:g} s, "
+                "expected policies that see the same course"
+            )
+    return ObservationSpec(
+        course_points=course.course_points,
+        horizon_s=course.horizon_s,
+        cars_ahead=max(spec.cars_ahead for spec in specs),
+        cars_behind=max(spec.cars_behind for spec in specs),
+    )
+
+
+def columns(spec: ObservationSpec, part: ObservationSpec) -> NDArray[np.intp]:
+    """Which numbers of an observation a part sees, (part.size,), given that `spec` contains its."""
+    return np.concatenate(
+        [np.arange(spec.size)[spec.slice(field.name)][: field.size] for field in part.fields]
+    )
