@@ -1,0 +1,234 @@
+"""What the commands of `nathlon committee` do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from rich.box import SIMPLE
+from rich.table import Table
+
+import nathlon.committee as committee
+from arena.store import Store
+from nathlon.ballots import Ballot
+from nathlon.commands.committee_app import Place
+from nathlon.commands.console import console, say
+from nathlon.committee import Decision, Minutes, describe
+from nathlon.committee_events import Compared, Entry, Opened, Reopened, Voted
+from nathlon.committee_rules import Question
+from sim.errors import InputError
+
+SHORTEST_ID = 6
+
+
+def show(place: Place, as_json: bool) -> None:
+    """Print the last decision on each question."""
+    with _minutes(place) as minutes:
+        decisions = minutes.decisions().values()
+    if as_json:
+        _print_json([describe(decision) for decision in decisions])
+        return
+    if not decisions:
+        say("The committee has not been asked anything.")
+    for decision in decisions:
+        _print(decision)
+
+
+def vote(
+    place: Place,
+    question: Question | None,
+    member: str,
+    approve: str | None,
+    rank: str,
+    reason: str,
+    as_json: bool,
+) -> None:
+    """Cast a ballot; without `approve`, those that it ranks are approved."""
+    with _minutes(place) as minutes:
+        decision = _pick(minutes, question, closed=False)
+        ranked = _entrants(decision, rank)
+        approved = ranked if approve is None else _entrants(decision, approve)
+        committee.vote(minutes, decision, member, Ballot(approved, ranked), reason)
+        _report(minutes, decision, as_json)
+
+
+def compare(
+    place: Place, question: Question | None, member: str, better: str, worse: str, reason: str, as_json: bool
+) -> None:
+    """Note an answer to "A or B?"."""
+    with _minutes(place) as minutes:
+        decision = _pick(minutes, question, closed=False)
+        first, second = (_entrant(decision.opened.candidates, name) for name in (better, worse))
+        committee.compare(minutes, decision, member, first, second, reason)
+        _report(minutes, decision, as_json)
+
+
+def decide(place: Place, question: Question | None, as_json: bool) -> None:
+    """Close a decision."""
+    with _minutes(place) as minutes:
+        decision = committee.close(minutes, _pick(minutes, question, closed=False))
+        _report(minutes, decision, as_json)
+
+
+def reopen(place: Place, question: Question | None, reason: str, as_json: bool) -> None:
+    """Put a closed decision again."""
+    with _minutes(place) as minutes:
+        decision = _pick(minutes, question, closed=True)
+        committee.reopen(minutes, decision, reason)
+        _report(minutes, decision, as_json)
+
+
+def log(place: Place, as_json: bool) -> None:
+    """Print all entries."""
+    with _minutes(place) as minutes:
+        entries = minutes.entries()
+    if as_json:
+        _print_json([entry.describe() for entry in entries])
+        return
+    names = {
+        entrant: name
+        for entry in entries
+        if isinstance(entry.event, Opened)
+        for entrant, name in entry.event.candidates.items()
+    }
+    for entry in entries:
+        say(f"{entry.id:>5} {entry.at[:19]} {entry.event.decision}: {_sentence(entry, names)}")
+
+
+@contextmanager
+def _minutes(place: Place) -> Iterator[Minutes]:
+    with Store.open(place.store) as store:
+        runs = [record.name for record in store.runs()]
+        if not runs:
+            raise InputError(f"{store.name}: holds no run, expected one that the committee can judge")
+        if place.run is not None and place.run not in runs:
+            raise InputError(f"{store.name}: no run {place.run!r}, the last is {runs[-1]!r}")
+        yield Minutes(store, place.run or runs[-1])
+
+
+def _pick(minutes: Minutes, question: Question | None, closed: bool) -> Decision:
+    """The decision on a question, or else the one that is open or closed, as wanted."""
+    decisions = minutes.decisions()
+    if question is not None:
+        if question not in decisions:
+            raise InputError(f"the committee has not been asked for the {question}")
+        return decisions[question]
+    found = [decision for decision in decisions.values() if (decision.result is not None) == closed]
+    if len(found) > 1:
+        raise InputError("question is not given, expected shortlist or selection")
+    if not found:
+        raise InputError(
+            f"no decision is {'closed' if closed else 'open'}; reopen one or run a selection first"
+        )
+    return found[0]
+
+
+def _entrants(decision: Decision, names: str) -> tuple[str, ...]:
+    """Ids of the candidates in a list with commas."""
+    stripped = [name.strip() for name in names.split(",")]
+    return tuple(_entrant(decision.opened.candidates, name) for name in stripped if name)
+
+
+def _entrant(candidates: Mapping[str, str], name: str) -> str:
+    """The id of the candidate that has this name, or an id that begins so."""
+    found = [entrant for entrant, own in candidates.items() if name in (own, entrant)]
+    if not found and len(name) >= SHORTEST_ID:
+        found = [entrant for entrant in candidates if entrant.startswith(name)]
+    if len(found) != 1:
+        raise InputError(f"{name!r} is not a candidate, expected one of {', '.join(candidates.values())}")
+    return found[0]
+
+
+def _report(minutes: Minutes, decision: Decision, as_json: bool) -> None:
+    """Print the decision as it stands now."""
+    now = minutes.decisions()[decision.opened.question]
+    if as_json:
+        _print_json(describe(now))
+    else:
+        _print(now)
+
+
+def _print_json(value: Any) -> None:
+    print(json.dumps(value, indent=1))
+
+
+def _print(decision: Decision) -> None:
+    wanted = decision.opened.seats
+    state = "closed" if decision.result else "open"
+    if decision.result is None and decision.waits_for:
+        state += f", waits for {decision.waits_for} more"
+    say(f"{decision.name}: {wanted} wanted, {state}")
+    console.print(_standings(decision))
+    names = decision.opened.candidates
+    for said in decision.said.values():
+        for entry in said:
+            late = " (too late to count)" if entry in decision.late else ""
+            say(f"  {entry.at[:19]} {_sentence(entry, names)}{late}")
+    result = decision.result or decision.tally()
+    if result.agreement is not None:
+        say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")
+
+
+def _standings(decision: Decision) -> Table:
+    """Evidence and standing of every candidate, from first to last."""
+    result = decision.result or decision.tally()
+    shown = {row["entrant"]: row for row in decision.opened.evidence.rows}
+    table = Table(box=SIMPLE, padding=(0, 1, 0, 0))
+    table.add_column("")
+    table.add_column("Entrant")
+    for column in (
+        "Points",
+        "Rank",
+        "Contacts a km",
+        "At fault a km",
+        "Off course",
+        "Faults",
+        "For",
+        "Favour",
+    ):
+        table.add_column(column, justify="right")
+    for standing in result.standings:
+        row = shown[standing.entrant]
+        table.add_row(
+            "*" if standing.chosen else "",
+            row["name"],
+            _interval(row),
+            "–" if row["rank"] is None else str(row["rank"]),
+            _figure(row["contacts_per_km"], ".2f"),
+            _figure(row["at_fault_per_km"], ".2f"),
+            _figure(row["off_course_share"], ".1%"),
+            str(row["faults"]),
+            f"{standing.approved_by}/{result.ballots}",
+            f"{standing.favour:.2f}",
+        )
+    return table
+
+
+def _interval(row: Mapping[str, Any]) -> str:
+    points = _figure(row["points"], ".4g")
+    if row["low"] is None or row["high"] is None:
+        return points
+    return f"{points} ({row['low']:.4g} to {row['high']:.4g})"
+
+
+def _figure(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
+
+
+def _sentence(entry: Entry, names: Mapping[str, str]) -> str:
+    """What happened, in words."""
+    match entry.event:
+        case Opened(question=question, seats=seats, evidence=evidence):
+            return f"{question} of {seats} from {len(evidence.rows)}, on evidence {evidence.digest[:12]}"
+        case Voted(member=member, approve=approve, rank=rank, reason=reason):
+            fit = ", ".join(names[entrant] for entrant in approve) or "nobody"
+            order = " > ".join(names[entrant] for entrant in rank)
+            return f"{member} approves {fit}{f', ranks {order}' if order else ''}: {reason}"
+        case Compared(member=member, better=better, worse=worse, reason=reason):
+            return f"{member} prefers {names[better]} to {names[worse]}: {reason}"
+        case Reopened(reason=reason):
+            return f"reopened: {reason}"
+        case closed:
+            return f"closed: {', '.join(names[entrant] for entrant in closed.result.chosen) or 'nobody'}"

@@ -1,0 +1,104 @@
+"""`nathlon committee` and its commands, as the command line offers them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import typer
+
+committee = typer.Typer(help="Ask the committee, vote and decide.", no_args_is_help=True)
+
+Question = Annotated[
+    Literal["shortlist", "selection"] | None,
+    typer.Option(help="Which decision; not needed where only one comes into question."),
+]
+Member = Annotated[str, typer.Option(help="Your name, as in the configuration.")]
+Reason = Annotated[str, typer.Option(help="Why, in a sentence.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the committee's record is: the store, and the name of the run, or the last one."""
+
+    store: str
+    run: str | None
+
+
+@committee.callback()
+def place(
+    context: typer.Context,
+    store: Annotated[str, typer.Argument(help="The store: path of its file, or URL of a database.")],
+    run: Annotated[str | None, typer.Option(help="Name of the run; the last by default.")] = None,
+) -> None:
+    """Ask the committee, vote and decide."""
+    context.obj = Place(store, run)
+
+
+@committee.command()
+def show(context: typer.Context, as_json: AsJson = False) -> None:
+    """Show what is asked, the evidence, what has been said, and what follows."""
+    from nathlon.commands.committee import show as run
+
+    run(context.obj, as_json)
+
+
+@committee.command()
+def vote(
+    context: typer.Context,
+    member: Member,
+    reason: Reason,
+    approve: Annotated[
+        str | None, typer.Option(help="Those that are fit, with commas between; those ranked by default.")
+    ] = None,
+    rank: Annotated[str, typer.Option(help="The best first, with commas between; need not be all.")] = "",
+    question: Question = None,
+    as_json: AsJson = False,
+) -> None:
+    """Cast a ballot; it replaces what you said before."""
+    from nathlon.commands.committee import vote as run
+
+    run(context.obj, question, member, approve, rank, reason, as_json)
+
+
+@committee.command()
+def compare(
+    context: typer.Context,
+    member: Member,
+    better: Annotated[str, typer.Option(help="The one of two that you prefer.")],
+    worse: Annotated[str, typer.Option(help="The other.")],
+    reason: Reason,
+    question: Question = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which of two you prefer."""
+    from nathlon.commands.committee import compare as run
+
+    run(context.obj, question, member, better, worse, reason, as_json)
+
+
+@committee.command()
+def decide(context: typer.Context, question: Question = None, as_json: AsJson = False) -> None:
+    """Close a decision by what has been said."""
+    from nathlon.commands.committee import decide as run
+
+    run(context.obj, question, as_json)
+
+
+@committee.command()
+def reopen(
+    context: typer.Context, reason: Reason, question: Question = None, as_json: AsJson = False
+) -> None:
+    """Put a closed decision again; what was said still counts."""
+    from nathlon.commands.committee import reopen as run
+
+    run(context.obj, question, reason, as_json)
+
+
+@committee.command()
+def log(context: typer.Context, as_json: AsJson = False) -> None:
+    """List all that has ever been said, in order."""
+    from nathlon.commands.committee import log as run
+
+    run(context.obj, as_json)
