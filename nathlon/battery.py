@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from arena.results import BATTERY, SKILLS
-from arena.statistics import interval, spread, tied_ranks
+from arena.statistics import Floats, Precision, holm, interval, p_values, spread, standard_error
 
-MEASURES = pl.Schema(
+MARKS = pl.Schema(
     {
         "entrant": pl.String,
         "test": pl.String,
@@ -22,15 +23,15 @@ MEASURES = pl.Schema(
 
 
 def skills(
-    measures: pl.DataFrame, rng: np.random.Generator, resamples: int = 2000, confidence: float = 0.95
+    marks: pl.DataFrame, rng: np.random.Generator, resamples: int = 2000, confidence: float = 0.95
 ) -> pl.DataFrame:
-    """Turn MEASURES into SKILLS: means over runs, ordered by entrant and test.
+    """Turn MARKS into SKILLS: means over runs, ordered by entrant and test.
 
     Intervals resample the runs of an entrant in a test; null where no test has two runs.
     """
-    if measures.is_empty():
+    if marks.is_empty():
         return pl.DataFrame(schema=SKILLS)
-    runs, means = _by_test(measures)
+    runs, means = _by_test(marks)
     points = means["points"].to_numpy()
     variation = spread(runs["points"].to_numpy(), means["runs"].to_numpy(), resamples, rng)
     low, high = interval(points, np.eye(len(points)), variation, confidence)
@@ -44,21 +45,22 @@ def skills(
 
 
 def rank_battery(
-    measures: pl.DataFrame,
+    marks: pl.DataFrame,
     rng: np.random.Generator,
     shortlist: int,
     resamples: int = 2000,
     confidence: float = 0.95,
 ) -> pl.DataFrame:
-    """Turn MEASURES into BATTERY: the sum over tests of mean points, best first.
+    """Turn MARKS into BATTERY: the sum over tests of mean points, best first.
 
     A test in which an entrant has no run gives it no points. The `shortlist` entrants with the most
     points are shortlisted; of equal ones, those first by entrant id. Intervals resample the runs of
-    each test; null where no test has two runs, and then all entrants tie.
+    each test; null where no test has two runs, and then all entrants tie. They are of each entrant alone:
+    ranks compare every two entrants by Student's t, corrected for their number by Holm's method.
     """
-    if measures.is_empty():
+    if marks.is_empty():
         return pl.DataFrame(schema=BATTERY)
-    runs, means = _by_test(measures)
+    runs, means = _by_test(marks)
     entrants = means["entrant"].unique().sort()
     member = (means["entrant"].to_numpy()[None, :] == entrants.to_numpy()[:, None]).astype(np.float64)
     points = member @ means["points"].to_numpy()
@@ -66,7 +68,7 @@ def rank_battery(
     low, high = interval(points, member, variation, confidence)
     return (
         pl.DataFrame({"entrant": entrants, "points": points, "points_low": low, "points_high": high})
-        .with_columns(rank=tied_ranks(low, high))
+        .with_columns(rank=1 + _better(points, member, variation, 1 - confidence).sum(axis=0))
         .sort("points", "entrant", descending=[True, False])
         .with_columns(
             pl.col("points_low", "points_high").fill_nan(None), shortlisted=pl.int_range(pl.len()) < shortlist
@@ -76,9 +78,30 @@ def rank_battery(
     )
 
 
-def _by_test(measures: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
+def _better(points: Floats, member: Floats, means: Precision, alpha: float) -> NDArray[np.bool_]:
+    """(K, K): whether the first entrant has more points than the second, beyond doubt.
+
+    `member` (K, M) says whose tests the M means are. Any false difference at all among equals has
+    probability `alpha`.
+    """
+    first, second = np.triu_indices(len(points), 1)
+    error, freedom = standard_error(member, means)
+    # No mean belongs to two entrants: their variances, and Welch and Satterthwaite's terms, add up.
+    variance = error[first] ** 2 + error[second] ** 2
+    terms = error**4 / freedom
+    joint = terms[first] + terms[second]
+    freedom = np.divide(variance**2, joint, out=np.ones_like(joint), where=joint != 0)
+    gap = points[first] - points[second]
+    sure = holm(p_values(gap, np.sqrt(variance), freedom)) <= alpha
+    better = np.zeros(2 * points.shape, np.bool_)
+    better[first, second] = sure & (gap > 0)
+    better[second, first] = sure & (gap < 0)
+    return better
+
+
+def _by_test(marks: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
     """The runs in a fixed order, and their means with one row for each group of runs in that order."""
-    runs = measures.sort("entrant", "test", "run")
+    runs = marks.sort("entrant", "test", "run")
     means = runs.group_by("entrant", "test", maintain_order=True).agg(
         pl.col("measure").mean(),
         pl.col("unit").first(),

@@ -67,6 +67,16 @@ class FormationStart(Section):
     speed_m_s: Annotated[float, Field(gt=0)]
 
 
+class AbreastStart(Section):
+    """Cars side by side on the move, before the end of the origin; quantities are drawn evenly from spans."""
+
+    kind: Literal["abreast"]
+    before_end_m: Span  # from the first car to the end of the origin
+    behind_m: Span  # from each car to the next
+    apart_m: Annotated[float, Field(gt=0)]  # across the road; the first is leftmost or rightmost by lot
+    speed_m_s: Span  # one for all cars
+
+
 class AnywhereStart(Section):
     """Anywhere on the lap, at any speed from rest to what the road ahead allows, a column of cars."""
 
@@ -91,8 +101,8 @@ class Scenario(Section):
     Attributes:
         cars: cars in a race.
         start: how they are placed.
-        origin: name of the section at whose beginning rolling starts are placed, or `longest
-            straight`, `last chicane`; without it they are placed from the line.
+        origin: name of the section at whose beginning rolling starts are placed, and before whose end
+            those abreast, or `longest straight`, `last chicane`; without it they are placed from the line.
         laps: laps to drive; counted from the line.
         finish_m: m to drive from the line, or past the end of the origin, in place of laps.
         time_s: time at which the run ends for all.
@@ -106,7 +116,9 @@ class Scenario(Section):
     name: str
     description: str
     cars: Annotated[int, Field(ge=1, le=20)]
-    start: Annotated[GridStart | RollingStart | FormationStart | AnywhereStart, Field(discriminator="kind")]
+    start: Annotated[
+        GridStart | RollingStart | FormationStart | AbreastStart | AnywhereStart, Field(discriminator="kind")
+    ]
     origin: str | None = None
     laps: Annotated[int, Field(ge=1)] | None = None
     finish_m: float | None = None
@@ -158,6 +170,8 @@ class Scenario(Section):
                 start = self._rolling(self.start, track, rng)
             case FormationStart():
                 start = self._formation(self.start, track)
+            case AbreastStart():
+                start = self._abreast(self.start, track, rng)
             case AnywhereStart():
                 start = self._anywhere(self.start, track, rng)
         return start
@@ -208,6 +222,18 @@ class Scenario(Section):
             heading[0] = rng.uniform(*start.stopped.heading_rad)
             speed[0] = 0.0
         return Start(leader - np.cumsum(gaps), lateral, heading, speed, self._finish(track))
+
+    def _abreast(self, start: AbreastStart, track: Track, rng: np.random.Generator) -> Start:
+        behind = np.concatenate([[0.0], rng.uniform(*start.behind_m, self.cars - 1)])
+        end = track.stretch(self.origin)[1] if self.origin else 0.0
+        side = rng.choice([-1.0, 1.0])
+        return Start(
+            distance=end - rng.uniform(*start.before_end_m) - np.cumsum(behind),
+            lateral=side * start.apart_m * (np.arange(self.cars) - 0.5 * (self.cars - 1)),
+            heading=np.zeros(self.cars),
+            speed=np.full(self.cars, rng.uniform(*start.speed_m_s)),
+            finish=self._finish(track),
+        )
 
     def _anywhere(self, start: AnywhereStart, track: Track, rng: np.random.Generator) -> Start:
         gaps = np.concatenate([[0.0], rng.uniform(*start.gap_m, self.cars - 1)])

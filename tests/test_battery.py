@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from arena.results import BATTERY, SKILLS
-from nathlon.battery import MEASURES, rank_battery, skills
+from nathlon.battery import MARKS, rank_battery, skills
 
 
 def seeded() -> np.random.Generator:
@@ -13,13 +13,13 @@ def seeded() -> np.random.Generator:
 
 
 def measured(points: dict[tuple[str, str], list[float]]) -> pl.DataFrame:
-    """MEASURES with the given points of each run; the measure is 100 s less a tenth of the points."""
+    """MARKS with the given points of each run; the measure is 100 s less a tenth of the points."""
     table = [
         (entrant, test, run, 100 - value / 10, "s", float(value))
         for (entrant, test), values in points.items()
         for run, value in enumerate(values)
     ]
-    return pl.DataFrame(table, schema=MEASURES, orient="row")
+    return pl.DataFrame(table, schema=MARKS, orient="row")
 
 
 def simulated(levels: dict[str, float], runs: int, rng: np.random.Generator) -> pl.DataFrame:
@@ -34,15 +34,15 @@ def simulated(levels: dict[str, float], runs: int, rng: np.random.Generator) -> 
 
 
 def test_means_and_their_sum() -> None:
-    measures = measured({("a", "lap"): [400, 600], ("a", "pass"): [100, 100], ("b", "lap"): [800, 900]})
-    table = skills(measures, seeded())
+    marks = measured({("a", "lap"): [400, 600], ("a", "pass"): [100, 100], ("b", "lap"): [800, 900]})
+    table = skills(marks, seeded())
     assert table.schema == SKILLS
     assert table.select("entrant", "test", "measure", "unit", "points", "runs").rows() == [
         ("a", "lap", 50.0, "s", 500.0, 2),
         ("a", "pass", 90.0, "s", 100.0, 2),
         ("b", "lap", 15.0, "s", 850.0, 2),
     ]
-    ranking = rank_battery(measures, seeded(), shortlist=1)
+    ranking = rank_battery(marks, seeded(), shortlist=1)
     assert ranking.schema == BATTERY
     assert ranking.select("entrant", "points", "shortlisted").rows() == [
         ("b", 850.0, True),
@@ -51,24 +51,34 @@ def test_means_and_their_sum() -> None:
 
 
 def test_a_run_without_a_mark_scores_but_does_not_spoil_the_mean_measure() -> None:
-    measures = measured({("a", "lap"): [400, 600, 0]}).with_columns(
+    marks = measured({("a", "lap"): [400, 600, 0]}).with_columns(
         measure=pl.when(pl.col("points") > 0).then("measure")
     )
-    row = skills(measures, seeded()).row(0, named=True)
+    row = skills(marks, seeded()).row(0, named=True)
     assert (row["measure"], row["points"], row["runs"]) == (50.0, pytest.approx(1000 / 3), 3)
 
 
 def test_the_intervals_cover_the_true_points() -> None:
     rng = seeded()
     sums, tests = [], []
-    for _ in range(1500):  # 3000 intervals: a standard error of 0.4 %
-        measures = simulated({"a": 700.0, "b": 700.0}, 5, rng)
-        ranking = rank_battery(measures, rng, 1, resamples=300)
+    for _ in range(6):  # 1800 intervals: a standard error of 0.5 %
+        marks = simulated({str(entrant): 700.0 for entrant in range(300)}, 5, rng)
+        ranking = rank_battery(marks, rng, 1, resamples=300)
         sums += [low <= 1800 <= high for low, high in ranking.select("points_low", "points_high").iter_rows()]
-        passes = skills(measures, rng, resamples=300).filter(pl.col("test") == "pass")
+        passes = skills(marks, rng, resamples=300).filter(pl.col("test") == "pass")
         tests += [low <= 500 <= high for low, high in passes.select("points_low", "points_high").iter_rows()]
     assert 0.93 <= np.mean(sums) <= 0.97
     assert 0.93 <= np.mean(tests) <= 0.97
+
+
+def test_equals_are_told_apart_in_no_more_than_one_battery_of_twenty() -> None:
+    rng = seeded()
+    apart = [
+        rank_battery(simulated(dict.fromkeys("abcdef", 700.0), 6, rng), rng, 1, resamples=20)["rank"].max()
+        != 1
+        for _ in range(200)
+    ]
+    assert np.mean(apart) <= 0.05 + 3 * 0.0154  # standard errors
 
 
 def test_a_planted_order_is_recovered_and_close_entrants_share_a_rank() -> None:
@@ -79,8 +89,8 @@ def test_a_planted_order_is_recovered_and_close_entrants_share_a_rank() -> None:
 
 
 def test_equal_points_are_shortlisted_by_entrant_id() -> None:
-    measures = measured({(entrant, "lap"): [500, 500] for entrant in "cabd"})
-    ranking = rank_battery(measures, seeded(), shortlist=2)
+    marks = measured({(entrant, "lap"): [500, 500] for entrant in "cabd"})
+    ranking = rank_battery(marks, seeded(), shortlist=2)
     assert ranking["entrant"].to_list() == ["a", "b", "c", "d"]
     assert ranking["shortlisted"].to_list() == [True, True, False, False]
     assert ranking["rank"].to_list() == [1, 1, 1, 1]
@@ -88,23 +98,23 @@ def test_equal_points_are_shortlisted_by_entrant_id() -> None:
 
 
 def test_single_runs_give_no_interval_and_a_tie() -> None:
-    measures = measured({("a", "lap"): [100], ("b", "lap"): [900]})
-    ranking = rank_battery(measures, seeded(), shortlist=1)
+    marks = measured({("a", "lap"): [100], ("b", "lap"): [900]})
+    ranking = rank_battery(marks, seeded(), shortlist=1)
     assert ranking["rank"].to_list() == [1, 1]
     assert ranking["points_low"].null_count() == 2
-    assert skills(measures, seeded())["points_high"].null_count() == 2
+    assert skills(marks, seeded())["points_high"].null_count() == 2
 
 
-def test_no_measures_at_all() -> None:
-    empty = pl.DataFrame(schema=MEASURES)
+def test_no_marks_at_all() -> None:
+    empty = pl.DataFrame(schema=MARKS)
     assert skills(empty, seeded()).schema == SKILLS
     assert rank_battery(empty, seeded(), shortlist=3).schema == BATTERY
 
 
 def test_same_seed_gives_the_same_bytes_and_the_order_of_rows_does_not_matter() -> None:
-    measures = simulated({"a": 500, "b": 600, "c": 700}, 6, seeded())
-    shuffled = measures.sample(fraction=1.0, shuffle=True, seed=2)
-    for first, again in ((measures, measures), (measures, shuffled)):
+    marks = simulated({"a": 500, "b": 600, "c": 700}, 6, seeded())
+    shuffled = marks.sample(fraction=1.0, shuffle=True, seed=2)
+    for first, again in ((marks, marks), (marks, shuffled)):
         assert skills(first, seeded()).write_csv() == skills(again, seeded()).write_csv()
         ranked = rank_battery(first, seeded(), 2).write_csv()
         assert ranked == rank_battery(again, seeded(), 2).write_csv()

@@ -110,6 +110,28 @@ def test_formation_moves_towards_the_line_two_by_two() -> None:
     assert (start.finish == 3 * TRACK.length).all()
 
 
+@given(seeds, st.sampled_from(sorted(TRACKS)))
+def test_cars_abreast_are_beside_each_other_before_the_end_of_their_origin(seed: int, circuit: str) -> None:
+    track = TRACKS[circuit]
+    _, end = track.stretch("longest straight")
+    start = load_scenario("braking_duel").place(track, np.random.default_rng(seed))
+    assert end - 320.0 <= start.distance[0] <= end - 280.0
+    assert 0.2 <= start.distance[0] - start.distance[1] <= 2.0
+    assert sorted(start.lateral) == [-2.0, 2.0]
+    assert len(set(start.speed)) == 1
+    assert 48.0 <= start.speed[0] <= 52.0
+    assert (start.finish == end + 130.0).all()
+
+
+def test_the_side_of_the_first_of_cars_abreast_is_drawn_by_lot() -> None:
+    sides = [
+        load_scenario("braking_duel").place(TRACK, np.random.default_rng(seed)).lateral[0]
+        for seed in range(200)
+    ]
+    # Of 200 throws of a coin, the deviation is 7.
+    assert 100 - 28 <= sum(side > 0 for side in sides) <= 100 + 28
+
+
 @given(seeds, st.sampled_from(["lindenring", "grandes-landes"]))
 def test_rolling_start_is_drawn_from_its_spans_at_its_origin(seed: int, circuit: str) -> None:
     track = TRACKS[circuit]
@@ -278,7 +300,11 @@ class TestConditions:
         ("laps = 1", "perception_delay_s = -0.1", "field perception_delay_s.* is -0.1: .*greater than or"),
         ("laps = 1", "perception_delay_s = [0.1, 0.1, 0.1]", "perception_delay_s must be one number, or 2"),
         ("laps = 1", "wear_rate = -1.0", "field wear_rate is -1.0"),
-        ('kind = "grid"', 'kind = "flying"', "field start.*'grid', 'rolling', 'formation', 'anywhere'"),
+        (
+            'kind = "grid"',
+            'kind = "flying"',
+            "field start.*'grid', 'rolling', 'formation', 'abreast', 'anywhere'",
+        ),
         ('kind = "grid"', 'kind = "rolling"', "field start.rolling.leader_m: Field required"),
         (
             'kind = "grid"',
