@@ -1,4 +1,4 @@
-"""The skill battery's answer: points by test, their sum, and who goes on the shortlist."""
+"""The skill battery's answer: points by test, and their sum."""
 
 from __future__ import annotations
 
@@ -47,16 +47,14 @@ def skills(
 def rank_battery(
     marks: pl.DataFrame,
     rng: np.random.Generator,
-    shortlist: int,
     resamples: int = 2000,
     confidence: float = 0.95,
 ) -> pl.DataFrame:
     """Turn MARKS into BATTERY: the sum over tests of mean points, best first.
 
-    A test in which an entrant has no run gives it no points. The `shortlist` entrants with the most
-    points are shortlisted; of equal ones, those first by entrant id. Intervals resample the runs of
-    each test; null where no test has two runs, and then all entrants tie. They are of each entrant alone:
-    ranks compare every two entrants by Student's t, corrected for their number by Holm's method.
+    A test in which an entrant has no run gives it no points; nobody is shortlisted yet. Intervals resample
+    the runs of each test; null where no test has two runs, and then all entrants tie. They are of each
+    entrant alone: ranks compare every two by Student's t, corrected for their number by Holm's method.
     """
     if marks.is_empty():
         return pl.DataFrame(schema=BATTERY)
@@ -70,9 +68,7 @@ def rank_battery(
         pl.DataFrame({"entrant": entrants, "points": points, "points_low": low, "points_high": high})
         .with_columns(rank=1 + _better(points, member, variation, 1 - confidence).sum(axis=0))
         .sort("points", "entrant", descending=[True, False])
-        .with_columns(
-            pl.col("points_low", "points_high").fill_nan(None), shortlisted=pl.int_range(pl.len()) < shortlist
-        )
+        .with_columns(pl.col("points_low", "points_high").fill_nan(None), shortlisted=pl.lit(False))
         .select(BATTERY.names())
         .cast(BATTERY)
     )

@@ -1,4 +1,4 @@
-"""The second stage: survivors of the filter through every skill test, and who is shortlisted."""
+"""The second stage: survivors of the filter through every skill test."""
 
 from __future__ import annotations
 
@@ -53,12 +53,10 @@ class BatterySettings(Section):
     Attributes:
         tests: shipped names, or paths of `.toml` files.
         runs: of an entrant in every test, in place of the number that the test asks for.
-        shortlist: how many entrants go on.
     """
 
     tests: Annotated[tuple[str, ...], Field(min_length=1)] = DECATHLON
     runs: Annotated[int, Field(ge=1)] | None = None
-    shortlist: Annotated[int, Field(ge=1)] = 6
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ class BatteryAnswer(Answer):
 
 
 def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings) -> BatteryAnswer:
-    """Test all entrants, all on one circuit, and keep the `shortlist` of them with the most points.
+    """Test all entrants, all on one circuit, and put them in the order of their points.
 
     The built-in driver goes through the same tests, with seeds of its own, and sets the marks.
 
@@ -86,7 +84,7 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     tests = load_skills(settings.tests)
     if not entrants:
         run.note("battery", 0, 0, pl.DataFrame(schema=RESULTS), began)
-        return BatteryAnswer(_tables(run, [], settings.shortlist), [], pl.DataFrame(schema=RESULTS), {}, {})
+        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), {}, {})
     circuit, car = entrants[0].circuit, entrants[0].car
     set_aside = _without_room(tests, circuit)
     held = [skill for skill in tests if skill.name not in set_aside]
@@ -107,18 +105,18 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
         for entrant in entrants:
             runs = skill.runs_of(frames[planned[skill.name, entrant.id].key])
             scored.append(skill.table(entrant.id, runs, found))
-    tables = _tables(run, scored, settings.shortlist)
-    kept = set(tables["battery"].filter("shortlisted")["entrant"])
-    shortlisted = [entrant for entrant in entrants if entrant.id in kept]
-    run.note("battery", len(entrants), len(shortlisted), results, began)
-    return BatteryAnswer(tables, shortlisted, results, marks, set_aside)
+    tables = _tables(run, scored)
+    by_id = {entrant.id: entrant for entrant in entrants}
+    ordered = [by_id[entrant] for entrant in tables["battery"]["entrant"]]
+    run.note("battery", len(entrants), len(ordered), results, began)
+    return BatteryAnswer(tables, ordered, results, marks, set_aside)
 
 
-def _tables(run: Run, scored: Sequence[pl.DataFrame], shortlist: int) -> dict[str, pl.DataFrame]:
+def _tables(run: Run, scored: Sequence[pl.DataFrame]) -> dict[str, pl.DataFrame]:
     marks = pl.concat([pl.DataFrame(schema=MARKS), *scored])
     return {
         "skills": skills(marks, run.rng("battery")),
-        "battery": rank_battery(marks, run.rng("battery"), shortlist),
+        "battery": rank_battery(marks, run.rng("battery")),
     }
 
 

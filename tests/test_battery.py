@@ -1,4 +1,4 @@
-"""The skill battery: points by test, their sum, ties and the shortlist."""
+"""The skill battery: points by test, their sum and ties."""
 
 import numpy as np
 import polars as pl
@@ -42,10 +42,10 @@ def test_means_and_their_sum() -> None:
         ("a", "pass", 90.0, "s", 100.0, 2),
         ("b", "lap", 15.0, "s", 850.0, 2),
     ]
-    ranking = rank_battery(marks, seeded(), shortlist=1)
+    ranking = rank_battery(marks, seeded())
     assert ranking.schema == BATTERY
     assert ranking.select("entrant", "points", "shortlisted").rows() == [
-        ("b", 850.0, True),
+        ("b", 850.0, False),
         ("a", 600.0, False),
     ]
 
@@ -63,7 +63,7 @@ def test_the_intervals_cover_the_true_points() -> None:
     sums, tests = [], []
     for _ in range(6):  # 1800 intervals: a standard error of 0.5 %
         marks = simulated({str(entrant): 700.0 for entrant in range(300)}, 5, rng)
-        ranking = rank_battery(marks, rng, 1, resamples=300)
+        ranking = rank_battery(marks, rng, resamples=300)
         sums += [low <= 1800 <= high for low, high in ranking.select("points_low", "points_high").iter_rows()]
         passes = skills(marks, rng, resamples=300).filter(pl.col("test") == "pass")
         tests += [low <= 500 <= high for low, high in passes.select("points_low", "points_high").iter_rows()]
@@ -74,32 +74,29 @@ def test_the_intervals_cover_the_true_points() -> None:
 def test_equals_are_told_apart_in_no_more_than_one_battery_of_twenty() -> None:
     rng = seeded()
     apart = [
-        rank_battery(simulated(dict.fromkeys("abcdef", 700.0), 6, rng), rng, 1, resamples=20)["rank"].max()
-        != 1
+        rank_battery(simulated(dict.fromkeys("abcdef", 700.0), 6, rng), rng, resamples=20)["rank"].max() != 1
         for _ in range(200)
     ]
     assert np.mean(apart) <= 0.05 + 3 * 0.0154  # standard errors
 
 
 def test_a_planted_order_is_recovered_and_close_entrants_share_a_rank() -> None:
-    ranking = rank_battery(simulated({"slow": 300, "fast": 900, "twin": 900}, 12, seeded()), seeded(), 2)
+    ranking = rank_battery(simulated({"slow": 300, "fast": 900, "twin": 900}, 12, seeded()), seeded())
     ranks = dict(ranking.select("entrant", "rank").iter_rows())
     assert ranks == {"fast": 1, "twin": 1, "slow": 3}
-    assert set(ranking.filter("shortlisted")["entrant"]) == {"fast", "twin"}
 
 
-def test_equal_points_are_shortlisted_by_entrant_id() -> None:
+def test_equal_points_are_ordered_by_entrant_id() -> None:
     marks = measured({(entrant, "lap"): [500, 500] for entrant in "cabd"})
-    ranking = rank_battery(marks, seeded(), shortlist=2)
+    ranking = rank_battery(marks, seeded())
     assert ranking["entrant"].to_list() == ["a", "b", "c", "d"]
-    assert ranking["shortlisted"].to_list() == [True, True, False, False]
     assert ranking["rank"].to_list() == [1, 1, 1, 1]
     assert ranking["points_low"].to_list() == [500.0] * 4
 
 
 def test_single_runs_give_no_interval_and_a_tie() -> None:
     marks = measured({("a", "lap"): [100], ("b", "lap"): [900]})
-    ranking = rank_battery(marks, seeded(), shortlist=1)
+    ranking = rank_battery(marks, seeded())
     assert ranking["rank"].to_list() == [1, 1]
     assert ranking["points_low"].null_count() == 2
     assert skills(marks, seeded())["points_high"].null_count() == 2
@@ -108,7 +105,7 @@ def test_single_runs_give_no_interval_and_a_tie() -> None:
 def test_no_marks_at_all() -> None:
     empty = pl.DataFrame(schema=MARKS)
     assert skills(empty, seeded()).schema == SKILLS
-    assert rank_battery(empty, seeded(), shortlist=3).schema == BATTERY
+    assert rank_battery(empty, seeded()).schema == BATTERY
 
 
 def test_same_seed_gives_the_same_bytes_and_the_order_of_rows_does_not_matter() -> None:
@@ -116,5 +113,5 @@ def test_same_seed_gives_the_same_bytes_and_the_order_of_rows_does_not_matter() 
     shuffled = marks.sample(fraction=1.0, shuffle=True, seed=2)
     for first, again in ((marks, marks), (marks, shuffled)):
         assert skills(first, seeded()).write_csv() == skills(again, seeded()).write_csv()
-        ranked = rank_battery(first, seeded(), 2).write_csv()
-        assert ranked == rank_battery(again, seeded(), 2).write_csv()
+        ranked = rank_battery(first, seeded()).write_csv()
+        assert ranked == rank_battery(again, seeded()).write_csv()

@@ -31,7 +31,7 @@ from tests.race_results import DEFAULTS
 CIRCUIT, CAR = "porto-sereno", "coupe"
 ENTRANTS = [enter(f"driver:pace={pace}", CIRCUIT, CAR) for pace in (0.5, 0.7, 0.9)]
 LAP_S = dict(zip((entrant.id for entrant in ENTRANTS), (110.0, 100.0, 96.0), strict=True))
-SETTINGS = BatterySettings(tests=("hot_lap", "chicane_in_traffic", "consistency"), shortlist=1)
+SETTINGS = BatterySettings(tests=("hot_lap", "chicane_in_traffic", "consistency"))
 
 Lap = Callable[[str], float | None]
 
@@ -111,7 +111,7 @@ def test_the_driver_drives_the_tests_with_seeds_of_its_own() -> None:
     assert {len(match.races) for match in own.values()} == {MARKS_RUNS}
 
 
-def test_points_and_shortlist_follow_from_the_runs(store: Store) -> None:
+def test_points_and_order_follow_from_the_runs(store: Store) -> None:
     answer = run_battery(raced(store, 1), ENTRANTS, SETTINGS)
     slow, middle, fast = ENTRANTS
     table, battery = answer.tables["skills"], answer.tables["battery"]
@@ -123,7 +123,7 @@ def test_points_and_shortlist_follow_from_the_runs(store: Store) -> None:
     assert all(points[entrant.id, "consistency"] == pytest.approx(500.0, abs=0.01) for entrant in ENTRANTS)
     assert battery["entrant"].to_list() == [fast.id, middle.id, slow.id]
     assert battery["points"][1] == pytest.approx(1000.0, abs=0.01)
-    assert answer.entrants == [fast]
+    assert answer.entrants == [fast, middle, slow]
     assert answer.results["entrant"].n_unique() == len(ENTRANTS) + 1
 
 
@@ -165,6 +165,6 @@ def test_an_opponent_that_cannot_drive_is_named_before_anything_runs(store: Stor
 
 
 def test_settings_are_checked() -> None:
-    for wrong in ({"tests": ()}, {"runs": 0}, {"shortlist": 0}, {"sports": 1}):
+    for wrong in ({"tests": ()}, {"runs": 0}, {"sports": 1}):
         with pytest.raises(ValidationError):
             BatterySettings.model_validate(wrong)

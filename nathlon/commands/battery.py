@@ -30,7 +30,7 @@ def battery(sources: Sequence[str], out: Path, config: Config, as_json: bool) ->
     name = "battery-" + hashlib.sha256("\n".join([config.digest, *ids]).encode()).hexdigest()[:12]
     path = out / "store.sqlite"
     with (
-        progress(f"The same command goes on from {path}.", as_json) as on_match,
+        progress(f"The same command goes on from {path}.", as_json, ("battery",)) as on_match,
         Store(path) as store,
         Pool(worker_count(config.workers)) as pool,
     ):
@@ -62,13 +62,13 @@ def _as_json(answer: BatteryAnswer, names: dict[str, str]) -> dict[str, Any]:
 
 def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
     ranking = Table(title="N-athlon with 95 % intervals")
-    for column in ("Rank", "Entrant", "Points", "Shortlisted"):
+    for column in ("Rank", "Entrant", "Points"):
         ranking.add_column(column, justify="right" if column in ("Rank", "Points") else "left")
     for row in _named(answer.tables["battery"], names):
         points = f"{row['points']:.0f}"
         if row["points_low"] is not None:
             points += f" ({row['points_low']:.0f} to {row['points_high']:.0f})"
-        ranking.add_row(str(row["rank"]), row["name"], points, "yes" if row["shortlisted"] else "")
+        ranking.add_row(str(row["rank"]), row["name"], points)
     console.print(ranking)
 
     tests = Table(title="Tests")
