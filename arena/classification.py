@@ -1,33 +1,56 @@
-"""From the final state of a race to its rows of the results table."""
+"""From the final state of races to their rows of the results table."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from arena.match import Match, Race
-from arena.results import POLICY_FAULTS
+from arena.results import POLICY_FAULTS, RESULTS
+from sim.state import CAR_STATE
 
 POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
 
+BLANK = np.zeros((), CAR_STATE)
+"""A car of a race that came to nothing."""
+for _unset in ("best_lap_s", "finish_s"):
+    BLANK[_unset] = np.nan
+
 
 def classify(
-    match: Match, index: int, cars: NDArray[np.void], endings: NDArray[np.str_], driven: NDArray[np.float64]
-) -> list[dict[str, Any]]:
-    """Rows (RESULTS) of one race.
+    match: Match, cars: NDArray[np.void], endings: NDArray[np.str_], driven: NDArray[np.float64]
+) -> pl.DataFrame:
+    """Results of a match, schema RESULTS.
 
     Finishers are placed by time, then the others by their progress on the road, then those that
     their own policy let down.
 
     Args:
         match: the match.
-        index: of the race in it.
-        cars: (cars,) CAR_STATE at the end.
-        endings: (cars,) how each run ended.
-        driven: (cars,) time until then, s.
+        cars: (races, cars) CAR_STATE at the end.
+        endings: (races, cars) how each run ended.
+        driven: (races, cars) time until then, s.
     """
+    rows = [
+        row
+        for index in range(len(match.races))
+        for row in _classify_race(match, index, cars[index], endings[index], driven[index])
+    ]
+    return pl.DataFrame(rows, schema=RESULTS)
+
+
+def void(match: Match) -> pl.DataFrame:
+    """Results (RESULTS) of a match that the simulator could not run."""
+    shape = (len(match.races), len(match.races[0].seats))
+    return classify(match, np.full(shape, BLANK), np.full(shape, "simulator_fault"), np.zeros(shape))
+
+
+def _classify_race(
+    match: Match, index: int, cars: NDArray[np.void], endings: NDArray[np.str_], driven: NDArray[np.float64]
+) -> list[dict[str, Any]]:
     race: Race = match.races[index]
     distance = cars["progress"] - cars["start"]
     finished = endings == "finished"

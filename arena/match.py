@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
@@ -18,6 +19,7 @@ from typing import Any
 import policies
 import sim
 from sim.car import load_car
+from sim.errors import InputError
 from sim.rules import load_rules
 from sim.scenario import load_scenario
 from sim.track import load_track
@@ -61,6 +63,36 @@ class Match:
     entrants: tuple[str, ...]
     sources: tuple[str, ...]
     races: tuple[Race, ...]
+
+    @classmethod
+    def from_spec(cls, spec: Mapping[str, Any], sources: Mapping[str, str]) -> Match:
+        """The match that a stored spec describes.
+
+        Args:
+            spec: as `Match.spec` made it.
+            sources: where to load its entrants from, by their ids; a built-in driver is its own source.
+
+        Raises:
+            InputError: if the program or its data have changed since, so that the match would end otherwise.
+        """
+        races = [
+            Race(race["seed"], tuple(Seat(**seat) for seat in race["seats"]), race["mirrored"])
+            for race in spec["races"]
+        ]
+        entrants = tuple(spec["entrants"])
+        names = ("stage", "test", "scenario", "circuit", "car")
+        match = cls(
+            *(spec[name] for name in names),
+            entrants,
+            tuple(sources.get(entrant, entrant) for entrant in entrants),
+            tuple(races),
+        )
+        if json.dumps(match.spec(), sort_keys=True) != json.dumps(spec, sort_keys=True):
+            raise InputError(
+                f"match {spec['test']} of {len(races)} races: the simulator or its data have changed "
+                "since it was run, expected those that it was run with"
+            )
+        return match
 
     @cached_property
     def key(self) -> str:

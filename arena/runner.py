@@ -1,63 +1,39 @@
-"""Runs a match: one world for all its races, one matrix a policy and tick."""
+"""Runs matches: one world for all their races, one matrix a policy and tick."""
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.classification import classify
+from arena.classification import BLANK, classify
 from arena.match import Match
-from arena.results import RESULTS
+from arena.team import ROW_WISE, Absent, Team
+from arena.watch import Watch
 from policies.policy import Batch, Policy
 from sim.car import load_car
 from sim.episode import end_runs
+from sim.observation import ObservationSpec
 from sim.reaction import Perception, Reaction
 from sim.scenario import load_scenario
 from sim.track import load_track
 from sim.world import World
 
-log = logging.getLogger(__name__)
-
 Observer = Callable[[World], None]
+LineUp = tuple[Match, Sequence[Policy | Absent]]
+"""A match and a policy for each of its entrants."""
+
+MOTION = ("x", "y", "yaw", "world_velocity_x", "world_velocity_y", "yaw_rate")
+"""Fields of CAR_STATE that no other can be wrong for long without."""
 
 
-class _Team:
-    """One policy and all its cars in all races of a match."""
-
-    def __init__(
-        self, policy: Policy, races: NDArray[np.int64], cars: NDArray[np.int64], reaction: Reaction
-    ) -> None:
-        self.policy, self.races, self.cars = policy, races, cars
-        self.memory: Batch | None = None
-        self.perception = Perception(policy.observation_spec, races, cars, reaction)
-
-    def act(self, world: World) -> tuple[Batch, NDArray[np.str_]]:
-        """Actions (n, 2), and by car the fault of its policy or ''; a faulty action is 0.
-
-        Cars whose turn it is not are asked as well, so that the batch keeps its shape, and their
-        answers thrown away.
-        """
-        n = len(self.races)
-        try:
-            if self.memory is None:
-                self.memory = self.policy.initial_memory(n)
-            actions, memory = self.policy.act(self.perception.see(world), self.memory)
-            self.memory = np.where(self.perception.due(world)[:, None], memory, self.memory)
-        # Whatever a policy raises is its own fault and must not stop the others.
-        except Exception as error:
-            log.warning("a policy raised %r: its cars are out", error)
-            return np.zeros((n, 2), np.float32), np.full(n, "policy_raised")
-        if not isinstance(actions, np.ndarray) or actions.shape != (n, 2) or actions.dtype.kind != "f":
-            return np.zeros((n, 2), np.float32), np.full(n, "illegal_action")
-        legal = np.asarray(np.isfinite(actions).all(axis=1))
-        return np.where(legal[:, None], actions, 0.0), np.where(legal, "", "illegal_action")
-
-
-def run_match(match: Match, policies: Sequence[Policy], observer: Observer | None = None) -> pl.DataFrame:
+def run_match(
+    match: Match, policies: Sequence[Policy | Absent], observer: Observer | None = None
+) -> pl.DataFrame:
     """Run all races of a match to their end.
 
     Args:
@@ -68,47 +44,165 @@ def run_match(match: Match, policies: Sequence[Policy], observer: Observer | Non
     Returns:
         the results, one row a car a race, schema RESULTS.
     """
-    scenario, track = load_scenario(match.scenario), load_track(match.circuit)
-    world = scenario.world(track, load_car(match.car), len(match.races))
-    reaction = scenario.reaction
-    for index, race in enumerate(match.races):
-        world.reset(index, scenario.place(track, np.random.default_rng(race.seed)))
-    seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
-    places = [np.nonzero(seats == entrant) for entrant in range(len(policies))]
-    teams = [
-        _Team(policy, races, cars, reaction) for policy, (races, cars) in zip(policies, places, strict=True)
-    ]
+    [(_, results)] = run_together({0: (match, policies)}, Watch(), observer)
+    return results
 
-    state = world.state
-    endings = np.full(state.shape, "", dtype="U16")
-    driven = np.zeros(state.shape)
-    actions = np.zeros((*state.shape, 2), np.float32)
+
+def run_together(
+    line_ups: Mapping[int, LineUp], watch: Watch, observer: Observer | None = None
+) -> Iterator[tuple[int, pl.DataFrame]]:
+    """Run matches of the same scenario, circuit and car in one world.
+
+    Every match has the results that it has alone.
+
+    Args:
+        line_ups: what to run, by numbers of the caller's.
+        watch: told who is asked, with the number of the match.
+        observer: as for `run_match`.
+
+    Yields:
+        the number of a match and its results (RESULTS), as soon as its last race has ended.
+    """
+    meeting = _Meeting(line_ups, watch)
+    running = list(line_ups)
     if observer:
-        observer(world)
-    while state["driving"].any():
-        for team in teams:
-            mine = (team.races, team.cars)
-            if not state["driving"][mine].any():
-                continue
-            answers, faults = team.act(world)
-            due = team.perception.due(world)
-            actions[mine] = np.where(due[:, None], answers, actions[mine])
-            out = state["driving"][mine] & due & (faults != "")
-            retired = (team.races[out], team.cars[out])
-            endings[retired] = faults[out]
-            driven[retired] = world.time[retired[0]]
-            state["driving"][retired] = False
-        running = endings == ""
-        world.step(actions, reaction.tick)
-        end_runs(world, endings, scenario.time_s)
-        ended = running & (endings != "")
-        now = np.where(endings == "finished", state["finish_s"], world.time[:, None])
-        driven[ended] = now[ended]
-        if observer:
-            observer(world)
-    rows = [
-        row
-        for index in range(len(match.races))
-        for row in classify(match, index, state[index], endings[index], driven[index])
-    ]
-    return pl.DataFrame(rows, schema=RESULTS)
+        observer(meeting.world)
+    while running:
+        for number in [number for number in running if meeting.over(number)]:
+            running.remove(number)
+            yield number, meeting.results(number)
+        meeting.drop_cars_that_are_out()
+        ended = not running
+        while not ended:
+            ended = meeting.tick()
+            if observer:
+                observer(meeting.world)
+
+
+class _View:
+    """Teams that observe by the same spec, and what their cars see."""
+
+    def __init__(self, spec: ObservationSpec, teams: list[Team], grid: int, reaction: Reaction) -> None:
+        """Teams of a world with `grid` cars a race."""
+        self.teams = teams
+        cars = np.concatenate([team.cars for team in teams])
+        self._perception = Perception(spec, cars // grid, cars % grid, reaction)
+
+    def keep(self, driving: NDArray[np.bool_]) -> None:
+        """Look no more for cars whose policy need not be asked; see `Team.keep`."""
+        self._perception.keep(np.concatenate([team.keep(driving) for team in self.teams]))
+        self.teams = [team for team in self.teams if len(team.cars)]
+
+    def look(self, world: World) -> Iterator[tuple[Team, Batch, NDArray[np.bool_]]]:
+        """The teams that have cars to act, what all their cars see, and which are due; once a tick."""
+        seen, due = self._perception.see(world), self._perception.due(world)
+        begin = 0
+        for team in self.teams:
+            rows = slice(begin, begin := begin + len(team.cars))
+            if due[rows].any():
+                yield team, seen[rows], due[rows]
+
+
+class _Meeting:
+    """Matches that share a world, whose cars are numbered race by race."""
+
+    def __init__(self, line_ups: Mapping[int, LineUp], watch: Watch) -> None:
+        self._matches = {number: match for number, (match, _) in line_ups.items()}
+        races = [race for match in self._matches.values() for race in match.races]
+        ends = np.cumsum([0, *(len(match.races) for match in self._matches.values())])
+        self._races = {number: slice(*span) for number, span in zip(line_ups, pairwise(ends), strict=True)}
+        first = next(iter(self._matches.values()))
+        scenario, track = load_scenario(first.scenario), load_track(first.circuit)
+        self._time_s, self._reaction, self._watch = scenario.time_s, scenario.reaction, watch
+        watch.work()
+        self.world = scenario.world(track, load_car(first.car), len(races))
+        for index, race in enumerate(races):
+            self.world.reset(index, scenario.place(track, np.random.default_rng(race.seed)))
+        self._cars = self.world.state.reshape(-1)
+        self._endings = np.full(self.world.state.shape, "", dtype="U16")
+        self._driven = np.zeros(self.world.state.shape)
+        self._actions = np.zeros((self._cars.size, 2), np.float32)
+        self._views = self._line_up(line_ups)
+
+    def _line_up(self, line_ups: Mapping[int, LineUp]) -> list[_View]:
+        """All teams by what they observe; cars whose policy is absent are out."""
+        grid = self._endings.shape[1]
+        shared: dict[int, list[Team]] = defaultdict(list)
+        views: dict[ObservationSpec, list[Team]] = defaultdict(list)
+        for number, (match, policies) in line_ups.items():
+            seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
+            for entrant, policy in enumerate(policies):
+                cars = np.flatnonzero(seats == entrant) + grid * self._races[number].start
+                if isinstance(policy, Absent):
+                    self._retire(cars, policy.ending)
+                elif isinstance(policy, ROW_WISE):
+                    shared[id(policy)].append(Team(policy, cars, number, entrant))
+                else:
+                    views[policy.observation_spec].append(Team(policy, cars, number, entrant))
+        for teams in shared.values():
+            everybody = Team(teams[0].policy, np.concatenate([team.cars for team in teams]), 0, 0)
+            views[everybody.policy.observation_spec].append(everybody)
+        return [_View(spec, teams, grid, self._reaction) for spec, teams in views.items()]
+
+    def _retire(self, cars: NDArray[np.int64], ending: str) -> None:
+        """Take those of some cars that still drive out of their races, now."""
+        cars = cars[self._cars["driving"][cars]]
+        self._endings.flat[cars] = ending
+        self._driven.flat[cars] = self.world.time[cars // self._endings.shape[1]]
+        self._cars["driving"][cars] = False
+
+    def drop_cars_that_are_out(self) -> None:
+        """Ask no more for cars that are out, as far as it does not change what the others do."""
+        for view in self._views:
+            view.keep(self._cars["driving"])
+        self._views = [view for view in self._views if view.teams]
+
+    def over(self, number: int) -> bool:
+        """Whether no car of a match drives any more."""
+        return not self.world.state["driving"][self._races[number]].any()
+
+    def results(self, number: int) -> pl.DataFrame:
+        """RESULTS of a match that is over."""
+        races, match = self._races[number], self._matches[number]
+        return classify(match, self.world.state[races], self._endings[races], self._driven[races])
+
+    def tick(self) -> bool:
+        """Have everybody act whose turn it is, and advance the world; whether a car's run has ended."""
+        state = self.world.state
+        before = np.count_nonzero(state["driving"])
+        self._act()
+        driving = state["driving"].copy()
+        self._watch.work()
+        self.world.step(self._actions.reshape(*state.shape, 2), self._reaction.tick)
+        self._void_faulty_races(driving)
+        end_runs(self.world, self._endings, self._time_s)
+        if np.count_nonzero(state["driving"]) == before:
+            return False
+        ended = driving & ~state["driving"] & (self._endings != "simulator_fault")
+        now = np.where(self._endings == "finished", state["finish_s"], self.world.time[:, None])
+        self._driven[ended] = now[ended]
+        return True
+
+    def _act(self) -> None:
+        """Set the actions of all cars whose turn it is; those with a faulty policy are out."""
+        for view in self._views:
+            for team, seen, due in view.look(self.world):
+                actions, fault = team.act(seen, due, self._watch)
+                asked = team.cars[due]
+                self._actions[asked] = actions[due]
+                if fault:
+                    self._retire(asked, fault)
+        illegal = ~np.isfinite(self._actions).all(axis=1)
+        if illegal.any():
+            self._retire(np.flatnonzero(illegal), "illegal_action")
+            self._actions[illegal] = 0.0
+
+    def _void_faulty_races(self, driving: NDArray[np.bool_]) -> None:
+        """Void the races in which the motion of a car that drove in the last step is not finite."""
+        state = self.world.state
+        motion = sum(state[name] for name in MOTION)
+        faulty = (driving & ~np.isfinite(motion)).any(axis=1)
+        if faulty.any():
+            state[faulty] = BLANK
+            self._endings[faulty] = "simulator_fault"
+            self._driven[faulty] = 0.0

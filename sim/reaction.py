@@ -57,6 +57,7 @@ class Perception:
         self._spec, self._races, self._cars = spec, races, cars
         self._tick = reaction.tick
         self._late = reaction.delay[cars] // self._tick
+        self._depth = int(self._late.max(initial=0)) + 1
         self._period = reaction.period[cars]
         self._seen: NDArray[np.float32] | None = None
         self._new = np.zeros(len(races), np.bool_)
@@ -64,6 +65,13 @@ class Perception:
     def forget(self, races: Collection[int]) -> None:
         """See the present of some races when next they are seen, as at their start."""
         self._new |= np.isin(self._races, list(races))
+
+    def keep(self, rows: NDArray[np.bool_]) -> None:
+        """See with some of the cars only from now on, those of `rows`, (n,)."""
+        self._races, self._cars = self._races[rows], self._cars[rows]
+        self._late, self._period, self._new = self._late[rows], self._period[rows], self._new[rows]
+        if self._seen is not None:
+            self._seen = self._seen[:, rows]
 
     def due(self, world: World) -> NDArray[np.bool_]:
         """Which of the cars act now, (n,)."""
@@ -75,15 +83,14 @@ class Perception:
         A car that has not driven for as long as its delay sees its start.
         """
         now = world.observe(self._spec, self._races, self._cars)
-        if not self._late.any():
+        if self._depth == 1:
             return now
-        depth = int(self._late.max()) + 1
         if self._seen is None:
-            self._seen = np.repeat(now[None], depth, axis=0)
+            self._seen = np.repeat(now[None], self._depth, axis=0)
         new = self._new | (world.ticks[self._races] == 0)
         self._seen[:, new] = now[new]
         self._new[:] = False
         rows = np.arange(len(now))
         at = world.ticks[self._races] // self._tick
-        self._seen[at % depth, rows] = now
-        return self._seen[(at - self._late) % depth, rows]
+        self._seen[at % self._depth, rows] = now
+        return self._seen[(at - self._late) % self._depth, rows]

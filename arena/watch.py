@@ -1,0 +1,99 @@
+"""Watching policies: a call that hangs cannot be stopped from inside its own process."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import MutableSequence
+from typing import NamedTuple
+
+ANSWER_S = 10.0
+"""A policy that has not answered for so long has timed out: a hundred times what is between two ticks."""
+FIRST_ANSWER_S = 120.0
+"""Its first answer may take longer, and so may its loading: libraries start and compile."""
+WORK_S = 600.0
+"""What the simulator may take for a tick; the first one may have to compile it."""
+LOOK_S = 1.0
+"""Between two looks at a watch, at most."""
+NOBODY = -1
+
+
+class Asked(NamedTuple):
+    """What a process that runs matches is at.
+
+    Attributes:
+        begun: how much it has begun so far.
+        match: index of the match whose policy is asked; NOBODY where none is.
+        entrant: index of the policy's entrant in that match; NOBODY where none is.
+        limit_s: how long it may take.
+    """
+
+    begun: int
+    match: int
+    entrant: int
+    limit_s: float
+
+
+class Watch:
+    """Who is asked at the moment: told by the process that asks, read by the one that watches it.
+
+    Args:
+        answer_s, first_answer_s: time that a policy has for an answer, and for its first one.
+        told: four numbers, which the two processes share.
+    """
+
+    def __init__(
+        self,
+        answer_s: float = ANSWER_S,
+        first_answer_s: float = FIRST_ANSWER_S,
+        told: MutableSequence[float] | None = None,
+    ) -> None:
+        self._answer_s, self._first_answer_s = answer_s, first_answer_s
+        self._told = [0.0] * len(Asked._fields) if told is None else told
+        self._begun = 0
+
+    def ask(self, match: int, entrant: int, first: bool) -> None:
+        """A policy is asked now, perhaps for the first time."""
+        self._tell(match, entrant, self._first_answer_s if first else self._answer_s)
+
+    def work(self) -> None:
+        """The simulator is at work, or a driver that is part of it."""
+        self._tell(NOBODY, NOBODY, WORK_S)
+
+    def rest(self) -> None:
+        """Nobody is asked and nothing is run."""
+        self._tell(NOBODY, NOBODY, math.inf)
+
+    def _tell(self, match: int, entrant: int, limit_s: float) -> None:
+        self._begun += 1
+        told = self._told
+        told[0], told[1], told[2], told[3] = self._begun, match, entrant, limit_s
+
+    @property
+    def asked(self) -> Asked:
+        """What was told last."""
+        begun, match, entrant, limit_s = self._told
+        return Asked(int(begun), int(match), int(entrant), limit_s)
+
+
+class Patience:
+    """How long the process behind a watch has been at the same thing.
+
+    Only time in which it is looked at counts: not that in which this process is stopped or busy, as the
+    other one may be too.
+    """
+
+    def __init__(self, watch: Watch) -> None:
+        self._watch = watch
+        self._asked, self._waited_s, self._looked = watch.asked, 0.0, time.monotonic()
+
+    @property
+    def over(self) -> bool:
+        """Whether it takes longer than it may; to be looked at every LOOK_S or more often."""
+        asked, now = self._watch.asked, time.monotonic()
+        if asked == self._asked:
+            self._waited_s += min(now - self._looked, LOOK_S)
+        else:
+            self._asked, self._waited_s = asked, 0.0
+        self._looked = now
+        return self._waited_s > asked.limit_s

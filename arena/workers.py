@@ -1,0 +1,88 @@
+"""One process that runs matches, as the process that started it sees it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+from arena.watch import Patience, Watch
+
+BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+READY = "ready"
+"""What a worker sends when it waits for something to do."""
+
+_CONTEXT = get_context("spawn")
+
+
+class Worker:
+    """A process, and the pipe to it.
+
+    Attributes:
+        watch: what it is at.
+        patience: how long it has been so.
+        idle: whether it waits for something to do.
+        fresh: whether it has not been given anything yet.
+    """
+
+    def __init__(self, serve: Callable[[Connection, Watch], None], answer_s: float, first_answer_s: float):
+        """Start a process that calls `serve`; see `Watch` for the times."""
+        self.watch = Watch(answer_s, first_answer_s, _CONTEXT.RawArray("d", 4))
+        self.watch.rest()
+        self.patience = Patience(self.watch)
+        self.idle, self.fresh, self.began = False, True, False
+        self._pipe, theirs = _CONTEXT.Pipe()
+        self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch), daemon=True)
+        with _one_blas_thread():
+            self._process.start()
+        theirs.close()
+
+    @property
+    def signs(self) -> tuple[Any, Any]:
+        """What becomes ready when it has news or has died; see `multiprocessing.connection.wait`."""
+        return self._pipe, self._process.sentinel
+
+    @property
+    def dead(self) -> bool:
+        return not self._process.is_alive()
+
+    def give(self, work: object) -> None:
+        """Send it something to do; if it has died meanwhile, that is noticed later."""
+        self.idle = self.fresh = False
+        with suppress(BrokenPipeError):
+            self._pipe.send(work)
+
+    def news(self) -> Iterator[Any]:
+        """What it has sent and was not read yet, READY apart."""
+        try:
+            while self._pipe.poll():
+                message = self._pipe.recv()
+                if message == READY:
+                    self.idle = self.began = True
+                else:
+                    yield message
+        except (EOFError, OSError):
+            return  # it has died; what it was sending is lost
+
+    def kill(self) -> None:
+        """End it at once; what it has sent can still be read."""
+        self._process.kill()
+        self._process.join()
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Processes started meanwhile take the setting from their environment, before they load BLAS."""
+    before = {name: os.environ.get(name) for name in BLAS_THREADS}
+    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
