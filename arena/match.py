@@ -80,9 +80,12 @@ class Match:
             for race in spec["races"]
         ]
         entrants = tuple(spec["entrants"])
-        names = ("stage", "test", "scenario", "circuit", "car")
         match = cls(
-            *(spec[name] for name in names),
+            spec["stage"],
+            spec["test"],
+            spec["scenario"],
+            spec["circuit"],
+            spec["car"],
             entrants,
             tuple(sources.get(entrant, entrant) for entrant in entrants),
             tuple(races),

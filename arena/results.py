@@ -17,8 +17,9 @@ ENDINGS = (
 """How a car's run can end. `time_up` means that the scenario ended while the car was still driving."""
 
 POLICY_FAULTS = ("policy_raised", "illegal_action", "timed_out")
-"""Endings by the policy's own fault, which score last. An illegal action is not finite or of the wrong
-shape; a policy that has not answered within its time has timed out."""
+"""Endings by the policy's own fault, which score last. An illegal action is not finite, or the answer has
+another shape or type than the contract's; a policy that has not answered, or could not be loaded, within
+its time has timed out."""
 
 VOID_ENDINGS = ("simulator_fault", "interrupted")
 """Endings that void the race, and with it the mirrored pair: nobody is to blame who raced."""
@@ -68,12 +69,24 @@ ENTRANTS = pl.Schema(
 PARETO = pl.Schema(
     {
         "entrant": pl.String,
-        "lap_s": pl.Float64,  # mean of best laps; null where no lap was completed
-        "off_course_share": pl.Float64,  # of the time driven
-        "contacts_per_km": pl.Float64,
-        "nondominated_probability": pl.Float64,  # bootstrap
+        "lap_s": pl.Float64,  # mean best lap of the time trials; null where no lap was completed
+        "off_course_share": pl.Float64,  # of the time driven in races; null where none was raced
+        "contacts_per_km": pl.Float64,  # likewise
+        "nondominated_probability": pl.Float64,  # over draws of what the objectives may truly be
         "survives": pl.Boolean,
-        "races": pl.Int64,
+        "races": pl.Int64,  # without time trials
+    }
+)
+
+OBJECTIVES = pl.Schema(
+    {
+        "entrant": pl.String,
+        "objective": pl.String,  # name in the configuration
+        "source": pl.String,  # race or time_trial
+        "value": pl.Float64,  # over all runs, in `unit`; null where nothing was measured
+        "unit": pl.String,
+        "goal": pl.String,  # min or max
+        "runs": pl.Int64,
     }
 )
 
@@ -96,22 +109,26 @@ BATTERY = pl.Schema(
         "points": pl.Float64,  # sum over tests
         "points_low": pl.Float64,
         "points_high": pl.Float64,
-        "rank": pl.Int64,  # 1 + entrants whose points_low lies above my points_high; ties share it
-        "shortlisted": pl.Boolean,
+        "rank": pl.Int64,  # 1 + entrants that are better, after Holm's correction; ties share it
+        "shortlisted": pl.Boolean,  # by the committee
     }
 )
 
 RANKING = pl.Schema(
     {
         "entrant": pl.String,
-        "rank": pl.Int64,  # 1 + entrants whose low lies above my high; ties share it
-        "points_per_race": pl.Float64,  # team points a race, least squares on pair differences
-        "points_low": pl.Float64,  # 95 % bootstrap interval over mirrored pairs
+        "rank": pl.Int64,  # 1 + entrants that are better, after Holm's correction; ties share it
+        "points_per_race": pl.Float64,  # of the entrant's cars, least squares on differences of units
+        "points_low": pl.Float64,  # 95 % bootstrap interval over units
         "points_high": pl.Float64,
         "contacts_per_km": pl.Float64,  # a car
         "contacts_low": pl.Float64,
         "contacts_high": pl.Float64,
-        "pairs": pl.Int64,  # mirrored pairs raced
+        "at_fault_per_km": pl.Float64,  # contacts that the stewards lay to the entrant's cars
+        "at_fault_low": pl.Float64,
+        "at_fault_high": pl.Float64,
+        "barred": pl.Boolean,  # a rate's interval lies wholly above the gate's limit
+        "pairs": pl.Int64,  # units raced: mirrored pairs, blocks of a free-for-all
         "races": pl.Int64,
         "faults": pl.Int64,  # car runs that ended by the policy's fault
     }
@@ -121,7 +138,7 @@ MATCHUPS = pl.Schema(
     {
         "entrant": pl.String,
         "opponent": pl.String,
-        "pairs": pl.Int64,
+        "pairs": pl.Int64,  # units
         "points_per_race": pl.Float64,  # team points of `entrant`
         "difference": pl.Float64,  # team points of entrant minus opponent, a race
         "difference_low": pl.Float64,
@@ -130,12 +147,29 @@ MATCHUPS = pl.Schema(
     }
 )
 
+RATINGS = pl.Schema(
+    {
+        "entrant": pl.String,
+        "bradley_terry": pl.Float64,  # log-odds to score more in a unit, mean 0
+        "bradley_terry_rank": pl.Int64,
+        "plackett_luce": pl.Float64,  # log-strength of a car by finishing places, mean 0
+        "plackett_luce_rank": pl.Int64,
+    }
+)
+
+TOURNAMENT_NOTES = pl.Schema({"note": pl.String})
+"""Sentences on what does not fit: ratings against points, lack of fit, cycles."""
+
 TABLES: dict[str, pl.Schema] = {
     "entrants": ENTRANTS,
     "pareto": PARETO,
+    "objectives": OBJECTIVES,
     "skills": SKILLS,
     "battery": BATTERY,
     "ranking": RANKING,
+    "pool": RANKING,  # over the round robins of all nights
     "matchups": MATCHUPS,
+    "ratings": RATINGS,
+    "tournament_notes": TOURNAMENT_NOTES,
 }
 """The stage tables by name; results are kept by match and stand apart."""

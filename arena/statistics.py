@@ -1,4 +1,4 @@
-"""Bootstrap intervals for means of few observations in groups."""
+"""Intervals and comparisons for means of few observations in groups."""
 
 from __future__ import annotations
 
@@ -6,19 +6,25 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtrit
+from scipy.special import ndtri, stdtr, stdtrit
 
 Floats = NDArray[np.float64]
 Sizes = NDArray[np.int64]  # rows of each group, at least 1; the groups lie one after the other
 
 
 @dataclass(frozen=True)
-class Spread:
-    """How far the means of M groups may lie from the truth. NaN where no group has two rows."""
+class Precision:
+    """How well the means of M groups are known. NaN where no group has two rows."""
 
-    draws: Floats  # (resamples, M) bootstrap deviations from the observed means
     variance: Floats  # (M,) of the means
     freedom: Floats  # (M,) degrees of freedom of `variance`
+
+
+@dataclass(frozen=True)
+class Spread(Precision):
+    """How far the means of M groups may lie from the truth."""
+
+    draws: Floats  # (resamples, M) bootstrap deviations from the observed means
 
 
 def resample_counts(sizes: Sizes, resamples: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -34,46 +40,91 @@ def group_sums(values: NDArray, sizes: Sizes) -> NDArray:
     return np.add.reduceat(values, np.cumsum(sizes) - sizes, axis=-1)
 
 
-def spread(values: Floats, sizes: Sizes, resamples: int, rng: np.random.Generator) -> Spread:
+def _residuals(values: Floats, sizes: Sizes) -> Floats:
+    return values - np.repeat(group_sums(values, sizes) / sizes, sizes)
+
+
+def precision(values: Floats, sizes: Sizes, enough: int = 2) -> Precision:
+    """Variance of the means of consecutive groups of `values` (rows,).
+
+    A group of fewer than `enough` rows that are all alike, as one row is, shows no spread: it borrows the
+    pooled one of the others. Coarse values want more than two, which may be equal by chance.
+    """
+    n = sizes.astype(np.float64)
+    squares = group_sums(_residuals(values, sizes) ** 2, sizes)
+    alike = _alike(values, sizes, enough)
+    freedom = np.where(alike, (n - 1)[~alike].sum(), n - 1)
+    with np.errstate(invalid="ignore"):
+        variance = np.where(alike, squares[~alike].sum(), squares) / freedom / n
+    return Precision(variance, freedom)
+
+
+def _alike(values: Floats, sizes: Sizes, enough: int) -> NDArray[np.bool_]:
+    """Which groups are fewer than `enough` rows of the same value."""
+    opens = np.cumsum(sizes) - sizes
+    same = np.maximum.reduceat(values, opens) == np.minimum.reduceat(values, opens)
+    return np.asarray(same & (sizes < enough))
+
+
+def spread(values: Floats, sizes: Sizes, resamples: int, rng: np.random.Generator, enough: int = 2) -> Spread:
     """Bootstrap the means of consecutive groups of `values` (rows,).
 
     A bootstrap mean of n rows varies (n - 1) / n as much as the mean itself, so the deviations are
-    widened by sqrt(n / (n - 1)). A group of one row shows no spread: it borrows the pooled one of
-    the other groups.
+    widened by sqrt(n / (n - 1)). `enough` as for `precision`.
     """
     n = sizes.astype(np.float64)
-    residuals = values - np.repeat(group_sums(values, sizes) / n, sizes)
-    squares = group_sums(residuals**2, sizes)
-    deviations = group_sums(resample_counts(sizes, resamples, rng) * residuals, sizes) / n
-
-    alone = n == 1
-    freedom = np.where(alone, (n - 1).sum(), n - 1)
-    with np.errstate(invalid="ignore"):
-        variance = np.where(alone, squares.sum(), squares) / freedom / n
+    known = precision(values, sizes, enough)
+    deviations = group_sums(resample_counts(sizes, resamples, rng) * _residuals(values, sizes), sizes) / n
     draws = np.where(
-        alone,
-        rng.standard_normal(deviations.shape) * np.sqrt(variance),
+        _alike(values, sizes, enough),
+        rng.standard_normal(deviations.shape) * np.sqrt(known.variance),
         deviations * np.sqrt(n / np.maximum(n - 1, 1)),
     )
-    return Spread(draws, variance, freedom)
+    return Spread(known.variance, known.freedom, draws)
+
+
+def standard_error(weights: Floats, means: Precision) -> tuple[Floats, Floats]:
+    """Standard errors (K,) of linear combinations `weights` (K, M) of group means.
+
+    Beside them their degrees of freedom (K,) after Welch and Satterthwaite.
+    """
+    terms = weights**2 * means.variance
+    total = terms.sum(axis=1)
+    shares = np.divide(terms, total[:, None], out=np.ones_like(terms), where=total[:, None] > 0)
+    freedom = 1 / (shares**2 / means.freedom).sum(axis=1) if np.all(means.freedom) else np.nan
+    return np.sqrt(total), np.broadcast_to(np.asarray(freedom, dtype=np.float64), total.shape)
 
 
 def interval(estimate: Floats, weights: Floats, means: Spread, confidence: float) -> tuple[Floats, Floats]:
     """Confidence intervals of K linear combinations of M group means.
 
     `estimate` (K,) are the combinations as observed, `weights` (K, M). The bootstrap quantiles are
-    stretched from the normal to Student's t with Welch and Satterthwaite's degrees of freedom
-    (Hesterberg, The American Statistician 69, 2015): with few rows a plain percentile interval is far
-    too short.
+    stretched from the normal to Student's t (Hesterberg, The American Statistician 69, 2015): with few rows
+    a plain percentile interval is far too short.
     """
     tail = (1 + confidence) / 2
-    terms = weights**2 * means.variance
-    total = terms.sum(axis=1)
-    shares = np.divide(terms, total[:, None], out=np.ones_like(terms), where=total[:, None] > 0)
-    freedom = 1 / (shares**2 / means.freedom).sum(axis=1) if np.all(means.freedom) else np.nan
+    _, freedom = standard_error(weights, means)
     low, high = np.quantile(means.draws @ weights.T, [1 - tail, tail], axis=0)
     stretch = stdtrit(freedom, tail) / ndtri(tail)
     return estimate + stretch * low, estimate + stretch * high
+
+
+def p_values(estimate: Floats, error: Floats, freedom: Floats) -> Floats:
+    """Two-sided p-values of estimates (K,) against 0 by Student's t; 1 where the error is not known."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p = 2 * stdtr(freedom, -np.abs(estimate) / error)
+    return np.where(np.isnan(p), 1.0, p)
+
+
+def holm(p: Floats) -> Floats:
+    """p-values (K,) adjusted for their number (Holm, Scandinavian Journal of Statistics 6, 1979).
+
+    To call different what has an adjusted value of at most alpha errs anywhere with probability alpha.
+    """
+    order = np.argsort(p)
+    adjusted = np.empty_like(p)
+    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)), 1.0)
+    return adjusted
 
 
 def tied_ranks(low: Floats, high: Floats) -> NDArray[np.int64]:

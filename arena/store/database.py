@@ -1,0 +1,203 @@
+"""The database under a store: a SQLite file or a PostgreSQL database, and its transactions."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.pool import ConnectionPoolEntry
+
+from sim.errors import InputError
+
+APPLICATION_ID = 0x6E41544C  # "nATL", in a file's header: tells a store from any other database
+BUSY_TIMEOUT_S = 30.0  # for a lock that another process holds
+CONNECT_TIMEOUT_S = 10
+POSTGRESQL = "postgresql+psycopg"
+
+
+class StoreFault(Exception):
+    """What is wrong with a store, in one clause; its transaction puts the store's name in front."""
+
+
+class Database:
+    """Connections and transactions; failures where the database is to blame are an InputError that names it.
+
+    Attributes:
+        name: the path, or the URL without its password.
+        path: of the SQLite file; None for PostgreSQL.
+    """
+
+    def __init__(self, target: Path | str) -> None:
+        """Use the SQLite file at a path or the PostgreSQL database at a URL; nothing is opened yet.
+
+        Raises InputError where the URL is not one of PostgreSQL, or its driver is not installed.
+        """
+        if isinstance(target, str) and "://" in target:
+            url = _postgresql_url(target)
+            self.path = None
+            self.name = url.render_as_string(hide_password=True).split("?")[0]
+        else:
+            self.path = Path(target)
+            self.name = str(target)
+            url = sa.URL.create("sqlite", database=str(target))
+        try:
+            if self.path:
+                self._engine = sa.create_engine(
+                    url, max_overflow=-1, connect_args={"timeout": BUSY_TIMEOUT_S}
+                )
+                sa.event.listen(self._engine, "connect", _configure_sqlite)
+                sa.event.listen(self._engine, "begin", _begin_sqlite)
+            else:
+                self._engine = sa.create_engine(url, max_overflow=-1, pool_pre_ping=True)
+                sa.event.listen(self._engine, "connect", _configure_postgresql)
+        except ModuleNotFoundError:
+            raise InputError(
+                f"{self.name}: PostgreSQL needs the driver psycopg; expected `pip install nathlon[postgres]`"
+            ) from None
+
+    def close(self) -> None:
+        self._engine.dispose()
+
+    def make_folder(self) -> None:
+        """Make the folder for a SQLite file."""
+        if self.path:
+            try:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(
+                    f"{self.name}: the folder for the store cannot be made ({error.strerror})"
+                ) from None
+
+    @contextmanager
+    def reading(self) -> Iterator[sa.Connection]:
+        """A transaction that only reads and does not wait for those that write."""
+        with self._blamed(), self._engine.begin() as connection:
+            yield connection
+
+    @contextmanager
+    def writing(self) -> Iterator[sa.Connection]:
+        """A transaction that writes whole or not at all; in a SQLite file the only one at its time."""
+        with self._blamed(), self._engine.connect() as connection:
+            connection = connection.execution_options(writes=True)
+            with connection.begin():
+                yield connection
+
+    @contextmanager
+    def restructuring(self) -> Iterator[sa.Connection]:
+        """A transaction that may rebuild tables, the only such one at its time."""
+        with self._blamed(), self._engine.connect() as connection:
+            connection = connection.execution_options(writes=True)
+            if self.path:
+                # Rebuilding a table drops it, and with it what refers to it. No transaction can switch this.
+                _driver(connection).execute("PRAGMA foreign_keys = OFF")
+                connection.detach()
+            with connection.begin():
+                lock_exclusively(connection, APPLICATION_ID)
+                yield connection
+                if self.path and connection.exec_driver_sql("PRAGMA foreign_key_check").first():
+                    raise StoreFault("damaged: rows refer to others that are not there")
+        self._engine.dispose()  # a new file's next connections find a store, and use WAL
+
+    def back_up(self, copy: Path) -> None:
+        """Copy the SQLite file as it stands, whole or not at all."""
+        partial = copy.with_name(copy.name + ".partial")
+        try:
+            with self._blamed(), self._engine.connect() as connection:
+                target = sqlite3.connect(partial)
+                try:
+                    _driver(connection).backup(target)
+                finally:
+                    target.close()
+            partial.replace(copy)
+        except (OSError, sqlite3.Error) as error:
+            raise InputError(f"{copy}: the copy of the older store cannot be written ({error})") from None
+        finally:
+            partial.unlink(missing_ok=True)
+
+    @contextmanager
+    def _blamed(self) -> Iterator[None]:
+        try:
+            yield
+        except sa.exc.DBAPIError as error:
+            reason = " ".join(str(error.orig).split())
+            raise InputError(f"{self.name}: the store cannot be used: {reason}") from error
+        except UnicodeDecodeError as error:  # of sqlite3, for names of tables
+            raise InputError(f"{self.name}: damaged: a text is not UTF-8 ({error.reason})") from None
+        except StoreFault as error:
+            raise InputError(f"{self.name}: {error}") from None
+
+
+def _postgresql_url(text: str) -> sa.URL:
+    scheme = text.split("://")[0]
+    try:
+        url = sa.make_url(text).set(drivername=POSTGRESQL)
+    except (sa.exc.ArgumentError, ValueError):
+        url = None
+    if url is None or scheme not in (POSTGRESQL, "postgresql"):  # says no more of it: there may be a password
+        raise InputError(
+            f"{scheme}://...: no store; expected the path of a file or {POSTGRESQL}://user@host/database"
+        )
+    if "connect_timeout" not in url.query:
+        url = url.update_query_dict({"connect_timeout": str(CONNECT_TIMEOUT_S)})
+    return url
+
+
+def _driver(connection: sa.Connection) -> sqlite3.Connection:
+    driver = connection.connection.driver_connection
+    assert isinstance(driver, sqlite3.Connection)
+    return driver
+
+
+def _configure_sqlite(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:
+    connection.isolation_level = None  # transactions begin in _begin_sqlite: sqlite3 begins none for DDL
+    connection.execute("PRAGMA foreign_keys = ON")
+    if connection.execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID:
+        # Rewrites the file's header: never a foreign file's. While others are in a new store it cannot, nor
+        # where the file is read-only; not worth waiting for, as a later connection does it.
+        connection.execute("PRAGMA busy_timeout = 0")
+        with suppress(sqlite3.OperationalError):
+            connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute(f"PRAGMA busy_timeout = {round(1000 * BUSY_TIMEOUT_S)}")
+
+
+def _begin_sqlite(connection: sa.Connection) -> None:
+    """A transaction that will write takes the lock at once: one that has read first could not wait for it."""
+    writes = connection.get_execution_options().get("writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _configure_postgresql(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:
+    connection.execute(f"SET lock_timeout = {round(1000 * BUSY_TIMEOUT_S)}")
+    connection.commit()
+
+
+def lock_exclusively(connection: sa.Connection, lock: int) -> None:
+    """Wait until no other transaction that writes holds this lock, until the end of this one."""
+    if connection.dialect.name == "postgresql":  # SQLite has one such transaction at a time anyway
+        connection.execute(sa.select(sa.func.pg_advisory_xact_lock(lock)))
+
+
+def insert_new(connection: sa.Connection, table: sa.Table) -> postgresql.Insert | sqlite.Insert:
+    """An INSERT that does nothing for a row whose key is there already."""
+    if connection.dialect.name == "postgresql":
+        return postgresql.insert(table).on_conflict_do_nothing()
+    return sqlite.insert(table).on_conflict_do_nothing()
+
+
+def clock(connection: sa.Connection) -> datetime:
+    """The time, UTC, by the clock that all who share the database go by."""
+    if connection.dialect.name == "postgresql":
+        query = sa.select(sa.func.clock_timestamp(type_=sa.DateTime(timezone=True)))
+        return connection.execute(query).scalar_one().astimezone(UTC)
+    return datetime.now(UTC)
+
+
+def stamp(time: datetime) -> str:
+    """A UTC time as ISO 8601 text of fixed width, which sorts like the time."""
+    return time.isoformat(timespec="microseconds")

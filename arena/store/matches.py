@@ -1,0 +1,118 @@
+"""Matches in a store: whole, never twice, and each with a digest of what was stored."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import polars as pl
+import sqlalchemy as sa
+
+from arena.results import RESULTS
+from arena.store import schema
+from arena.store.database import insert_new
+
+
+def digest(key: str, stage: str, spec: str, columns: Mapping[str, Sequence[Any]]) -> str:
+    """SHA-256 in hexadecimal of a match as JSON in ASCII, without white space: [key, stage, spec, columns].
+
+    Columns is an object of lists, by name in order of the names, of rows in order of race and car. A
+    float is the shortest decimal that reads back as it. Columns without values are left out, so one that
+    is added later, null in all older matches, leaves their digests as they are.
+    """
+    filled = {name: values for name, values in columns.items() if any(v is not None for v in values)}
+    text = json.dumps([key, stage, spec, filled], sort_keys=True, separators=(",", ":"), default=repr)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def stored_digest(connection: sa.Connection, match: sa.Row) -> tuple[int, str]:
+    """The number of a match's result rows, and the digest that it has by what is stored now."""
+    table = schema.result
+    query = sa.select(table).where(table.c.match == match.key).order_by(table.c.race, table.c.car)
+    rows = connection.execute(query).all()
+    columns = dict(zip(table.c.keys(), zip(*rows, strict=True), strict=bool(rows)))
+    return len(rows), digest(match.key, match.stage, match.spec, columns)
+
+
+def stored(connection: sa.Connection, keys: Iterable[str]) -> set[str]:
+    """Those of the keys whose matches are stored."""
+    key = schema.match.c.key
+    return {
+        found
+        for chunk in schema.chunks(keys)
+        for found in connection.scalars(sa.select(key).where(key.in_(chunk)))
+    }
+
+
+def require(connection: sa.Connection, keys: Collection[str]) -> None:
+    """KeyError that names the first of the keys whose match is not stored."""
+    there = stored(connection, keys)
+    for key in keys:
+        if key not in there:
+            raise KeyError(key)
+
+
+def add(connection: sa.Connection, key: str, stage: str, spec: dict[str, Any], results: pl.DataFrame) -> bool:
+    """Store a match and drop the claim on it; False, and no change, where its key is there already."""
+    # SQLite does not keep the sign of zero.
+    results = results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
+    text = schema.to_json(spec)
+    row = {
+        "key": key,
+        "stage": stage,
+        "spec": text,
+        "rows": results.height,
+        "digest": digest(key, stage, text, results.to_dict(as_series=False)),
+    }
+    if connection.scalar(insert_new(connection, schema.match).returning(schema.match.c.key), row) is None:
+        return False
+    schema.insert_frame(connection, schema.result, results)
+    connection.execute(schema.claim.delete().where(schema.claim.c.match == key))
+    return True
+
+
+def spec(connection: sa.Connection, key: str) -> dict[str, Any]:
+    """What decides the outcome of a match; KeyError where it is not stored."""
+    text = connection.scalar(sa.select(schema.match.c.spec).where(schema.match.c.key == key))
+    if text is None:
+        raise KeyError(key)
+    return schema.from_json(text)
+
+
+def results(connection: sa.Connection, stage: str | None) -> pl.DataFrame:
+    """RESULTS of all matches, or of one stage's, ordered by stage, match, race and car."""
+    query = sa.select(schema.result)
+    if stage is not None:
+        query = query.where(schema.result.c.stage == stage)
+    return schema.read_frame(connection, query, RESULTS).sort("stage", "match", "race", "car")
+
+
+def results_of(connection: sa.Connection, keys: Collection[str]) -> pl.DataFrame:
+    """RESULTS of these matches, in their order, each once; KeyError where one is not stored."""
+    require(connection, keys)
+    return pl.concat(
+        [pl.DataFrame(schema=RESULTS), *(_results_of(connection, chunk) for chunk in schema.chunks(keys))]
+    )
+
+
+def _results_of(connection: sa.Connection, keys: list[str]) -> pl.DataFrame:
+    order = pl.DataFrame({"match": keys, "position": range(len(keys))})
+    query = sa.select(schema.result).where(schema.result.c.match.in_(keys))
+    frame = schema.read_frame(connection, query, RESULTS).join(order, on="match")
+    return frame.sort("position", "race", "car").select(RESULTS.names())
+
+
+def disagreements(connection: sa.Connection) -> Iterator[str]:
+    """A sentence for each match that is not as it was when it was stored."""
+    match, result = schema.match, schema.result
+    for row in connection.execute(sa.select(match).order_by(match.c.key)).all():
+        rows, found = stored_digest(connection, row)
+        if rows != row.rows:
+            yield f"match {row.key}: {rows} result rows; expected the {row.rows} that were stored"
+        elif found != row.digest:
+            yield f"match {row.key}: its results or its spec are not those that were stored"
+    lost = sa.select(result.c.match).where(result.c.match.not_in(sa.select(match.c.key))).distinct()
+    for key in connection.scalars(lost.order_by(result.c.match)):
+        yield f"match {key}: result rows without a match"

@@ -1,0 +1,137 @@
+"""Runs in a store: selections, the matches that each used, and its stage tables and facts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+import sqlalchemy as sa
+
+from arena.results import RESULTS, TABLES
+from arena.store import matches, schema
+from arena.store.database import StoreFault, clock, insert_new, stamp
+
+RUNNING = "running"
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """A selection.
+
+    Attributes:
+        began_at: UTC, ISO 8601.
+        ended_at: UTC, ISO 8601; None while it has not ended.
+        status: "running", or what it was said to have ended as.
+        config: all that it was begun with, as plain JSON values.
+    """
+
+    id: int
+    name: str
+    began_at: str
+    ended_at: str | None
+    status: str
+    config: dict[str, Any]
+
+
+def begin(connection: sa.Connection, name: str, config: dict[str, Any]) -> RunRecord:
+    """Begin a run, or go on with the one of this name if it was begun with the same configuration."""
+    text = schema.to_json(config)
+    row = {"name": name, "began_at": stamp(clock(connection)), "status": RUNNING, "config": text}
+    connection.execute(insert_new(connection, schema.run), row)
+    _update(connection, name, ended_at=None, status=RUNNING)
+    record = _record(connection.execute(sa.select(schema.run).where(schema.run.c.name == name)).one())
+    if schema.to_json(record.config) != text:
+        raise StoreFault(
+            f"run {name} was begun with another configuration; expected the same, or another name"
+        )
+    return record
+
+
+def end(connection: sa.Connection, name: str, status: str) -> None:
+    """Say how a run ended, in place of what was said before."""
+    _update(connection, name, ended_at=stamp(clock(connection)), status=status)
+
+
+def records(connection: sa.Connection) -> list[RunRecord]:
+    """All runs, in the order in which they began."""
+    return [_record(row) for row in connection.execute(sa.select(schema.run).order_by(schema.run.c.id))]
+
+
+def find(connection: sa.Connection, name: str) -> int:
+    """The id of a run; KeyError where there is none of this name."""
+    return _id(connection, name, sa.select(schema.run.c.id))
+
+
+def use(connection: sa.Connection, name: str, keys: Sequence[str]) -> None:
+    """Note that a run used these matches, after those that it used before."""
+    matches.require(connection, keys)
+    table, run = schema.run_match, _hold(connection, name)
+    last = connection.scalar(sa.select(sa.func.max(table.c.position)).where(table.c.run == run))
+    first = 0 if last is None else last + 1
+    rows = [{"run": run, "match": key, "position": first + index} for index, key in enumerate(keys)]
+    if rows:
+        connection.execute(insert_new(connection, table), rows)
+
+
+def results(connection: sa.Connection, name: str, stage: str | None) -> pl.DataFrame:
+    """RESULTS of the matches that a run used, in that order, or of one stage's."""
+    used, match, result = schema.run_match, schema.match, schema.result
+    query = sa.select(match.c.key, used.c.position).join(used).where(used.c.run == find(connection, name))
+    if stage is not None:
+        query = query.where(match.c.stage == stage)
+    order = schema.read_frame(connection, query, pl.Schema({"match": pl.String, "position": pl.Int64}))
+    chosen = sa.select(result).where(result.c.match.in_(query.with_only_columns(match.c.key)))
+    frame = schema.read_frame(connection, chosen, RESULTS)
+    return frame.join(order, on="match").sort("position", "match", "race", "car").select(RESULTS.names())
+
+
+def put_table(connection: sa.Connection, name: str, table_name: str, frame: pl.DataFrame) -> None:
+    """Replace a stage table of a run."""
+    table, run = schema.stage_tables[table_name], _hold(connection, name)
+    connection.execute(table.delete().where(table.c.run == run))
+    schema.insert_frame(connection, table, frame.with_row_index("position").with_columns(run=pl.lit(run)))
+
+
+def table(connection: sa.Connection, name: str, table_name: str) -> pl.DataFrame:
+    """A stage table of a run as it was put; empty where it never was."""
+    stored, columns = schema.stage_tables[table_name], TABLES[table_name]
+    query = sa.select(*(stored.c[column] for column in columns))
+    query = query.where(stored.c.run == find(connection, name)).order_by(stored.c.position)
+    return schema.read_frame(connection, query, columns)
+
+
+def put_fact(connection: sa.Connection, name: str, key: str, value: schema.JsonValue) -> None:
+    """Keep a fact about a run, in place of the one that had this key."""
+    table, run = schema.fact, _hold(connection, name)
+    connection.execute(table.delete().where(table.c.run == run, table.c.key == key))
+    connection.execute(table.insert(), {"run": run, "key": key, "value": schema.to_json(value)})
+
+
+def facts(connection: sa.Connection, name: str) -> dict[str, schema.JsonValue]:
+    """All facts about a run, ordered by key."""
+    query = sa.select(schema.fact).where(schema.fact.c.run == find(connection, name))
+    rows = connection.execute(query)
+    return dict(sorted((row.key, schema.from_json(row.value)) for row in rows))
+
+
+def _hold(connection: sa.Connection, name: str) -> int:
+    """The id of a run, on which others that write to it wait until the end of the transaction."""
+    return _id(connection, name, sa.select(schema.run.c.id).with_for_update())
+
+
+def _id(connection: sa.Connection, name: str, query: sa.Select) -> int:
+    found = connection.scalar(query.where(schema.run.c.name == name))
+    if found is None:
+        raise KeyError(name)
+    return found
+
+
+def _update(connection: sa.Connection, name: str, **values: str | None) -> None:
+    run = _hold(connection, name)
+    connection.execute(schema.run.update().where(schema.run.c.id == run), values)
+
+
+def _record(row: sa.Row) -> RunRecord:
+    return RunRecord(**{**row._mapping, "config": schema.from_json(row.config)})
