@@ -1,64 +1,197 @@
-"""The third stage: every two of the shortlist meet in mirrored 4v4 races."""
+"""The third stage: every two of the shortlist meet in mirrored races, until it is clear who is better."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from itertools import groupby
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import polars as pl
+from pydantic import Field
 
-from arena.entrant import Entrant
+from arena.entrant import Entrant, enter
 from arena.match import Match, Race, Seat
-from arena.results import MATCHUPS, RANKING
+from arena.results import RESULTS
 from nathlon.run import CONFIDENCE, Answer, Run
+from sim.data_file import Section
+from tournament.conduct import Gate
+from tournament.event import Event, EventRace, load_event
+from tournament.formats import FormatName
 from tournament.points import matchups, rank
-from tournament.schedule import MIRRORED_GRIDS, round_robin
+from tournament.ratings import notes, rate
+from tournament.schedule import Meeting, round_robin
+from tournament.stopping import Stopping, repeated, settled
 
-TOURNAMENT_SCENARIO = "race"
+
+class TournamentSettings(Section):
+    """How the tournament is run.
+
+    Attributes:
+        format: of all matches, where there is no event.
+        pairs: units of evidence (mirrored pairs, blocks of a free-for-all) of every matchup, at most.
+        block: units of a round; after each round it is decided who must race on.
+        sequential: stop early where it is clear who is better; otherwise all `pairs` are raced at once.
+        effect: the least mean difference of a unit that matters, in standard deviations of units.
+        drop: standard errors behind the leader beyond which an entrant races no more.
+        max_contacts_per_km, max_at_fault_per_km: rates a car that bar an entrant whose interval lies above.
+        event: path of the file of an event of several races.
+    """
+
+    format: FormatName = "4v4"
+    pairs: Annotated[int, Field(ge=2)] = 12
+    block: Annotated[int, Field(ge=2)] = 4
+    sequential: bool = True
+    effect: Annotated[float, Field(gt=0)] = 0.5
+    drop: Annotated[float, Field(gt=0)] = 3.3
+    max_contacts_per_km: Annotated[float, Field(gt=0)] | None = None
+    max_at_fault_per_km: Annotated[float, Field(gt=0)] | None = None
+    event: str | None = None
 
 
-def run_round_robin(run: Run, entrants: Sequence[Entrant], pairs: int) -> tuple[Answer, list[Match]]:
-    """Race all entrants against each other; those that share the first rank go on."""
+@dataclass(frozen=True)
+class Fixture:
+    """A meeting of an event's race, with its entrants as they drive there."""
+
+    race: EventRace
+    meeting: Meeting
+    entrants: tuple[Entrant, ...]
+
+    def match(self, units: slice) -> Match:
+        """The match of some of its units."""
+        made, race = self.race.made, self.race
+        races = [
+            Race(seed, tuple(Seat(side, side if made.teams else -1) for side in grid.sides), grid.mirrored)
+            for seed in self.meeting.seeds[units]
+            for grid in made.grids
+        ]
+        ids, sources = zip(*((entrant.id, entrant.source) for entrant in self.entrants), strict=True)
+        return Match("tournament", race.name, race.raced, race.circuit, race.car, ids, sources, tuple(races))
+
+    @property
+    def pairs(self) -> set[frozenset[str]]:
+        """Every two that meet."""
+        return {frozenset(two) for two in combinations(self.meeting.entrants, 2)}
+
+
+def run_round_robin(
+    run: Run, entrants: Sequence[Entrant], settings: TournamentSettings
+) -> tuple[Answer, list[Match]]:
+    """Race all entrants against each other; those that share the first rank, the barred apart, go on.
+
+    Matches come in rounds. What is raced in a round depends on the results of the rounds before and on
+    nothing else, so that a run that was stopped goes on as it would have.
+
+    Raises:
+        InputError: if the event's file is wrong, an entrant cannot drive one of its races, or a
+            free-for-all has not as many entrants as sides.
+    """
     began = time.perf_counter()
-    matches = tournament_matches(entrants, pairs, run.seeds("tournament"))
-    results = run.results("tournament", matches)
-    if matches:
-        tables = {
-            "ranking": rank(results, run.rng("tournament"), confidence=CONFIDENCE),
-            "matchups": matchups(results, run.rng("tournament"), confidence=CONFIDENCE),
-        }
-    else:
-        tables = {"ranking": pl.DataFrame(schema=RANKING), "matchups": pl.DataFrame(schema=MATCHUPS)}
-    first = set(tables["ranking"].filter(pl.col("rank") == 1)["entrant"])
-    leaders = [entrant for entrant in entrants if entrant.id in first]
-    run.note("tournament", len(entrants), len(leaders), results, began)
-    return Answer(tables, leaders, results), matches
+    event = _event(entrants, settings)
+    fixtures = plan(event, entrants, settings.pairs, run.seeds("tournament"))
+    matches, results = _race(run, fixtures, event, settings)
+    confidence = repeated(CONFIDENCE, len(_rounds(fixtures, settings)))
+    tables = _tables(run, entrants, results, event.weights, settings, confidence)
+    first = leaders(entrants, tables["ranking"])
+    run.note("tournament", len(entrants), len(first), results, began)
+    return Answer(tables, first, results), matches
+
+
+def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]:
+    """Those of the entrants that share the first rank of RANKING among the ones that are not barred."""
+    allowed = ranking.filter(~pl.col("barred"))
+    first = set(allowed.filter(pl.col("rank") == pl.col("rank").min())["entrant"])
+    return [entrant for entrant in entrants if entrant.id in first]
 
 
 def tournament_matches(entrants: Sequence[Entrant], pairs: int, seeds: np.random.SeedSequence) -> list[Match]:
     """A 4v4 round robin of mirrored pairs, one match a matchup."""
-    by_id = {entrant.id: entrant for entrant in entrants}
-    matches = []
-    schedule = round_robin([entrant.id for entrant in entrants], pairs, seeds)
-    for (first, second), meetings in groupby(schedule, lambda pairing: (pairing.entrant, pairing.opponent)):
-        races = []
-        for meeting in meetings:
-            for grid in MIRRORED_GRIDS:
-                seats = [Seat(int(slot in grid.slots[1]), int(slot in grid.slots[1])) for slot in range(1, 9)]
-                races.append(Race(meeting.seed, tuple(seats), grid.mirrored))
-        a, b = by_id[first], by_id[second]
-        matches.append(
-            Match(
-                "tournament",
-                TOURNAMENT_SCENARIO,
-                TOURNAMENT_SCENARIO,
-                a.circuit,
-                a.car,
-                (a.id, b.id),
-                (a.source, b.source),
-                tuple(races),
-            )
-        )
-    return matches
+    event = _event(entrants, TournamentSettings())
+    return [fixture.match(slice(None)) for fixture in plan(event, entrants, pairs, seeds)]
+
+
+def _event(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
+    """The event of the settings, or one race where the entrants are at home."""
+    if settings.event is not None:
+        return load_event(Path(settings.event))
+    if not entrants:
+        return Event.model_construct(race=())
+    race = EventRace(
+        name=settings.format, circuit=entrants[0].circuit, car=entrants[0].car, format=settings.format
+    )
+    return Event(race=(race,))
+
+
+def plan(
+    event: Event, entrants: Sequence[Entrant], pairs: int, seeds: np.random.SeedSequence
+) -> list[Fixture]:
+    """All meetings of an event, race by race.
+
+    Args:
+        event: what is raced.
+        entrants: who takes part.
+        pairs: units of evidence of every matchup, at most, of races that do not say how many.
+        seeds: of all units.
+
+    Raises:
+        InputError: if an entrant cannot drive a race, or a free-for-all has not as many entrants as sides.
+    """
+    fixtures: list[Fixture] = []
+    for race, stream in zip(event.race, seeds.spawn(len(event.race)), strict=True):
+        here = {entrant.id: enter(entrant.source, race.circuit, race.car) for entrant in entrants}
+        fixtures += [
+            Fixture(race, meeting, tuple(here[entrant] for entrant in meeting.entrants))
+            for meeting in round_robin(list(here), race.made, race.pairs or pairs, stream)
+        ]
+    return fixtures
+
+
+def _race(
+    run: Run, fixtures: Sequence[Fixture], event: Event, settings: TournamentSettings
+) -> tuple[list[Match], pl.DataFrame]:
+    """Round after round until everything is settled or all units are raced."""
+    matches: list[Match] = []
+    results = pl.DataFrame(schema=RESULTS)
+    over: set[frozenset[str]] = set()
+    stopping = Stopping(settings.effect, settings.drop)
+    for units in _rounds(fixtures, settings):
+        played = [
+            fixture.match(units)
+            for fixture in fixtures
+            if fixture.meeting.seeds[units] and not fixture.pairs <= over
+        ]
+        if not played:
+            break
+        matches += played
+        results = run.results("tournament", matches)
+        over = settled(results, stopping, event.weights)
+    return matches, results
+
+
+def _rounds(fixtures: Sequence[Fixture], settings: TournamentSettings) -> list[slice]:
+    """The units of each round."""
+    longest = max((len(fixture.meeting.seeds) for fixture in fixtures), default=1)
+    block = settings.block if settings.sequential else longest
+    return [slice(begin, begin + block) for begin in range(0, longest, block)]
+
+
+def _tables(
+    run: Run,
+    entrants: Sequence[Entrant],
+    results: pl.DataFrame,
+    weights: Mapping[str, float],
+    settings: TournamentSettings,
+    confidence: float,
+) -> dict[str, pl.DataFrame]:
+    gate = Gate(settings.max_contacts_per_km, settings.max_at_fault_per_km)
+    names = {entrant.id: entrant.name for entrant in entrants}
+    rng = run.rng
+    return {
+        "ranking": rank(results, rng("tournament"), confidence=confidence, weights=weights, gate=gate),
+        "matchups": matchups(results, rng("tournament"), confidence=confidence, weights=weights),
+        "ratings": rate(results),
+        "tournament_notes": notes(results, names, confidence, weights),
+    }

@@ -1,4 +1,4 @@
-"""The round robin: who meets whom, with which seeds, from which places."""
+"""The round robin: who meets whom, and with which seeds."""
 
 from itertools import combinations
 
@@ -7,38 +7,54 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tournament.schedule import MIRRORED_GRIDS, round_robin
+from sim.errors import InputError
+from tournament.formats import FORMATS
+from tournament.schedule import round_robin
+
+TEAMS = FORMATS["4v4"]
 
 
-@given(entrants=st.integers(0, 8), pairs=st.integers(1, 5))
-def test_every_two_entrants_meet_equally_often_with_fresh_seeds(entrants: int, pairs: int) -> None:
+def sequence(seed: int = 5) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed)
+
+
+@given(entrants=st.integers(0, 8), units=st.integers(1, 5))
+def test_every_two_entrants_meet_once_with_fresh_seeds(entrants: int, units: int) -> None:
     names = [f"policy {index}" for index in range(entrants)]
-    pairings = round_robin(names, pairs, np.random.SeedSequence(5))
-    meetings = [frozenset((pairing.entrant, pairing.opponent)) for pairing in pairings]
-    for matchup in combinations(names, 2):
-        assert meetings.count(frozenset(matchup)) == pairs
-    assert len(meetings) == pairs * entrants * (entrants - 1) // 2
-    assert len({pairing.seed for pairing in pairings}) == len(pairings)
-    assert all(0 <= pairing.seed < 2**63 for pairing in pairings)
+    meetings = round_robin(names, TEAMS, units, sequence())
+    assert [meeting.entrants for meeting in meetings] == list(combinations(names, 2))
+    seeds = [seed for meeting in meetings for seed in meeting.seeds]
+    assert len(seeds) == len(set(seeds)) == units * entrants * (entrants - 1) // 2
+    assert all(0 <= seed < 2**63 for seed in seeds)
 
 
 def test_same_seed_sequence_gives_the_same_schedule_and_another_gives_other_seeds() -> None:
     names = ["a", "b", "c"]
-    first = round_robin(names, 2, np.random.SeedSequence(1))
-    assert first == round_robin(names, 2, np.random.SeedSequence(1))
-    other = round_robin(names, 2, np.random.SeedSequence(2))
-    assert not {pairing.seed for pairing in first} & {pairing.seed for pairing in other}
+    first = round_robin(names, TEAMS, 2, sequence(1))
+    assert first == round_robin(names, TEAMS, 2, sequence(1))
+    other = round_robin(names, TEAMS, 2, sequence(2))
+    assert not {seed for meeting in first for seed in meeting.seeds} & {
+        seed for meeting in other for seed in meeting.seeds
+    }
 
 
-def test_the_mirror_swaps_odd_and_even_places() -> None:
-    first, second = MIRRORED_GRIDS
-    assert first.slots == ((1, 3, 5, 7), (2, 4, 6, 8))
-    assert second.slots == first.slots[::-1]
-    assert (first.mirrored, second.mirrored) == (False, True)
+def test_a_longer_schedule_begins_as_the_shorter_one() -> None:
+    """So that what was raced under a lower cap need not be raced again."""
+    short, long = (round_robin(["a", "b", "c"], TEAMS, units, sequence()) for units in (3, 11))
+    assert [meeting.seeds for meeting in short] == [meeting.seeds[:3] for meeting in long]
+
+
+def test_a_free_for_all_is_one_meeting_of_all() -> None:
+    names = tuple("abcdefgh")
+    [meeting] = round_robin(names, FORMATS["ffa8"], 4, sequence())
+    assert meeting.entrants == names
+    assert len(meeting.seeds) == 4
+    with pytest.raises(InputError, match="format ffa8: 6 entrants, expected 8"):
+        round_robin(names[:6], FORMATS["ffa8"], 4, sequence())
 
 
 def test_an_entrant_cannot_meet_itself() -> None:
     with pytest.raises(ValueError, match="twice"):
-        round_robin(["a", "b", "a"], 1, np.random.SeedSequence(0))
+        round_robin(["a", "b", "a"], TEAMS, 1, sequence())
     with pytest.raises(ValueError, match="at least 1"):
-        round_robin(["a", "b"], 0, np.random.SeedSequence(0))
+        round_robin(["a", "b"], TEAMS, 0, sequence())

@@ -1,97 +1,114 @@
-"""Who scores most: team points a race, fitted to the mirrored pairs of a tournament.
-
-The mirrored pair is the unit of evidence: neither the cars of a race nor the two races of a pair
-are independent. A pair with a simulator fault in either race is void, as is one that lacks a race.
-"""
+"""Who scores most: team points a race, fitted to the units of evidence of a tournament."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import polars as pl
-from scipy.special import gammaincinv
 
-from arena.results import MATCHUPS, POLICY_FAULTS, RANKING, VOID_ENDINGS
-from arena.statistics import interval, spread, tied_ranks
+from arena.results import MATCHUPS, POLICY_FAULTS, RANKING
+from arena.statistics import Floats, holm
+from tournament.conduct import Gate, rates
+from tournament.evidence import MATCHUP, UNIT, Evidence, appearances, differences
 
 TEAM_POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
-"""Points of places 1 to 8."""
+"""Points of places 1 to 8; further places score nothing."""
 
-MATCHUP = ("entrant", "opponent")
+EQUAL: Mapping[str, float] = {}
+"""Weights of tests that all count once."""
+
+NO_GATE = Gate()
 
 
 def rank(
-    results: pl.DataFrame, rng: np.random.Generator, resamples: int = 2000, confidence: float = 0.95
+    results: pl.DataFrame,
+    rng: np.random.Generator,
+    resamples: int = 2000,
+    confidence: float = 0.95,
+    weights: Mapping[str, float] = EQUAL,
+    gate: Gate = NO_GATE,
 ) -> pl.DataFrame:
     """Turn the RESULTS of a tournament into RANKING, best first.
 
-    The scores s fit the pairs' differences of team points a race, s_i - s_j, by least squares, so that
-    an uneven schedule does no harm; their mean is the mean team points. Entrants that did not
-    meet even through others are fitted group by group. An entrant without a pair has neither
-    points nor rank. Faults are counted in void pairs too.
+    The points are scores fitted to the units' differences of points a race, see
+    `tournament.evidence.Evidence.solution`; their mean is the mean points of a side. An entrant without a
+    unit has neither points nor rank. Faults are counted in void units too.
 
-    Intervals resample the pairs of each matchup; with 4 pairs a plain percentile bootstrap would be
-    far too short. Coverage of the nominal 95 % on simulated 4v4 races (within 1 or 2 %), here / percentile:
+    Intervals resample units; with few of them a plain percentile bootstrap would be far too short. They
+    are of each entrant alone. Ranks compare every two entrants, corrected for their number: see `better`.
+    Measured figures stand in docs/statistics.md.
 
-        pairs a matchup      2          3          4          6         10         20
-        2 entrants        92 / 54    92 / 73    92 / 78    94 / 85    94 / 89    94 / 92
-        4 entrants        97 / 70    96 / 83    96 / 86    95 / 90    95 / 92    94 / 94
-        8 entrants        97 / 79    96 / 85    94 / 88    96 / 92    95 / 93    94 / 93
-
-    They fall short for a team that sweeps all but a few races, whose pairs hardly ever differ.
-
-    Ranks compare intervals without a correction for many comparisons. Among equal entrants, measured: two
-    given ones got different ranks in 5-6 % of tournaments of 2 entrants and 1-3 % of larger ones, but some
-    two of them in 6 % (3 entrants), 6-8 % (4), 10 % (6) and 16 % (8). A false sole leader came in 5-6 %
-    with 2 entrants and in under 1 % with more.
+    Args:
+        results: RESULTS.
+        rng: of the bootstrap.
+        resamples: of the bootstrap.
+        confidence: of the intervals, and of all comparisons together.
+        weights: how often the points of a test count, 1 where a test is not named.
+        gate: who is barred.
     """
-    sides = _sides(results)
-    faults = pl.col("ending").is_in(POLICY_FAULTS).sum().alias("faults")
+    evidence = Evidence(results, weights)
     table = (
         results.group_by("entrant")
-        .agg(faults)
-        .join(_scores(sides, rng, resamples, confidence), on="entrant", how="left")
-        .join(_contacts(sides, rng, resamples, confidence), on="entrant", how="left")
-        .with_columns(pl.col("pairs").fill_null(0))
-        .with_columns(races=2 * pl.col("pairs"))
+        .agg(faults=pl.col("ending").is_in(POLICY_FAULTS).sum())
+        .join(_scores(evidence, rng, resamples, confidence), on="entrant", how="left")
+        .join(
+            evidence.seen.group_by("entrant").agg(pairs=pl.len(), races=pl.col("races").sum()),
+            on="entrant",
+            how="left",
+        )
+        .with_columns(pl.col("pairs", "races").fill_null(0))
     )
+    for count in ("contacts", "at_fault"):
+        table = table.join(rates(evidence.seen, count, rng, resamples, confidence), on="entrant", how="left")
     return (
-        table.sort("points_per_race", "entrant", descending=[True, False], nulls_last=True)
+        table.with_columns(barred=gate.barred)
+        .sort("points_per_race", "entrant", descending=[True, False], nulls_last=True)
         .select(RANKING.names())
         .cast(RANKING)
     )
 
 
+def better(evidence: Evidence, alpha: float) -> np.ndarray:
+    """(K, K) bool: whether the first entrant scores more than the second, beyond doubt.
+
+    Every two entrants are compared by Student's t on the difference of their scores, and the p-values
+    adjusted by Holm's method: any false difference at all among equals has probability alpha.
+    """
+    two = evidence.every_two()
+    contrasts = evidence.solution[two[:, 0]] - evidence.solution[two[:, 1]]
+    gap = contrasts @ evidence.means
+    sure = holm(evidence.p_values(contrasts)) <= alpha
+    wins = np.zeros((len(evidence.entrants),) * 2, np.bool_)
+    wins[two[:, 0], two[:, 1]] = sure & (gap > 0)
+    wins[two[:, 1], two[:, 0]] = sure & (gap < 0)
+    return wins
+
+
 def matchups(
-    results: pl.DataFrame, rng: np.random.Generator, resamples: int = 2000, confidence: float = 0.95
+    results: pl.DataFrame,
+    rng: np.random.Generator,
+    resamples: int = 2000,
+    confidence: float = 0.95,
+    weights: Mapping[str, float] = EQUAL,
 ) -> pl.DataFrame:
     """Turn the RESULTS of a tournament into MATCHUPS, seen from both sides, by entrant and opponent.
 
-    Intervals resample the pairs of the matchup; a matchup of one pair borrows the spread of the others, and
-    its bounds are null where there is none to borrow.
+    Intervals resample the units of the matchup; one of few units that are all alike borrows the spread of
+    the others, and its bounds are null where there is none to borrow.
     """
-    sides = _sides(results)
-    if sides.is_empty():
+    evidence = Evidence(results, weights)
+    if evidence.seen.is_empty():
         return pl.DataFrame(schema=MATCHUPS)
-    pairs, met = _pairs_by_matchup(sides)
-    difference = met["difference"].to_numpy()
-    variation = spread(pairs["difference"].to_numpy(), met["pairs"].to_numpy(), resamples, rng)
-    low, high = interval(difference, np.eye(len(difference)), variation, confidence)
-    ours = met.select(MATCHUP).with_columns(difference=difference, difference_low=low, difference_high=high)
-    theirs = ours.select(
-        pl.col("opponent").alias("entrant"),
-        pl.col("entrant").alias("opponent"),
-        -pl.col("difference"),
-        difference_low=-pl.col("difference_high"),
-        difference_high=-pl.col("difference_low"),
-    )
+    difference = evidence.shares @ evidence.means
+    low, high = evidence.intervals(evidence.shares, rng, resamples, confidence)
+    first, second = np.array(evidence.entrants)[evidence.matchups].T
+    columns = (*MATCHUP, "difference", "difference_low", "difference_high")
+    sides = [(first, second, difference, low, high), (second, first, -difference, -high, -low)]
+    told = pl.concat(pl.DataFrame(dict(zip(columns, side, strict=True))) for side in sides)
     return (
-        sides.group_by(MATCHUP, maintain_order=True)
-        .agg(
-            pairs=pl.len().cast(pl.Int64),
-            points_per_race=pl.col("points").mean(),
-            contacts_per_km=pl.col("contacts").sum() / pl.col("km").sum(),
-        )
-        .join(pl.concat([ours, theirs]), on=MATCHUP, maintain_order="left")
+        _together(evidence.seen, weights)
+        .join(told, on=MATCHUP, maintain_order="left")
         .with_columns(pl.col(pl.Float64).fill_nan(None))
         .select(MATCHUPS.names())
         .cast(MATCHUPS)
@@ -99,113 +116,52 @@ def matchups(
 
 
 def pair_correlation(results: pl.DataFrame) -> float | None:
-    """Correlation of the point differences of the two races of a pair, within matchups.
+    """Correlation of the point differences before and after the mirror, within matchups.
 
-    The more negative, the more mirroring the grid has saved. None where too few pairs tell.
+    The more negative, the more mirroring the grid has saved. None where too few units tell.
     """
-    pairs, met = _pairs_by_matchup(_sides(results))
-    if pairs.height - met.height < 2:
+    pairs = differences(appearances(results))
+    cell = ("test", *MATCHUP)
+    if pairs.height - pairs.select(pl.struct(cell).n_unique()).item() < 2:
         return None
     first, second = (
-        pairs.select(pl.col(race) - pl.col(race).mean().over(MATCHUP)).to_series().to_numpy()
+        pairs.select(pl.col(race) - pl.col(race).mean().over(cell)).to_series().to_numpy()
         for race in ("first", "second")
     )
     scale = np.sqrt((first @ first) * (second @ second))
     return float(first @ second / scale) if scale > 0 else None
 
 
-def _sides(results: pl.DataFrame) -> pl.DataFrame:
-    """Every valid pair twice, seen by either team, ordered by entrant, opponent, match and pair.
-
-    `points` and `difference` (to the opponent) are means over the two races, `first` and `second` the
-    differences in each; `contacts` and `km` sums over the team's cars and both races.
-    """
-    pair = ["match", "pair"]
-    valid = (
-        results.sort("match", "race", "car")
-        .with_columns(pair=pl.col("race") // 2)
-        .filter(
-            ~pl.col("ending").is_in(VOID_ENDINGS).any().over(pair),
-            pl.col("mirrored").n_unique().over(pair) == 2,
-        )
-    )
-    ours = valid.group_by(*pair, "mirrored", "team", maintain_order=True).agg(
-        pl.col("entrant").first(),
-        pl.col("points", "contacts").sum(),
-        km=pl.col("distance_m").sum() / 1000,
-    )
-    theirs = ours.select(
-        *pair, "mirrored", team=1 - pl.col("team"), opponent=pl.col("entrant"), against=pl.col("points")
-    )
-    difference = pl.col("difference")
+def _together(seen: pl.DataFrame, weights: Mapping[str, float]) -> pl.DataFrame:
+    """Units, points and contacts of every entrant in its units with every other, by entrant and opponent."""
+    weight = pl.col("test").replace_strict(dict(weights), default=1.0, return_dtype=pl.Float64)
+    opponents = seen.select(*UNIT, opponent="entrant")
     return (
-        ours.join(theirs, on=[*pair, "mirrored", "team"], maintain_order="left")
+        seen.join(opponents, on=UNIT)
         .filter(pl.col("entrant") != pl.col("opponent"))
-        .with_columns(difference=pl.col("points") - pl.col("against"))
-        .group_by(*MATCHUP, *pair, maintain_order=True)
+        .sort(*MATCHUP, *UNIT)
+        .group_by(*MATCHUP, "test", maintain_order=True)
+        .agg(pl.col("points").mean(), pl.col("contacts", "km").sum(), pairs=pl.len())
+        .with_columns(weight=weight)
+        .group_by(MATCHUP, maintain_order=True)
         .agg(
-            pl.col("points", "difference").mean(),
-            pl.col("contacts", "km").sum(),
-            first=difference.filter(~pl.col("mirrored")).first(),
-            second=difference.filter(pl.col("mirrored")).first(),
+            pl.col("pairs").sum(),
+            points_per_race=(pl.col("points") * pl.col("weight")).sum() / pl.col("weight").sum(),
+            contacts_per_km=pl.col("contacts").sum() / pl.col("km").sum(),
         )
-        .sort(*MATCHUP, *pair)
     )
 
 
-def _pairs_by_matchup(sides: pl.DataFrame) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Every pair once, and one row a matchup in the same order with its `pairs` and mean `difference`."""
-    pairs = sides.filter(pl.col("entrant") < pl.col("opponent"))
-    met = pairs.group_by(MATCHUP, maintain_order=True).agg(
-        pl.col("difference").mean(), pairs=pl.len().cast(pl.Int64)
-    )
-    return pairs, met
-
-
-def _scores(sides: pl.DataFrame, rng: np.random.Generator, resamples: int, confidence: float) -> pl.DataFrame:
+def _scores(evidence: Evidence, rng: np.random.Generator, resamples: int, confidence: float) -> pl.DataFrame:
     """The fitted points, their interval and the rank of every entrant that met another."""
     names = ("entrant", "points_per_race", "points_low", "points_high", "rank")
-    if sides.is_empty():
-        return sides.select("entrant", *(pl.lit(None).alias(name) for name in names[1:]))
-    pairs, met = _pairs_by_matchup(sides)
-    entrants = sides["entrant"].unique().sort()
-    home, away = (met[side].to_numpy()[:, None] == entrants.to_numpy() for side in MATCHUP)
-    design = home.astype(np.float64) - away
-    sizes = met["pairs"].to_numpy()
-    normal = design.T * sizes
-    solution = np.linalg.pinv(normal @ design, hermitian=True) @ normal
-    scores = solution @ met["difference"].to_numpy() + sides["points"].to_numpy().mean()
-
-    variation = spread(pairs["difference"].to_numpy(), sizes, resamples, rng)
-    low, high = interval(scores, solution, variation, confidence)
-    columns = (entrants, scores, low, high, tied_ranks(low, high))
+    if evidence.seen.is_empty():
+        return evidence.seen.select("entrant", *(pl.lit(None).alias(name) for name in names[1:]))
+    mean = evidence.mean_points
+    scores: Floats = evidence.solution @ evidence.means
+    low, high = evidence.intervals(evidence.solution, rng, resamples, confidence)
+    ranks = 1 + better(evidence, 1 - confidence).sum(axis=0)
+    columns = (evidence.entrants, scores + mean, low + mean, high + mean, ranks)
     return pl.DataFrame(dict(zip(names, columns, strict=True))).with_columns(
         pl.col(pl.Float64).fill_nan(None)
-    )
-
-
-def _contacts(
-    sides: pl.DataFrame, rng: np.random.Generator, resamples: int, confidence: float
-) -> pl.DataFrame:
-    """Contacts per car and kilometre of every entrant that met another, with an interval, and its pairs.
-
-    The interval resamples the entrant's pairs, the ratio made linear at its value, and is
-    nowhere shorter than Poisson counting alone allows: no contact in a few km is no proof of none.
-    """
-    if sides.is_empty():
-        return sides.select("entrant", pairs=0, contacts_per_km=None, contacts_low=None, contacts_high=None)
-    totals = sides.group_by("entrant", maintain_order=True).agg(
-        pl.col("contacts", "km").sum(), pairs=pl.len().cast(pl.Int64)
-    )
-    events, km, sizes = (totals[name].to_numpy() for name in ("contacts", "km", "pairs"))
-    km = np.where(km > 0, km, np.inf)
-    rate = events / km
-    excess = sides["contacts"].to_numpy() - np.repeat(rate, sizes) * sides["km"].to_numpy()
-    low, high = interval(rate, np.diag(sizes / km), spread(excess, sizes, resamples, rng), confidence)
-    tail = (1 - confidence) / 2
-    low = np.fmin(low, np.nan_to_num(gammaincinv(events, tail)) / km)
-    high = np.fmax(high, gammaincinv(events + 1, 1 - tail) / km)
-    rates = {"contacts_per_km": rate, "contacts_low": np.maximum(low, 0.0), "contacts_high": high}
-    return totals.select(
-        "entrant", "pairs", *(pl.when(pl.col("km") > 0).then(pl.Series(name, rates[name])) for name in rates)
     )

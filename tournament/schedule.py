@@ -1,4 +1,4 @@
-"""Who meets whom: a round robin of mirrored pairs."""
+"""Who meets whom, and with which seeds."""
 
 from __future__ import annotations
 
@@ -8,43 +8,43 @@ from itertools import combinations
 
 import numpy as np
 
-CARS_A_TEAM = 4
-ODD_SLOTS = tuple(range(1, 2 * CARS_A_TEAM, 2))
-EVEN_SLOTS = tuple(range(2, 2 * CARS_A_TEAM + 1, 2))
+from sim.errors import InputError
+from tournament.formats import Format
 
 
 @dataclass(frozen=True)
-class Grid:
-    """The starting places of both teams in one race; 1 is pole."""
+class Meeting:
+    """Entrants that race each other.
 
-    mirrored: bool
-    slots: tuple[tuple[int, ...], tuple[int, ...]]  # of team 0 and team 1
+    Attributes:
+        entrants: one for each side of the format.
+        seeds: of its units of evidence; they fit in a signed 64-bit integer.
+    """
 
-
-MIRRORED_GRIDS = (Grid(False, (ODD_SLOTS, EVEN_SLOTS)), Grid(True, (EVEN_SLOTS, ODD_SLOTS)))
-"""The two races of every mirrored pair: the first team starts from odd, then from even places."""
-
-
-@dataclass(frozen=True)
-class Pairing:
-    """One mirrored pair: two races with the same seed, run from `MIRRORED_GRIDS`."""
-
-    entrant: str  # team 0
-    opponent: str  # team 1
-    seed: int  # fits in a signed 64-bit integer
+    entrants: tuple[str, ...]
+    seeds: tuple[int, ...]
 
 
-def round_robin(entrants: Sequence[str], pairs: int, seeds: np.random.SeedSequence) -> list[Pairing]:
-    """Every two entrants meet in `pairs` mirrored pairs, each with a seed of its own.
+def round_robin(
+    entrants: Sequence[str], made: Format, units: int, seeds: np.random.SeedSequence
+) -> list[Meeting]:
+    """Every two entrants meet in `units` units of evidence, each with a seed of its own.
 
-    The pairs of a matchup lie together, in the order of `entrants`. Raises ValueError where an
-    entrant comes twice or `pairs` is below 1.
+    Of two sides every two entrants make a meeting, in the order of `entrants`; a free-for-all is one meeting
+    of all. The seeds of a meeting do not depend on `units`: fewer are the first of more.
+
+    Raises:
+        InputError: if a free-for-all has not as many entrants as sides.
+        ValueError: if an entrant comes twice or `units` is below 1.
     """
     if len(set(entrants)) != len(entrants):
         raise ValueError("an entrant comes twice in the schedule")
-    if pairs < 1:
-        raise ValueError(f"a matchup needs at least 1 mirrored pair, not {pairs}")
-    matchups = list(combinations(entrants, 2))
-    drawn = seeds.generate_state(len(matchups) * pairs, np.uint64) >> np.uint64(1)
-    meetings = [matchup for matchup in matchups for _ in range(pairs)]
-    return [Pairing(*matchup, int(seed)) for matchup, seed in zip(meetings, drawn, strict=True)]
+    if units < 1:
+        raise ValueError(f"a meeting needs at least 1 unit of races, not {units}")
+    if not made.teams and len(entrants) != made.sides:
+        raise InputError(f"format {made.name}: {len(entrants)} entrants, expected {made.sides}")
+    fields = list(combinations(entrants, made.sides))
+    return [
+        Meeting(field, tuple(int(seed >> np.uint64(1)) for seed in stream.generate_state(units, np.uint64)))
+        for field, stream in zip(fields, seeds.spawn(len(fields)), strict=True)
+    ]

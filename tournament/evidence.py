@@ -1,0 +1,187 @@
+"""What the races of a tournament show: point differences of every two entrants, unit by unit.
+
+The unit of evidence is a mirrored pair of races, or the block of a free-for-all: neither the cars of a
+race nor the races of a unit are independent. A unit with a race that is void, or missing, is set aside.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from arena.results import VOID_ENDINGS
+from arena.statistics import Floats, Sizes, interval, p_values, precision, spread, standard_error
+
+MATCHUP = ("entrant", "opponent")
+UNIT = ("test", "match", "unit")
+
+ENOUGH = 4
+"""Units of a matchup that must be alike to show that they do not vary: points are coarse."""
+
+
+def appearances(results: pl.DataFrame) -> pl.DataFrame:
+    """Every entrant's side of every valid unit of some RESULTS, ordered by test, match, unit and entrant.
+
+    A unit is as many races of a match, one after the other, as entrants take part in it. `points` are
+    means over its races, `first` and `second` over those before and after the mirror; `contacts`,
+    `at_fault` and `km` are sums over the entrant's cars, and `field` says who took part.
+    """
+    points, mirrored = pl.col("points"), pl.col("mirrored")
+    races = pl.col("races")
+    return (
+        results.sort("match", "race", "car")
+        .with_columns(races=pl.col("entrant").n_unique().over("match"))
+        .with_columns(unit=pl.col("race") // races)
+        .filter(
+            races > 1,
+            ~pl.col("ending").is_in(VOID_ENDINGS).any().over(UNIT),
+            pl.col("race").n_unique().over(UNIT) == races,
+        )
+        .group_by(*UNIT, "entrant", "races", maintain_order=True)
+        .agg(
+            points.sum() / races.first(),
+            pl.col("contacts").sum(),
+            at_fault=pl.col("contacts_at_fault").sum(),
+            km=pl.col("distance_m").sum() / 1000,
+            first=points.filter(~mirrored).sum() * 2 / races.first(),
+            second=points.filter(mirrored).sum() * 2 / races.first(),
+        )
+        .sort(*UNIT, "entrant")
+        .with_columns(field=pl.col("entrant").str.join("\n").over(UNIT))
+    )
+
+
+def differences(seen: pl.DataFrame) -> pl.DataFrame:
+    """Points of every two entrants of every unit: `entrant` minus `opponent`, the first by id, a race.
+
+    Ordered by test, field, entrant, opponent, match and unit.
+    """
+    theirs = seen.select(*UNIT, opponent="entrant", points_="points", first_="first", second_="second")
+    return (
+        seen.join(theirs, on=UNIT)
+        .filter(pl.col("entrant") < pl.col("opponent"))
+        .select(
+            *UNIT,
+            *MATCHUP,
+            "field",
+            difference=pl.col("points") - pl.col("points_"),
+            first=pl.col("first") - pl.col("first_"),
+            second=pl.col("second") - pl.col("second_"),
+        )
+        .sort("test", "field", *MATCHUP, "match", "unit")
+    )
+
+
+class Evidence:
+    """The units of a tournament, and what follows from them for linear combinations of their means.
+
+    Attributes:
+        seen: `appearances`.
+        met: `differences`.
+        cells: one row a test and matchup: `units`, and their mean `difference` and its `deviation`.
+        entrants: (K,) ids of those that met another, in order.
+        matchups: (M, 2) indices in `entrants` of those that met, in order.
+        shares: (M, cells) weights with which the tests make up a matchup's difference; rows add up to 1.
+    """
+
+    def __init__(self, results: pl.DataFrame, weights: Mapping[str, float]) -> None:
+        """Read RESULTS; `weights` of the tests, 1 where a test is not named."""
+        self.seen = appearances(results)
+        self.met = differences(self.seen)
+        difference = pl.col("difference")
+        self.cells = self.met.group_by("test", "field", *MATCHUP, maintain_order=True).agg(
+            difference.mean(), deviation=difference.std(), units=pl.len().cast(pl.Int64)
+        )
+        names = self.seen["entrant"].unique().sort()
+        self.entrants = names.to_list()
+        sides = np.stack(
+            [np.searchsorted(names.to_numpy(), self.cells[side].to_numpy()) for side in MATCHUP], 1
+        )
+        self.matchups, matchup = np.unique(sides.astype(np.int64), axis=0, return_inverse=True)
+        weight = np.array([weights.get(test, 1.0) for test in self.cells["test"]])
+        self.shares = np.zeros((len(self.matchups), self.cells.height))
+        self.shares[matchup.ravel(), np.arange(self.cells.height)] = weight
+        self.shares /= self.shares.sum(axis=1, keepdims=True)
+        self._weights = weights
+
+    @property
+    def means(self) -> Floats:
+        """(cells,) mean differences."""
+        return self.cells["difference"].to_numpy()
+
+    @cached_property
+    def units(self) -> Floats:
+        """(M,) units of every matchup; of several tests, as many of one as would tell as much."""
+        return 1 / (self.shares**2 / self.cells["units"].to_numpy()).sum(axis=1)
+
+    @cached_property
+    def solution(self) -> Floats:
+        """(K, cells) what turns `means` into the scores that fit them best, their mean 0.
+
+        The scores s fit the matchups' differences by least squares, s_i - s_j, weighted by their units, so
+        that an uneven schedule does no harm. Entrants that did not meet even through others are fitted
+        group by group.
+        """
+        design = np.zeros((len(self.matchups), len(self.entrants)))
+        rows = np.arange(len(self.matchups))
+        design[rows, self.matchups[:, 0]], design[rows, self.matchups[:, 1]] = 1.0, -1.0
+        normal = design.T * self.units
+        fit: Floats = np.linalg.pinv(normal @ design, hermitian=True) @ normal @ self.shares
+        return fit
+
+    @property
+    def mean_points(self) -> float:
+        """Points that a side scores a race, on average."""
+        tests = self.seen.group_by("test", maintain_order=True).agg(pl.col("points").mean())
+        weights = [self._weights.get(test, 1.0) for test in tests["test"]]
+        return float(np.average(tests["points"].to_numpy(), weights=weights))
+
+    def every_two(self) -> NDArray[np.int64]:
+        """(K (K - 1) / 2, 2) indices of every two entrants."""
+        return np.array(list(itertools.combinations(range(len(self.entrants)), 2)), np.int64).reshape(-1, 2)
+
+    def intervals(
+        self, combinations: Floats, rng: np.random.Generator, resamples: int, confidence: float
+    ) -> tuple[Floats, Floats]:
+        """Confidence intervals of linear `combinations` (L, cells) of the means; units are resampled."""
+        values, sizes, weights = self._groups(combinations)
+        known = spread(values, sizes, resamples, rng, ENOUGH)
+        return interval(combinations @ self.means, weights, known, confidence)
+
+    def errors(self, combinations: Floats) -> tuple[Floats, Floats]:
+        """Standard errors (L,) of linear `combinations` (L, cells) of the means, and degrees of freedom."""
+        values, sizes, weights = self._groups(combinations)
+        return standard_error(weights, precision(values, sizes, ENOUGH))
+
+    def p_values(self, combinations: Floats) -> Floats:
+        """Two-sided p-values (L,) of linear `combinations` (L, cells) of the means against 0."""
+        return p_values(combinations @ self.means, *self.errors(combinations))
+
+    def _groups(self, combinations: Floats) -> tuple[Floats, Sizes, Floats]:
+        """Values, group sizes and weights (L, groups) of independent groups of units.
+
+        The two sides of a pair differ by one number: its values are a group. A block of a free-for-all gives
+        many that are not independent: what they add up to in each combination is a group of its own.
+        """
+        cells, gaps = self.cells, self.met["difference"].to_numpy()
+        ends = np.cumsum(cells["units"].to_numpy())
+        values, weights = [], []
+        _, opens = np.unique(cells.select(pl.struct("test", "field").rle_id()).to_numpy(), return_index=True)
+        for begin, end in zip(opens, [*opens[1:], cells.height], strict=True):
+            units = cells["units"][int(begin)]
+            block = gaps[ends[begin] - units : ends[end - 1]].reshape(end - begin, units)
+            inside = combinations[:, begin:end]
+            if len(block) == 1:
+                values.append(block)
+                weights.append(inside.T)
+            else:
+                values.append(inside @ block)
+                weights.append(np.eye(len(combinations)))
+        sizes = np.array([len(row) for rows in values for row in rows], np.int64)
+        flat = np.concatenate([rows.ravel() for rows in values])
+        return flat, sizes, np.concatenate(weights).T

@@ -1,0 +1,160 @@
+"""Ratings beside the points, and what does not fit.
+
+Bradley and Terry's strengths use only who scored more in a unit, Plackett and Luce's only the finishing
+places; both are fitted to all units at once, so that their order does not matter. Where they disagree
+with the points, or the points with themselves, the committee should look before it chooses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import permutations
+
+import choix
+import evalica
+import numpy as np
+import polars as pl
+from scipy.special import fdtrc
+
+from arena.results import RATINGS, TOURNAMENT_NOTES
+from arena.statistics import Floats, holm
+from tournament.evidence import UNIT, Evidence
+from tournament.points import EQUAL, better
+
+PRIOR = 0.5
+"""Drawn units that every two entrants are given who met: nobody is infinitely better who won them all."""
+
+REGULAR = 0.01
+"""For Plackett and Luce's strengths, likewise: choix' `alpha`."""
+
+
+def rate(results: pl.DataFrame) -> pl.DataFrame:
+    """Turn the RESULTS of a tournament into RATINGS, by Bradley and Terry's strength, best first.
+
+    Every unit counts once, whatever its test's weight.
+    """
+    evidence = Evidence(results, EQUAL)
+    if evidence.seen.is_empty():
+        return pl.DataFrame(schema=RATINGS)
+    strengths = {
+        "bradley_terry": _bradley_terry(evidence),
+        "plackett_luce": _plackett_luce(results, evidence),
+    }
+    columns: dict[str, object] = {"entrant": evidence.entrants}
+    for name, strength in strengths.items():
+        columns |= {name: strength, f"{name}_rank": 1 + (strength[None, :] > strength[:, None]).sum(axis=1)}
+    return (
+        pl.DataFrame(columns)
+        .select(RATINGS.names())
+        .cast(RATINGS)
+        .sort("bradley_terry", "entrant", descending=[True, False])
+    )
+
+
+def _bradley_terry(evidence: Evidence) -> Floats:
+    met = evidence.met
+    winner = {1.0: evalica.Winner.X, 0.0: evalica.Winner.Draw, -1.0: evalica.Winner.Y}
+    prior = met.select("entrant", "opponent").unique(maintain_order=True)
+    result = evalica.bradley_terry(
+        [*met["entrant"], *prior["entrant"]],
+        [*met["opponent"], *prior["opponent"]],
+        [winner[sign] for sign in met["difference"].sign()] + [evalica.Winner.Draw] * prior.height,
+        weights=[1.0] * met.height + [PRIOR] * prior.height,
+        limit=10_000,
+    )
+    strength = np.log(result.scores[evidence.entrants].to_numpy())
+    return strength - strength.mean()
+
+
+def _plackett_luce(results: pl.DataFrame, evidence: Evidence) -> Floats:
+    races = (
+        results.with_columns(unit=pl.col("race") // pl.col("entrant").n_unique().over("match"))
+        .join(evidence.seen.select(UNIT).unique(), on=UNIT, how="semi")
+        .sort("match", "race", "place")
+        .with_columns(pl.col("entrant").replace_strict(evidence.entrants, range(len(evidence.entrants))))
+        .group_by("match", "race", maintain_order=True)
+        .agg("entrant")
+    )
+    strength = choix.ilsr_rankings(
+        len(evidence.entrants), races["entrant"].to_list(), alpha=REGULAR, max_iter=1000, tol=1e-6
+    )
+    return np.asarray(strength - strength.mean())
+
+
+def notes(
+    results: pl.DataFrame,
+    names: Mapping[str, str],
+    confidence: float = 0.95,
+    weights: Mapping[str, float] = EQUAL,
+) -> pl.DataFrame:
+    """What does not fit in a tournament, TOURNAMENT_NOTES; empty where all does.
+
+    - Of two entrants of whom one scores more beyond doubt, a rating has the other before it.
+    - The scores do not explain the differences between entrants: an F-test of the lack of fit.
+    - One beats the next beyond doubt, that one a third, and the third the first.
+
+    Args:
+        results: RESULTS.
+        names: of the entrants, for the sentences.
+        confidence: with which anything is said.
+        weights: as for `tournament.points.rank`.
+    """
+    evidence = Evidence(results, weights)
+    if evidence.seen.is_empty():
+        return pl.DataFrame(schema=TOURNAMENT_NOTES)
+    alpha = 1 - confidence
+    called = [names[entrant] for entrant in evidence.entrants]
+    found = [
+        *_disagreements(evidence, rate(results), called, alpha),
+        *_misfit(evidence, alpha),
+        *_cycles(evidence, called, alpha),
+    ]
+    return pl.DataFrame({"note": found}, schema=TOURNAMENT_NOTES)
+
+
+def _disagreements(evidence: Evidence, ratings: pl.DataFrame, called: list[str], alpha: float) -> list[str]:
+    ratings = ratings.sort("entrant")
+    found = []
+    for first, second in np.argwhere(better(evidence, alpha)):
+        for column, title in (("bradley_terry", "Bradley–Terry"), ("plackett_luce", "Plackett–Luce")):
+            strength = ratings[column]
+            if strength[int(first)] < strength[int(second)]:
+                found.append(
+                    f"{title} rates {called[second]} above {called[first]}, "
+                    f"though {called[first]} scores more points beyond doubt."
+                )
+    return found
+
+
+def _misfit(evidence: Evidence, alpha: float) -> list[str]:
+    """The matchups' differences against those of the scores, by how much units vary within matchups."""
+    scores = evidence.solution @ evidence.means
+    gaps = scores[evidence.matchups[:, 0]] - scores[evidence.matchups[:, 1]]
+    between = len(evidence.matchups) - len(evidence.entrants) + 1
+    units = evidence.cells["units"].to_numpy()
+    within = int((units - 1).sum())
+    if between < 1 or within < 1 or (evidence.seen["races"] > 2).any():
+        return []
+    deviation = evidence.cells["deviation"].fill_null(0.0).to_numpy()
+    noise = float((units - 1) @ deviation**2) / within
+    lack = evidence.units @ (evidence.shares @ evidence.means - gaps) ** 2 / between
+    if noise == 0 or fdtrc(between, within, lack / noise) > alpha:
+        return []
+    return [
+        "One score for each entrant does not explain all matchups: "
+        "against some, an entrant does better or worse than its points say."
+    ]
+
+
+def _cycles(evidence: Evidence, called: list[str], alpha: float) -> list[str]:
+    difference = evidence.shares @ evidence.means
+    sure = holm(evidence.p_values(evidence.shares)) <= alpha
+    beats = {
+        (int(i), int(j)) if gap > 0 else (int(j), int(i))
+        for (i, j), gap in zip(evidence.matchups[sure], difference[sure], strict=True)
+    }
+    return [
+        f"{called[a]} beats {called[b]}, {called[b]} beats {called[c]}, and {called[c]} beats {called[a]}."
+        for a, b, c in permutations(range(len(called)), 3)
+        if a < min(b, c) and {(a, b), (b, c), (c, a)} <= beats
+    ]

@@ -1,0 +1,149 @@
+"""When to stop: which two entrants need no more races, decided from the units raced so far.
+
+The sequential test is that of normalized Elo (Van den Bergh, Comments on normalized Elo, 2020), on point
+differences of units in place of game pairs. With the mean m and the standard deviation s of N differences,
+and hypotheses "the mean is t0 s" and "the mean is t1 s", the normal likelihood with its variance free is
+largest at s^2 + (m - t s)^2, so that the logarithm of the ratio is, with t = m / s,
+
+    LLR = N / 2 ln[(1 + (t - t0)^2) / (1 + (t - t1)^2)]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from math import log
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri
+
+from arena.statistics import Floats
+from tournament.evidence import Evidence
+
+FEWEST = 4
+"""Units below which nothing is decided: they show too little of how much units vary."""
+
+OPEN, EQUAL, DIFFERENT = 0, 1, 2
+"""What the test of two entrants says."""
+
+TINY = 1e-9
+"""Points: stands for no deviation at all."""
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """When two entrants need no more races.
+
+    Attributes:
+        effect: the least mean difference of a unit that matters, in standard deviations of units.
+        alpha: probability to tell two equal entrants apart, for each two of them.
+        beta: probability to take two that differ by `effect` for equal.
+        drop: standard errors behind the leader beyond which an entrant races no more.
+    """
+
+    effect: float
+    drop: float
+    alpha: float = 0.05
+    beta: float = 0.05
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Log-likelihood ratios at which two entrants are taken for equal, and for different.
+
+        Either of them may be the better, and by any mean from `effect` upwards: each choice halves alpha.
+        """
+        return wald_bounds(self.alpha / 4, self.beta)
+
+    def verdict(self, units: Floats, t: Floats) -> NDArray[np.int64]:
+        """What the test says of matchups after so many units with a mean of t standard deviations, t >= 0.
+
+        That one is better is tested against equality with all means from `effect` upwards: against `effect`
+        alone, the ratio would fall again where one is far better.
+        """
+        ratio = log_likelihood_ratio(units, t, 0.0, np.maximum(t, self.effect))
+        equal, different = self.bounds
+        said = np.where(ratio >= different, DIFFERENT, np.where(ratio <= equal, EQUAL, OPEN))
+        return np.where(units >= FEWEST, said, OPEN)
+
+
+def wald_bounds(alpha: float, beta: float) -> tuple[float, float]:
+    """Log-likelihood ratios at which a test with these errors ends (Wald, Ann. Math. Statist. 16, 1945)."""
+    return log(beta / (1 - alpha)), log((1 - beta) / alpha)
+
+
+def log_likelihood_ratio(
+    units: Floats | float, t: Floats | float, t0: Floats | float, t1: Floats | float
+) -> Floats:
+    """Logarithm of the likelihood of a normalized mean t1 over that of t0, `t` being observed in `units`."""
+    ratio: Floats = units / 2 * np.log((1 + (t - t0) ** 2) / (1 + (t - t1) ** 2))
+    return ratio
+
+
+def settled(results: pl.DataFrame, stopping: Stopping, weights: Mapping[str, float]) -> set[frozenset[str]]:
+    """Every two entrants of a tournament so far, RESULTS, that need not race on.
+
+    That is where one is better, where they differ by less than `effect`, and where one is too far behind the
+    leader.
+    """
+    evidence = Evidence(results, weights)
+    if evidence.seen.is_empty():
+        return set()
+    names = np.array(evidence.entrants)
+    decided = names[evidence.matchups[_decided(evidence, stopping)]].tolist()
+    dropped = names[_behind(evidence) > stopping.drop].tolist()
+    return {frozenset(two) for two in decided} | {
+        frozenset((entrant, other)) for entrant in dropped for other in evidence.entrants if other != entrant
+    }
+
+
+def _decided(evidence: Evidence, stopping: Stopping) -> NDArray[np.bool_]:
+    """(M,) whether the test of a matchup has ended."""
+    cells, units = evidence.cells, evidence.units
+    variance = evidence.shares**2 @ (cells["deviation"] ** 2 / cells["units"]).fill_null(0.0).to_numpy()
+    deviation = np.maximum(np.sqrt(variance * units), TINY)
+    verdicts = stopping.verdict(units, np.abs(evidence.shares @ evidence.means) / deviation)
+    return np.asarray(verdicts != OPEN)
+
+
+def _behind(evidence: Evidence) -> Floats:
+    """(K,) by how much every entrant lies behind the leader: standard errors of a normal distribution.
+
+    With few units an error is itself uncertain, and as many of them say less: by Student's t, how much less.
+    """
+    scores = evidence.solution @ evidence.means
+    p = evidence.p_values(evidence.solution[np.argmax(scores)] - evidence.solution)
+    raced = np.bincount(evidence.matchups.ravel(), np.repeat(evidence.units, 2))
+    return np.where(raced >= FEWEST, -ndtri(p / 2), 0.0)
+
+
+@lru_cache
+def repeated(confidence: float, looks: int) -> float:
+    """The confidence that each of `looks` intervals must have for all of them to hold with `confidence`.
+
+    Whoever looks at growing results again and again and stops when they please finds intervals of plain
+    confidence too short, and false differences too often. Repeated confidence intervals (Jennison and
+    Turnbull, J. R. Statist. Soc. B 51, 1989) hold at all looks together, whatever the rule of stopping. The
+    looks come after equal shares of the units, and all intervals have the same confidence (Pocock,
+    Biometrika 64, 1977).
+    """
+    return float(2 * ndtr(brentq(lambda c: _all_within(c, looks) - confidence, 1.0, 10.0)) - 1)
+
+
+def _all_within(bound: float, looks: int) -> float:
+    """Probability that a normal mean stays within `bound` standard errors of the truth at every look.
+
+    The density of the sum is followed from look to look (Armitage, McPherson and Rowe, J. R. Statist. Soc. A
+    132, 1969), by Gauss and Legendre's quadrature over the sums that are within bounds.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    sums, density = nodes * bound, np.exp(-((nodes * bound) ** 2) / 2)
+    for look in range(2, looks + 1):
+        reach = bound * np.sqrt(look - 1)
+        steps = nodes * bound * np.sqrt(look) - sums[:, None]
+        density = reach * (weights * density) @ np.exp(-(steps**2) / 2) / np.sqrt(2 * np.pi)
+        sums = nodes * bound * np.sqrt(look)
+    return float(bound * np.sqrt(looks) * weights @ density / np.sqrt(2 * np.pi))
