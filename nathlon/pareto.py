@@ -2,97 +2,163 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moocore
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
-from arena.results import PARETO, POLICY_FAULTS, VOID_ENDINGS
-from arena.statistics import Floats, group_sums, resample_counts
+from arena.results import PARETO
+from arena.statistics import Floats, group_sums
+from nathlon.objective import (
+    CONTACTS,
+    LAP,
+    OFF_COURSE,
+    RACE,
+    Measured,
+    Objective,
+    measure,
+    own_runs,
+    under_test,
+    value_column,
+)
+
+STANDARD = (LAP, OFF_COURSE, CONTACTS)
+
+BORROWED_RUNS = 4
+"""Runs that the pooled spread of the field counts as, beside an entrant's own."""
+
+UNTOLD = 1e-9
+"""Variance between entrants whom their runs do not tell apart: draws then order them by chance."""
 
 
 def pareto(
-    results: pl.DataFrame, rng: np.random.Generator, resamples: int = 500, keep_probability: float = 0.05
+    results: pl.DataFrame,
+    objectives: Sequence[Objective],
+    rng: np.random.Generator,
+    resamples: int = 500,
+    keep_probability: float = 0.05,
 ) -> pl.DataFrame:
-    """Turn the RESULTS of the filter's races into PARETO, ordered by entrant.
+    """Turn RESULTS of races and time trials into PARETO, ordered by entrant.
 
-    Three objectives, all to be small: mean best lap, share of the time spent off course, contacts a
-    kilometre. An entrant survives if the bootstrap over its races leaves it non-dominated with at
-    least `keep_probability`: the front of the observed values alone would drop every good
-    checkpoint that had bad luck. With one race an entrant there is nothing to resample, and the
-    filter is that plain front. Equal objectives do not dominate each other.
-
-    A race without a lap, or ended by the policy's fault, counts as the slowest best lap of the field.
-    An entrant without any lap neither survives nor dominates. A race with a simulator fault is void.
+    The entrant under test starts last in each race. It survives if it is non-dominated in at least
+    `keep_probability` of the draws of what everybody's objectives may truly be; see
+    `nondominated_probability`. Equal objectives do not dominate each other. An entrant that has no
+    value in an objective, or came through none of the runs of a test, neither survives nor
+    dominates. A race with a simulator fault is void.
     """
-    races = _races(results)
-    sizes = races["entrant"].rle().struct.field("len").cast(pl.Int64).to_numpy()
-    lapped = group_sums(races["lap_s"].is_not_null().to_numpy(), sizes) > 0
-    races = races.with_columns(pl.col("lap_s").fill_null(pl.col("lap_s").max()))
-
-    probability = np.zeros(len(sizes))
-    if lapped.any():
-        contenders = races.filter(pl.Series(np.repeat(lapped, sizes)))
-        counts = resample_counts(sizes[lapped], resamples, rng)
-        probability[lapped] = _nondominated(_objectives(contenders, counts, sizes[lapped])).mean(axis=0)
-
-    lap_s, off_course_share, contacts_per_km = _objectives(races, np.ones(races.height), sizes).T
-    measured = pl.DataFrame(
-        {
-            "entrant": races["entrant"].unique(maintain_order=True),
-            "lap_s": np.where(lapped, lap_s, np.inf),
-            "off_course_share": off_course_share,
-            "contacts_per_km": contacts_per_km,
-            "nondominated_probability": probability,
-            "races": sizes,
-        }
-    ).with_columns(pl.col(pl.Float64).replace(np.inf, None))
+    runs = own_runs(results)
+    measured = [measure(runs, objective) for objective in objectives]
+    contenders = _contenders(runs, objectives, measured)
+    probability = nondominated_probability([m.of(contenders) for m in measured], resamples, rng)
+    columns = [
+        *(value_column(measure(runs, objective), objective, objective.name) for objective in STANDARD),
+        pl.DataFrame(
+            {"entrant": contenders, "nondominated_probability": probability},
+            schema={"entrant": pl.String, "nondominated_probability": pl.Float64},
+        ),
+        runs.filter(pl.col("test") == RACE).group_by("entrant").agg(races=pl.len()),
+    ]
+    table = under_test(results)
+    for column in columns:
+        table = table.join(column, on="entrant", how="left", maintain_order="left")
     return (
-        results.select(pl.col("entrant").unique().sort())
-        .join(measured, on="entrant", how="left", maintain_order="left")
-        .with_columns(pl.col("nondominated_probability", "races").fill_null(0))
+        table.with_columns(pl.col("nondominated_probability", "races").fill_null(0))
         .with_columns(survives=pl.col("nondominated_probability") >= keep_probability)
         .select(PARETO.names())
         .cast(PARETO)
     )
 
 
-def _races(results: pl.DataFrame) -> pl.DataFrame:
-    """One row for each entrant in each race that is not void: its cars together, ordered."""
-    void = pl.col("ending").is_in(VOID_ENDINGS).any().over("match", "race")
-    lap_counts = ~pl.col("ending").is_in(POLICY_FAULTS)
-    return (
-        results.sort("entrant", "match", "race", "car")
-        .filter(~void)
-        .group_by("entrant", "match", "race", maintain_order=True)
-        .agg(
-            pl.col("best_lap_s").filter(lap_counts).mean().alias("lap_s"),
-            pl.col("off_course_s", "driven_s", "contacts", "distance_m").sum(),
-        )
-    )
+def came_through(runs: pl.DataFrame, test: str) -> set[str]:
+    """The entrants that finished or completed a lap in some run of a test."""
+    through = (pl.col("ending") == "finished") | (pl.col("laps") > 0)
+    return set(runs.filter((pl.col("test") == test) & through)["entrant"])
 
 
-def _objectives(races: pl.DataFrame, counts: NDArray, sizes: NDArray) -> Floats:
-    """The objectives of E entrants from races drawn `counts` (..., rows) times, as (..., E, 3)."""
-
-    def total(column: str) -> Floats:
-        return group_sums(counts * races[column].to_numpy(), sizes)
-
-    return np.stack(
-        [
-            total("lap_s") / sizes,
-            _rate(total("off_course_s"), total("driven_s")),
-            _rate(total("contacts"), total("distance_m") / 1000),
-        ],
-        axis=-1,
-    )
+def _contenders(
+    runs: pl.DataFrame, objectives: Sequence[Objective], measured: Sequence[Measured]
+) -> list[str]:
+    through = [came_through(runs, test) for test in {objective.source for objective in objectives}]
+    return sorted(set.intersection(*through, *(set(m.entrants) for m in measured)))
 
 
-def _rate(events: Floats, exposure: Floats) -> Floats:
-    """Infinite, the worst, where nothing was driven."""
-    return np.divide(events, exposure, out=np.full_like(exposure, np.inf), where=exposure > 0)
+def nondominated_probability(
+    measured: Sequence[Measured], resamples: int, rng: np.random.Generator
+) -> Floats:
+    """The probability (E,) of each entrant to be non-dominated, from what was measured of them all.
+
+    A parametric bootstrap: `resamples` times the objectives are drawn as they may truly be, each on
+    its own, and the front is taken.
+    """
+    if not measured[0].entrants:
+        return np.zeros(0)
+    draws = np.stack([draw(objective, resamples, rng) for objective in measured], axis=-1)
+    open_ = ~_never_on_front(draws)
+    probability = np.zeros(draws.shape[1])
+    fronts = [moocore.is_nondominated(np.ascontiguousarray(d), keep_weakly=True) for d in draws[:, open_]]
+    probability[open_] = np.mean(fronts, axis=0)
+    return probability
 
 
-def _nondominated(objectives: Floats) -> NDArray[np.bool_]:
-    """Which of E points no other dominates, in each of the resamples: (resamples, E, 3) -> (resamples, E)."""
-    return np.stack([moocore.is_nondominated(points, keep_weakly=True) for points in objectives])
+def draw(objective: Measured, resamples: int, rng: np.random.Generator) -> Floats:
+    """What an objective of E entrants may truly be, as (resamples, E); less is better.
+
+    Dominance asks for the order alone, so costs are first mapped to normal scores of the field's
+    runs: in these the spread from run to run is much alike for all entrants, whatever the unit, and
+    no lost lap outweighs all else. A variance is pooled from the entrant's own runs and the field's,
+    which count as `BORROWED_RUNS` more (Smyth, Statistical Applications in Genetics and Molecular
+    Biology 3, 2004), so that one run is enough. As an extreme value of few runs owes more to luck,
+    draws are about a mean that is shrunk to the field's by the share of luck in it (Efron and
+    Morris, Journal of the American Statistical Association 70, 1975). Where no entrant has two runs,
+    or all runs of an entrant are the same, there is nothing to doubt and nothing is drawn.
+    """
+    score = _NormalScores(objective.runs)
+    centre, runs, sizes = score(objective.cost), score(objective.runs), objective.sizes
+    first = runs[np.cumsum(sizes) - sizes]
+    deviations = runs - np.repeat(first, sizes)  # exact zeros where all runs are the same
+    squares = group_sums(deviations**2, sizes) - group_sums(deviations, sizes) ** 2 / sizes
+    freedom = sizes - 1
+    pooled = squares.sum() / max(freedom.sum(), 1)
+    variance = (BORROWED_RUNS * pooled + squares) / (BORROWED_RUNS + freedom) / sizes
+
+    between = max(centre.var() - variance.mean(), UNTOLD)
+    trust = np.divide(between, between + variance, out=np.ones_like(variance), where=variance > 0)
+    mean = centre.mean()
+    noise = rng.standard_normal((resamples, len(sizes)))
+    return mean + trust * (centre - mean) + noise * np.sqrt(trust * variance)
+
+
+class _NormalScores:
+    """The increasing map from costs to the normal quantiles of their ranks among some costs."""
+
+    def __init__(self, costs: Floats) -> None:
+        self._costs, counts = np.unique(costs, return_counts=True)
+        self._scores = ndtri((np.cumsum(counts) - counts / 2) / len(costs))
+
+    def __call__(self, costs: Floats) -> Floats:
+        return np.interp(costs, self._costs, self._scores)
+
+
+def _never_on_front(draws: Floats) -> NDArray[np.bool_]:
+    """Which of E entrants one and the same other dominates in all of the draws (resamples, E, K)."""
+    worst, best = draws.max(axis=0), draws.min(axis=0)
+    rulers = worst[moocore.is_nondominated(worst, keep_weakly=True)]
+    no_worse = (rulers <= best[:, None]).all(axis=-1)
+    better = (rulers < best[:, None]).any(axis=-1)
+    return (no_worse & better).any(axis=1)
+
+
+def in_contention(probability: Floats, share: float = 0.99) -> NDArray[np.bool_]:
+    """The fewest entrants (E,) that together hold a share of all the probability to be on the front.
+
+    Of equal ones those that come first. None where nobody has any.
+    """
+    order = np.argsort(-probability, kind="stable")
+    held = np.cumsum(probability[order])
+    needed = np.searchsorted(held, share * held[-1]) + 1 if len(held) and held[-1] > 0 else 0
+    chosen = np.zeros(len(probability), bool)
+    chosen[order[:needed]] = True
+    return chosen

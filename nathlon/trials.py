@@ -1,4 +1,4 @@
-"""Matches of one entrant among built-in drivers."""
+"""Matches of one entrant among the same opponents for all."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arena.entrant import Entrant
+from arena.entrant import Entrant, enter
 from arena.match import Match, Race, Seat
+from policies.load import DRIVER
 from sim.scenario import load_scenario
 
 
@@ -20,7 +21,11 @@ def against(
     slots: Sequence[int],
     seeds: Sequence[int],
 ) -> Match:
-    """One entrant among built-in drivers, once for each seed, from the given slots in turn."""
+    """One entrant among others, once for each seed, from the given slots in turn.
+
+    Raises:
+        InputError: if an opponent cannot drive here.
+    """
     drivers = tuple(dict.fromkeys(opponents))
     cars = load_scenario(scenario).cars
     races = []
@@ -34,10 +39,16 @@ def against(
         scenario,
         entrant.circuit,
         entrant.car,
-        (entrant.id, *drivers),
+        (entrant.id, *(_identity(driver, entrant) for driver in drivers)),
         (entrant.source, *drivers),
         tuple(races),
     )
+
+
+def _identity(opponent: str, entrant: Entrant) -> str:
+    """The id of an opponent of an entrant; a built-in driver's is its name, known without making it."""
+    built_in = opponent.partition(":")[0] == DRIVER
+    return opponent if built_in else enter(opponent, entrant.circuit, entrant.car).id
 
 
 def draw_seeds(seeds: np.random.SeedSequence, count: int) -> list[int]:

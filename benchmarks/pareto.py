@@ -1,0 +1,89 @@
+"""How long the Pareto filter takes for a thousand checkpoints: `python -m benchmarks.pareto`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from safetensors.numpy import load_file
+
+from arena.entrant import Entrant, enter_all
+from arena.pool import Pool
+from arena.store import Store
+from nathlon.filter import FilterSettings, run_filter
+from nathlon.run import Run
+from policies.bundled import BUNDLED
+from policies.checkpoint import read_card, save_checkpoint
+
+CIRCUIT, CAR = "lindenring", "gt3"
+SEED = 2027
+NOISE = (0.01, 2.0)
+"""Standard deviations of the noise on the weights, relative to their own: from hardly felt to ruinous."""
+
+
+def make_field(folder: Path, count: int, rng: np.random.Generator) -> list[Path]:
+    """Write distinct checkpoints: bundled ones with noise on their weights, its size even in logarithm."""
+    sources = sorted((BUNDLED / CIRCUIT).glob("*.safetensors"))
+    paths = []
+    for index, size in enumerate(np.geomspace(*NOISE, count)):
+        source = sources[index % len(sources)]
+        tensors = {
+            name: half.astype(np.float32) + size * half.std(dtype=float) * rng.standard_normal(half.shape)
+            for name, half in load_file(source).items()
+        }
+        paths.append(folder / f"{source.stem}-{index:05}.safetensors")
+        save_checkpoint(paths[-1], tensors, read_card(source))
+    return paths
+
+
+def time_filter(sources: Sequence[Path], store: Path, workers: int) -> dict[str, Any]:
+    """Enter checkpoints and filter them with the default settings, into a new store."""
+    began = time.perf_counter()
+    entrants: list[Entrant] = enter_all([str(path) for path in sources], CIRCUIT, CAR)
+    entered = time.perf_counter()
+    with Store(store) as kept, Pool(workers) as pool:
+        kept.begin_run("benchmark", {})
+        run = Run(kept, "benchmark", (SEED,), pool, lambda *_: None)
+        answer = run_filter(run, entrants, FilterSettings())
+    ended = time.perf_counter()
+    table = answer.tables["pareto"]
+    return {
+        "checkpoints": len(entrants),
+        "wall_s": round(ended - began, 1),
+        "enter_s": round(entered - began, 1),
+        "workers": workers,
+        "raced": table.filter(pl.col("races") > 0).height,
+        "races": table["races"].sum(),
+        "most_races": table["races"].max(),
+        "time_trials": answer.results.filter(pl.col("test") == "time_trial").height,
+        "survivors": len(answer.entrants),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--checkpoints", type=int, default=1000)
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        paths = make_field(folder, options.checkpoints, np.random.default_rng(SEED))
+        figures = time_filter(paths, folder / "store.sqlite", options.workers)
+    if options.json:
+        print(json.dumps(figures))
+        return
+    for figure, value in figures.items():
+        print(f"{figure:<12} {value}")
+
+
+if __name__ == "__main__":
+    main()

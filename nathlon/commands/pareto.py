@@ -1,0 +1,94 @@
+"""`nathlon pareto`: the filter alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import polars as pl
+from rich.table import Table
+
+from arena.entrant import Entrant, enter_all, entrants_table, find_checkpoints, trained_on
+from arena.pool import Pool
+from arena.results import PARETO
+from arena.store import Store
+from nathlon.commands.console import console, say, worker_count
+from nathlon.commands.selection import progress
+from nathlon.config import Config
+from nathlon.filter import run_filter
+from nathlon.objective import Objective
+from nathlon.run import Answer, Run
+
+
+def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
+    """Filter checkpoints, write `pareto.csv` and `pareto.parquet`, and print the front.
+
+    Raises:
+        InputError: if a checkpoint cannot drive, or the configuration names what does not exist.
+    """
+    sources = [str(path) for path in find_checkpoints(checkpoints)]
+    entrants = enter_all(sources, *trained_on(sources))
+    ids = [entrant.id for entrant in entrants]
+    name = "pareto-" + hashlib.sha256("\n".join([config.digest, *ids]).encode()).hexdigest()[:12]
+    path = out / "store.sqlite"
+    with (
+        progress(f"The same command goes on from {path}.", as_json) as on_match,
+        Store(path) as store,
+        Pool(worker_count(config.workers)) as pool,
+    ):
+        store.begin_run(name, {"entrants": ids})
+        run = Run(store, name, (config.seed,), pool, on_match)
+        answer = run_filter(run, entrants, config.pareto)
+        for table_name, table in {"entrants": entrants_table(entrants), **answer.tables}.items():
+            store.put_table(name, table_name, table)
+        store.end_run(name, "done")
+    table = pareto_table(entrants, answer)
+    files = {"csv": out / "pareto.csv", "parquet": out / "pareto.parquet"}
+    _write(files["csv"], table.write_csv)
+    _write(files["parquet"], table.write_parquet)
+    front = table.filter("survives")
+    if as_json:
+        summary = {
+            **run.stages[-1],
+            "front": front.to_dicts(),
+            "files": {kind: str(path) for kind, path in files.items()},
+        }
+        print(json.dumps(summary, indent=1))
+        return
+    _print_front(front, table.height, config.pareto.objective)
+    for file in files.values():
+        say(str(file))
+
+
+def pareto_table(entrants: Sequence[Entrant], answer: Answer) -> pl.DataFrame:
+    """PARETO with names and sources, and a column for each objective that it has not; the best first."""
+    objectives = answer.tables["objectives"].pivot("objective", index="entrant", values="value")
+    own = objectives.select("entrant", *(name for name in objectives.columns if name not in PARETO))
+    return (
+        entrants_table(entrants)
+        .select("name", "source", "entrant")
+        .join(answer.tables["pareto"], on="entrant")
+        .join(own, on="entrant", how="left")
+        .sort("nondominated_probability", "name", descending=[True, False])
+    )
+
+
+def _write(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file whole or not at all."""
+    partial = path.with_name(f".{path.name}.partial")
+    write(partial)
+    os.replace(partial, path)
+
+
+def _print_front(front: pl.DataFrame, entered: int, objectives: Sequence[Objective]) -> None:
+    shown = Table(title=f"{front.height} of {entered} checkpoints may be on the front")
+    names = [objective.name for objective in objectives]
+    for column in ("Entrant", *names, "Probability", "Races"):
+        shown.add_column(column, justify="left" if column == "Entrant" else "right")
+    for row in front.iter_rows(named=True):
+        values = [f"{row[name]:.4g}" for name in names]
+        shown.add_row(row["name"], *values, f"{row['nondominated_probability']:.2f}", str(row["races"]))
+    console.print(shown)

@@ -1,0 +1,189 @@
+"""The objectives of the filter: what its races and time trials measure, and which way is better."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+import polars as pl
+from pydantic import ConfigDict, Field, model_validator
+
+from arena.results import OBJECTIVES, POLICY_FAULTS, VOID_ENDINGS
+from arena.statistics import Floats, Sizes, group_sums
+from sim.data_file import Section
+
+RACE, TIME_TRIAL = "race", "time_trial"
+"""Tests of the filter: names by which its matches are known."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What is measured: events for each unit of exposure, summed over runs.
+
+    Attributes:
+        unit: of the ratio.
+        events: of a row of RESULTS; null where it gave no value.
+        exposure: likewise, above 0 where it gave a value.
+    """
+
+    unit: str
+    events: pl.Expr
+    exposure: pl.Expr
+
+
+def _mean(value: pl.Expr, unit: str) -> Quantity:
+    return Quantity(unit, value, value.is_not_null())
+
+
+def _share(column: str) -> Quantity:
+    return Quantity("1", pl.col(column), pl.col("driven_s"))
+
+
+def _per_km(column: str) -> Quantity:
+    return Quantity("1/km", pl.col(column), pl.col("distance_m") / 1000)
+
+
+_let_down = pl.col("ending").is_in(POLICY_FAULTS)
+
+QUANTITIES: dict[str, Quantity] = {
+    "lap_s": _mean(pl.when(~_let_down).then("best_lap_s"), "s"),
+    "race_time_s": _mean(pl.when(~_let_down).then("race_time_s"), "s"),
+    "place": _mean(pl.col("place"), "place"),
+    "points": _mean(pl.col("points"), "points"),
+    "unfinished_share": _mean(pl.col("ending") != "finished", "1"),
+    "off_course_share": _share("off_course_s"),
+    "wall_share": _share("wall_s"),
+    "contacts_per_km": _per_km("contacts"),
+    "contacts_at_fault_per_km": _per_km("contacts_at_fault"),
+    "penalties_per_km": _per_km("penalties"),
+}
+"""All that can be an objective: means over runs of the best lap, the time to the finish, the place, the
+points and whether the finish was missed; shares of the time driven; counts a kilometre driven."""
+
+
+class Objective(Section):
+    """One objective.
+
+    Attributes:
+        name: unique among the objectives.
+        measure: one of `QUANTITIES`.
+        source: whether it is measured in the race or in the time trial; `from` in files.
+        goal: whether less or more is better.
+    """
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    name: Annotated[str, Field(min_length=1)]
+    measure: str
+    source: Annotated[Literal["race", "time_trial"], Field(alias="from")]
+    goal: Literal["min", "max"] = "min"
+
+    @model_validator(mode="after")
+    def _measurable(self) -> Objective:
+        if self.measure not in QUANTITIES:
+            raise ValueError(f"measure is {self.measure!r}: expected one of {', '.join(QUANTITIES)}")
+        return self
+
+
+LAP = Objective(name="lap_s", measure="lap_s", source="time_trial")
+OFF_COURSE = Objective(name="off_course_share", measure="off_course_share", source="race")
+CONTACTS = Objective(name="contacts_per_km", measure="contacts_per_km", source="race")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """An objective of some entrants, as costs: in its unit, and less is always better.
+
+    Attributes:
+        entrants: (E,) ids, ordered; those for whom at least one run gave a value.
+        cost: (E,) over all runs.
+        runs: (rows,) cost of each run, those of an entrant together.
+        sizes: (E,) runs of each entrant.
+    """
+
+    entrants: list[str]
+    cost: Floats
+    runs: Floats
+    sizes: Sizes
+
+    def of(self, entrants: Sequence[str]) -> Measured:
+        """Only some of the entrants."""
+        kept = np.isin(self.entrants, entrants)
+        return Measured(
+            [entrant for entrant, stays in zip(self.entrants, kept, strict=True) if stays],
+            self.cost[kept],
+            self.runs[np.repeat(kept, self.sizes)],
+            self.sizes[kept],
+        )
+
+
+def own_runs(results: pl.DataFrame) -> pl.DataFrame:
+    """The rows of RESULTS of the cars under test, which start last, without void races; in a fixed order."""
+    race = ("match", "race")
+    void = pl.col("ending").is_in(VOID_ENDINGS).any().over(race)
+    return results.filter(~void & (pl.col("slot") == pl.col("slot").max().over(race))).sort("entrant", *race)
+
+
+def measure(runs: pl.DataFrame, objective: Objective) -> Measured:
+    """An objective of the entrants of some `own_runs`.
+
+    A run that gave no value (no lap, no way driven) counts as the worst one of the field.
+    """
+    quantity = QUANTITIES[objective.measure]
+    rows = runs.filter(pl.col("test") == objective.source).select(
+        "entrant",
+        events=quantity.events.cast(pl.Float64),
+        exposure=quantity.exposure.cast(pl.Float64),
+    )
+    gave = pl.col("events").is_not_null() & (pl.col("exposure") > 0)
+    rows = rows.with_columns(gave=gave).filter(pl.col("gave").any().over("entrant"))
+    sign = -1.0 if objective.goal == "max" else 1.0
+    given = rows["gave"].to_numpy()
+    events, exposure = (rows[name].fill_null(0.0).to_numpy() for name in ("events", "exposure"))
+    costs = sign * np.divide(events, exposure, out=np.zeros(len(given)), where=given)
+    costs[~given] = costs[given].max(initial=-np.inf)
+    exposure = np.where(given, exposure, 1.0)
+    names = rows["entrant"].rle()
+    sizes = names.struct.field("len").cast(pl.Int64).to_numpy()
+    if not len(sizes):
+        return Measured([], np.zeros(0), costs, sizes)
+    cost = group_sums(costs * exposure, sizes) / group_sums(exposure, sizes)
+    return Measured(names.struct.field("value").to_list(), cost, costs, sizes)
+
+
+def objectives_table(results: pl.DataFrame, objectives: Sequence[Objective]) -> pl.DataFrame:
+    """OBJECTIVES of all entrants that start last in some RESULTS, ordered by entrant, then as configured."""
+    tables = []
+    entrants = under_test(results)
+    runs = own_runs(results)
+    for position, objective in enumerate(objectives):
+        measured = measure(runs, objective)
+        values = value_column(measured, objective, "value").with_columns(runs=measured.sizes)
+        tables.append(
+            entrants.join(values, on="entrant", how="left", maintain_order="left").with_columns(
+                pl.col("runs").fill_null(0),
+                objective=pl.lit(objective.name),
+                source=pl.lit(objective.source),
+                unit=pl.lit(QUANTITIES[objective.measure].unit),
+                goal=pl.lit(objective.goal),
+                position=position,
+            )
+        )
+    return pl.concat(tables).sort("entrant", "position").select(OBJECTIVES.names()).cast(OBJECTIVES)
+
+
+def under_test(results: pl.DataFrame) -> pl.DataFrame:
+    """The entrants whose cars start last, ordered; one column."""
+    last = pl.col("slot") == pl.col("slot").max().over("match", "race")
+    return results.filter(last).select(pl.col("entrant").unique().sort())
+
+
+def value_column(measured: Measured, objective: Objective, name: str) -> pl.DataFrame:
+    """Entrants and the objective's values in its unit, under a name."""
+    sign = -1.0 if objective.goal == "max" else 1.0
+    return pl.DataFrame(
+        {"entrant": measured.entrants, name: sign * measured.cost},
+        schema={"entrant": pl.String, name: pl.Float64},
+    )
