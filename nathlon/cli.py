@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from nathlon.commands.committee_app import committee
 from sim.errors import InputError
 
 app = typer.Typer(
@@ -20,13 +21,29 @@ app = typer.Typer(
 
 track = typer.Typer(help="Import circuits and look at them.", no_args_is_help=True)
 app.add_typer(track, name="track")
+app.add_typer(committee, name="committee")
 
+Checkpoints = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Checkpoints (.safetensors, Stable-Baselines3 .zip, .onnx), folders of them, plugin:NAME."
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
+ConfigSeed = Annotated[
+    int | None, typer.Option(min=0, help="Seed of all randomness, in place of the configuration's.")
+]
+Config = Annotated[Path | None, typer.Option(help="How to select (nathlon init writes one).")]
+ConfigFile = Annotated[Path, typer.Option("--config", help="How to select (nathlon init writes one).")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; one for each core by default.")]
-Shortlist = Annotated[int, typer.Option(min=1, help="Entrants that reach the round robin.")]
+Shortlist = Annotated[int | None, typer.Option(min=1, help="Entrants that reach the round robin.")]
 Pairs = Annotated[
-    int, typer.Option(min=2, help="Mirrored pairs of races for every two of them; an interval needs two.")
+    int | None,
+    typer.Option(
+        min=2, help="Mirrored pairs of races for every two of them, at most; an interval needs two."
+    ),
 ]
 
 
@@ -34,39 +51,121 @@ Pairs = Annotated[
 def demo(
     out: Out = Path("runs/demo"),
     seed: Seed = 1,
-    shortlist: Shortlist = 6,
-    pairs: Pairs = 12,
+    shortlist: Shortlist = None,
+    pairs: Pairs = None,
     workers: Workers = None,
+    as_json: AsJson = False,
 ) -> None:
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
-    from nathlon.commands.console import worker_count
+    from nathlon.commands.selection import configured
     from nathlon.commands.selection import evaluate as run
-    from nathlon.pipeline import Settings
     from policies.bundled import BUNDLED
 
-    run([BUNDLED / "lindenring"], out, Settings(seed, shortlist, pairs, worker_count(workers)))
+    run([BUNDLED / "lindenring"], out, configured(None, seed, shortlist, pairs, workers), as_json)
 
 
 @app.command()
 def evaluate(
-    checkpoints: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Checkpoints (.safetensors, Stable-Baselines3 .zip, .onnx), folders of them, plugin:NAME."
-        ),
-    ],
+    checkpoints: Checkpoints,
     out: Out = Path("runs/evaluation"),
-    seed: Seed = 1,
-    shortlist: Shortlist = 6,
-    pairs: Pairs = 12,
+    config: Config = None,
+    seed: ConfigSeed = None,
+    shortlist: Shortlist = None,
+    pairs: Pairs = None,
     workers: Workers = None,
+    as_json: AsJson = False,
 ) -> None:
     """Select the best of your own checkpoints, the same way as the demo."""
-    from nathlon.commands.console import worker_count
+    from nathlon.commands.selection import configured
     from nathlon.commands.selection import evaluate as run
-    from nathlon.pipeline import Settings
 
-    run(checkpoints, out, Settings(seed, shortlist, pairs, worker_count(workers)))
+    run(checkpoints, out, configured(config, seed, shortlist, pairs, workers), as_json)
+
+
+@app.command()
+def pareto(
+    checkpoints: Checkpoints,
+    out: Out = Path("runs/pareto"),
+    config: Config = None,
+    seed: ConfigSeed = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Keep the checkpoints that may be on the Pareto front."""
+    from nathlon.commands.pareto import pareto_command as run
+    from nathlon.commands.selection import configured
+
+    run(checkpoints, out, configured(config, seed, None, None, workers), as_json)
+
+
+@app.command()
+def battery(
+    entrants: Annotated[
+        list[str], typer.Argument(help="Checkpoints, folders of them, built-in drivers, plugin:NAME.")
+    ],
+    out: Out = Path("runs/battery"),
+    config: Config = None,
+    seed: ConfigSeed = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Put entrants through the n-athlon: skill tests with points."""
+    from nathlon.commands.battery import battery as run
+    from nathlon.commands.selection import configured
+
+    run(entrants, out, configured(config, seed, None, None, workers), as_json)
+
+
+@app.command()
+def init(
+    path: Annotated[Path, typer.Argument(help="The file to write.")] = Path("nathlon.toml"),
+) -> None:
+    """Write a configuration for a selection every night."""
+    from nathlon.commands.nightly import init as run
+
+    run(path)
+
+
+@app.command()
+def nightly(
+    config: ConfigFile = Path("nathlon.toml"), workers: Workers = None, as_json: AsJson = False
+) -> None:
+    """Select among the checkpoints that are new, and exit with a code that a scheduler understands.
+
+    0: done, 1: nobody passed the gates, 2: bad input, 3: too many faults. The same command goes on with a
+    night that was stopped.
+    """
+    from nathlon.commands.nightly import nightly as run
+
+    run(config, workers, as_json)
+
+
+@app.command()
+def status(
+    config: ConfigFile = Path("nathlon.toml"),
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Recompute the totals of all records, and say what disagrees.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Say which nights there were, and where the one under way is."""
+    from nathlon.commands.nightly import status as run
+
+    run(config, verify, as_json)
+
+
+@app.command()
+def report(
+    store: Annotated[str, typer.Argument(help="The store: path of its file, or URL of a database.")],
+    run_name: Annotated[
+        str | None, typer.Option("--run", help="Name of the run; the last by default.")
+    ] = None,
+    out: Out = Path("runs/report"),
+) -> None:
+    """Make the report of a run again from its store."""
+    from nathlon.commands.selection import report as run
+
+    run(store, run_name, out)
 
 
 @app.command()

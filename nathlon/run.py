@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import os
+import socket
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,63 +16,24 @@ import polars as pl
 
 from arena.entrant import Entrant
 from arena.match import Match
-from arena.pool import run_matches
+from arena.pool import Pool
 from arena.results import RESULTS
 from arena.store import Store
 
 STAGES = ("pareto", "battery", "tournament")
 CONFIDENCE = 0.95
 
+CLAIM_S = 600.0
+"""For which a process has a match to itself; it renews its claims well before."""
+POLL_S = 0.5
+"""Between two looks at matches that another process runs."""
+CLAIM_SHARE = 2
+"""A process claims half of what is left at once, so that others on the same store find work too."""
+CLAIM_LEAST = 16
+"""Matches for each worker, if there are as many: together they cost much less than apart."""
+
 OnMatch = Callable[[str, int, int], None]
 """Told the stage, matches done and matches in all, whenever a match ends."""
-
-
-@dataclass
-class Run:
-    """A selection under way.
-
-    Attributes:
-        store: finished matches, of this run and of others.
-        seed: of everything.
-        workers: processes.
-        on_match: told about progress.
-        keys: of all matches that the run asked for, in order.
-        stages: counts of the stages that have ended.
-    """
-
-    store: Store
-    seed: int
-    workers: int
-    on_match: OnMatch
-    keys: list[str] = field(default_factory=list)
-    stages: list[dict[str, Any]] = field(default_factory=list)
-
-    def seeds(self, stage: str) -> np.random.SeedSequence:
-        """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
-        return np.random.SeedSequence([self.seed, STAGES.index(stage)])
-
-    def rng(self, stage: str) -> np.random.Generator:
-        """The generator of a stage's bootstrap."""
-        return np.random.default_rng([self.seed, len(STAGES), STAGES.index(stage)])
-
-    def results(self, stage: str, matches: Sequence[Match]) -> pl.DataFrame:
-        """RESULTS of all matches in their order, running those that the store does not have."""
-        missing = [match for match in matches if not self.store.has(match.key)]
-        done = len(matches) - len(missing)
-        self.on_match(stage, done, len(matches))
-        for match, results in run_matches(missing, self.workers):
-            self.store.add_match(match.key, stage, match.spec(), results)
-            done += 1
-            self.on_match(stage, done, len(matches))
-        keys = [match.key for match in matches]
-        self.keys += keys
-        return self.store.results_of(keys) if keys else pl.DataFrame(schema=RESULTS)
-
-    def note(self, stage: str, came: int, left: int, results: pl.DataFrame, began: float) -> None:
-        """Keep a stage's counts for the summary; `began` is a reading of `time.perf_counter`, s."""
-        races = results.select(pl.struct("match", "race").n_unique()).item()
-        wall_s = round(time.perf_counter() - began, 2)
-        self.stages.append({"name": stage, "in": came, "out": left, "races": races, "wall_s": wall_s})
 
 
 @dataclass(frozen=True)
@@ -84,3 +49,104 @@ class Answer:
     tables: dict[str, pl.DataFrame]
     entrants: list[Entrant]
     results: pl.DataFrame
+
+
+@dataclass
+class Run:
+    """A selection under way.
+
+    Attributes:
+        store: finished matches, of this run and of others.
+        name: of the run in the store.
+        seeds_from: what all its randomness comes from.
+        pool: where matches run.
+        on_match: told about progress.
+        stages: counts of the stages that have ended.
+    """
+
+    store: Store
+    name: str
+    seeds_from: tuple[int, ...]
+    pool: Pool
+    on_match: OnMatch
+    stages: list[dict[str, Any]] = field(default_factory=list)
+    _noted: float = field(default=-math.inf, init=False)
+
+    def seeds(self, stage: str) -> np.random.SeedSequence:
+        """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
+        return np.random.SeedSequence([*self.seeds_from, STAGES.index(stage)])
+
+    def rng(self, stage: str) -> np.random.Generator:
+        """The generator of a stage's bootstrap."""
+        return np.random.default_rng([*self.seeds_from, len(STAGES), STAGES.index(stage)])
+
+    def results(self, stage: str, matches: Sequence[Match]) -> pl.DataFrame:
+        """RESULTS of all matches in their order, running those that the store does not have.
+
+        What another process on the same store is running is waited for.
+        """
+        if not matches:
+            return pl.DataFrame(schema=RESULTS)
+        wanted = {match.key: match for match in matches}
+        owner = f"{socket.gethostname()}/{os.getpid()}"
+        for dead in filter(_is_gone, self.store.owners()):
+            self.store.release(dead)
+        try:
+            while missing := self._missing(stage, wanted):
+                share = max(math.ceil(len(missing) / CLAIM_SHARE), CLAIM_LEAST * self.pool.workers)
+                claimed = self.store.claim(missing[:share], owner, CLAIM_S)
+                if claimed:
+                    done = len(wanted) - len(missing)
+                    self._run(stage, [wanted[key] for key in claimed], owner, done, len(wanted))
+                else:
+                    time.sleep(POLL_S)
+        finally:
+            self.store.release(owner)
+        self.store.use(self.name, wanted)
+        return self.store.results_of(wanted)
+
+    def _say(self, stage: str, done: int, total: int) -> None:
+        """Tell whoever looks on, and note it in the store once a second for those who look from elsewhere."""
+        self.on_match(stage, done, total)
+        if done == total or time.monotonic() - self._noted > 1.0:
+            self.store.put_fact(self.name, "progress", {"stage": stage, "done": done, "total": total})
+            self._noted = time.monotonic()
+
+    def _missing(self, stage: str, wanted: dict[str, Match]) -> list[str]:
+        stored = self.store.stored(wanted)
+        self._say(stage, len(stored), len(wanted))
+        return [key for key in wanted if key not in stored]
+
+    def _run(self, stage: str, matches: Sequence[Match], owner: str, done: int, total: int) -> None:
+        """Run matches that are claimed, and store each as it ends."""
+        left = {match.key: match for match in matches}
+        renewed = time.monotonic()
+        with closing(self.pool.run(matches)) as finished:
+            for match, results in finished:
+                self.store.add_match(match.key, stage, match.spec(), results)
+                del left[match.key]
+                if time.monotonic() - renewed > CLAIM_S / 4:
+                    self.store.claim(list(left), owner, CLAIM_S)
+                    renewed = time.monotonic()
+                done += 1
+                self._say(stage, done, total)
+
+    def note(self, stage: str, came: int, left: int, results: pl.DataFrame, began: float) -> None:
+        """Keep a stage's counts for the summary; `began` is a reading of `time.perf_counter`, s."""
+        races = results.select(pl.struct("match", "race").n_unique()).item()
+        wall_s = round(time.perf_counter() - began, 2)
+        self.stages.append({"name": stage, "in": came, "out": left, "races": races, "wall_s": wall_s})
+
+
+def _is_gone(owner: str) -> bool:
+    """Whether the owner of some claims was a process on this machine that has ended."""
+    host, _, process = owner.rpartition("/")
+    if os.name != "posix" or host != socket.gethostname():
+        return False
+    try:
+        os.kill(int(process), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        pass
+    return False

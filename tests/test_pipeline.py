@@ -15,17 +15,26 @@ from arena.entrant import Entrant, enter_all
 from arena.pool import run_matches
 from arena.recording import read_recording
 from arena.store import Store
-from nathlon.filter import filter_matches
-from nathlon.n_athlon import skill_matches
+from nathlon.committee_rules import CommitteeSettings
+from nathlon.config import Config
+from nathlon.decider import deciding_race
+from nathlon.evaluation import evaluate
+from nathlon.filter import FilterSettings, Plan
+from nathlon.n_athlon import BatterySettings, skill_matches
 from nathlon.output import OutputFolder
-from nathlon.pipeline import Settings, deciding_race, select
-from nathlon.race_off import tournament_matches
-from nathlon.skill import shipped_skills
+from nathlon.race_off import TournamentSettings, tournament_matches
+from nathlon.skill import load_skills
 from policies.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import InputError
 from tests.test_cli import BUNDLED
 
-SETTINGS = Settings(seed=5, shortlist=3, pairs=2, workers=2)
+CONFIG = Config(
+    seed=5,
+    pareto=FilterSettings(races=1, most_races=2),
+    battery=BatterySettings(tests=("hot_lap", "pass_left", "start_back"), runs=2),
+    committee=CommitteeSettings(shortlist=3),
+    tournament=TournamentSettings(pairs=4),
+)
 
 
 def spoilt(path: Path) -> None:
@@ -51,7 +60,7 @@ def entrants(tmp_path_factory: pytest.TempPathFactory) -> list[Entrant]:
 def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     seen: list[tuple[str, int, int]] = []
-    select(entrants, OutputFolder(folder), SETTINGS, lambda *progress: seen.append(progress))
+    evaluate(entrants, OutputFolder(folder), CONFIG, 2, lambda *progress: seen.append(progress))
     assert {stage for stage, _, _ in seen} == {"pareto", "battery", "tournament"}
     return folder
 
@@ -69,10 +78,11 @@ def test_it_leaves_everything_that_it_promises(run: Path) -> None:
 
 def test_the_summary_counts_what_was_run(run: Path, summary: Any, entrants: list[Entrant]) -> None:
     stages = {stage["name"]: stage for stage in summary["stages"]}
-    assert list(stages) == ["pareto", "battery", "tournament"]
+    assert list(stages) == ["pareto", "battery", "committee", "tournament"]
     assert stages["pareto"]["in"] == len(entrants)
     assert stages["battery"]["in"] == stages["pareto"]["out"]
-    assert stages["tournament"]["in"] == stages["battery"]["out"]
+    assert stages["committee"]["in"] == stages["battery"]["out"]
+    assert stages["tournament"]["in"] == stages["committee"]["out"]
     with Store.open(run / "store.sqlite") as store:
         for name, stage in stages.items():
             assert store.results(name).select("match", "race").unique().height == stage["races"]
@@ -88,9 +98,9 @@ def test_the_faulty_policy_loses_and_the_rest_go_on(run: Path, summary: Any, ent
     faulty = next(entrant for entrant in entrants if entrant.name == "faulty")
     with Store.open(run / "store.sqlite") as store:
         rows = store.results("pareto").filter(pl.col("entrant") == faulty.id)
-        survives = dict(store.table("pareto").select("entrant", "survives").iter_rows())
+        [record] = store.runs()
+        survives = dict(store.table(record.name, "pareto").select("entrant", "survives").iter_rows())
     assert (rows["ending"] == "illegal_action").all()
-    assert (rows["place"] == 8).all()
     assert summary["faults"] == rows.height
     assert not survives[faulty.id]
     assert any(survives.values())
@@ -101,7 +111,7 @@ def test_a_second_run_runs_nothing_and_says_the_same(
 ) -> None:
     page = (run / "report" / "index.html").stat().st_mtime_ns
     done: list[tuple[str, int, int]] = []
-    select(entrants, OutputFolder(run), SETTINGS, lambda *progress: done.append(progress))
+    evaluate(entrants, OutputFolder(run), CONFIG, 2, lambda *progress: done.append(progress))
     assert all(count == total for _, count, total in done)
     again = json.loads((run / "summary.json").read_text())
     for stage in (*summary["stages"], *again["stages"]):
@@ -114,7 +124,7 @@ def test_one_worker_in_a_new_folder_says_the_same(
     run: Path, summary: Any, entrants: list[Entrant], tmp_path: Path
 ) -> None:
     """Only the filter, from nothing: results do not depend on how matches are spread over processes."""
-    matches = filter_matches(entrants[:1], np.random.SeedSequence([SETTINGS.seed, 0]))
+    matches = Plan(CONFIG.pareto, np.random.SeedSequence([CONFIG.seed, 0])).time_trials(entrants[:1], 0)
     [(match, results)] = list(run_matches(matches, 1))
     with Store.open(run / "store.sqlite") as store:
         assert store.results_of([match.key]).equals(results)
@@ -147,16 +157,16 @@ def test_the_tournament_mirrors_every_pair(entrants: list[Entrant]) -> None:
 
 
 def test_stages_have_fresh_seeds_and_entrants_share_them(entrants: list[Entrant]) -> None:
-    filters = filter_matches(entrants, np.random.SeedSequence([1, 0]))
+    filters = Plan(CONFIG.pareto, np.random.SeedSequence([1, 0])).races(entrants, 0)
     assert len({tuple(race.seed for race in match.races) for match in filters}) == 1
     assert len({match.key for match in filters}) == len(entrants)
-    skills = skill_matches(entrants, shipped_skills(), np.random.SeedSequence([1, 1]))
+    skills = skill_matches(entrants, load_skills(CONFIG.battery.tests), np.random.SeedSequence([1, 1]))
     filter_seeds = {race.seed for race in filters[0].races}
-    assert not filter_seeds & {race.seed for _, _, match in skills for race in match.races}
+    assert not filter_seeds & {race.seed for match in skills.values() for race in match.races}
 
 
 def test_there_is_no_deciding_race_without_two(entrants: list[Entrant]) -> None:
     with pytest.raises(InputError):
         enter_all([], "lindenring", "gt3")
     empty = pl.DataFrame({"entrant": ["alone"]})
-    assert deciding_race([], pl.DataFrame(), empty) is None
+    assert deciding_race(pl.DataFrame(), empty) is None

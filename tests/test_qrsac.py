@@ -17,7 +17,7 @@ from torch.distributions import Normal, TransformedDistribution
 from torch.distributions.transforms import TanhTransform
 
 from policies.qrsac.config import QRSACConfig
-from policies.qrsac.learner import QRSAC, Noise, State, Update, quantile_huber_loss
+from policies.qrsac.learner import QRSAC, Noise, State, Update, annealed, quantile_huber_loss
 from policies.qrsac.networks import squashed_normal
 from policies.replay import Batch
 from sim.errors import InputError
@@ -30,9 +30,9 @@ def config(**changes: object) -> QRSACConfig:
     return QRSACConfig.model_validate(values | changes)
 
 
-def learner(seed: int = 0, compiled: bool = False, **changes: object) -> QRSAC:
+def learner(seed: int = 0, compiled: bool = False, updates: int | None = None, **changes: object) -> QRSAC:
     generator = torch.Generator().manual_seed(seed)
-    return QRSAC(OBSERVATION, ACTION, config(**changes), generator, compiled)
+    return QRSAC(OBSERVATION, ACTION, config(**changes), generator, compiled, updates)
 
 
 def state_of(qrsac: QRSAC) -> State:
@@ -296,6 +296,57 @@ def test_bfloat16_stays_near_float32() -> None:
         assert others[name].dtype == torch.float32
 
 
+def test_what_is_annealed_falls_by_half_a_cosine_and_stays() -> None:
+    made = torch.tensor([0.0, 25.0, 50.0, 75.0, 100.0, 130.0], dtype=torch.float64)
+    quarter = 0.5 - np.sqrt(0.125)
+    left = np.array([1.0, 1.0 - 0.9 * quarter, 0.55, 0.1 + 0.9 * quarter, 0.1, 0.1])
+    np.testing.assert_allclose(annealed(3.0, 0.1, made, 100), 3.0 * left)
+    assert annealed(3.0, 1.0, made, 100) == 3.0
+
+
+def test_an_update_uses_the_rates_of_its_time() -> None:
+    """After half of a run, the step of a learner with the constant rates of that time."""
+    falling = Update(OBSERVATION, ACTION, config(final_rates=0.1), updates=20)
+    constant = Update(OBSERVATION, ACTION, config(critic_rate=5.5e-3, policy_rate=5.5e-3))
+    state = state_of(learner())._replace(step=torch.tensor(10.0, dtype=torch.float64))
+    (batch,), noise = batches(1), noise_of(2)
+    with torch.no_grad():
+        (found, _), (expected, _) = (each(state, batch, noise) for each in (falling, constant))
+    for name in ("critic", "policy"):
+        assert not getattr(found, name).equal(getattr(state, name))
+        torch.testing.assert_close(getattr(found, name), getattr(expected, name))
+
+
+def test_an_update_uses_alpha_of_its_time() -> None:
+    falling = Update(OBSERVATION, ACTION, config(alpha=0.4, final_alpha=0.5), updates=20)
+    constant = Update(OBSERVATION, ACTION, config(alpha=0.3))
+    state = state_of(learner())._replace(step=torch.tensor(10.0, dtype=torch.float64))
+    (batch,), noise = batches(1), noise_of(2)
+    with torch.no_grad():
+        (_, found), (_, expected) = (each(state, batch, noise) for each in (falling, constant))
+    torch.testing.assert_close(found, expected)
+
+
+def test_annealing_goes_on_after_a_resume() -> None:
+    changes = {"updates": 6, "final_rates": 0.1, "final_alpha": 0.1}
+    whole, first = (learner(**changes) for _ in range(2))  # type: ignore[arg-type]
+    for batch in batches(6):
+        whole.update(batch)
+    for batch in batches(6)[:3]:
+        first.update(batch)
+    second = learner(seed=99, **changes)  # type: ignore[arg-type]
+    second.load_state_dict(load(save(first.state_dict())))
+    for batch in batches(6)[3:]:
+        second.update(batch)
+    assert all(tensor.equal(second.state_dict()[name]) for name, tensor in whole.state_dict().items())
+
+
+@pytest.mark.parametrize("name", ["final_rates", "final_alpha"])
+def test_annealing_without_an_end_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match=f"{name} is below 1, which needs the count of updates of the run"):
+        learner(**{name: 0.1})  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("column", "wrong"), [("reward", np.nan), ("observation", np.inf)])
 def test_numbers_that_are_not_finite_are_noticed(column: str, wrong: float) -> None:
     qrsac = learner()
@@ -373,7 +424,9 @@ def test_a_foreign_state_is_refused(change: dict[str, Tensor | None], message: s
 
 @pytest.mark.skipif(not any(map(shutil.which, ("g++", "c++", "clang++"))), reason="needs a C++ compiler")
 def test_compiled_updates_equal_eager_ones() -> None:
-    eager, compiled = learner(hidden=(8,)), learner(hidden=(8,), compiled=True)
+    """Of rates that change with each update, too: one graph serves all."""
+    changes = {"hidden": (8,), "updates": 6, "final_rates": 0.1, "final_alpha": 0.1}
+    eager, compiled = learner(**changes), learner(compiled=True, **changes)  # type: ignore[arg-type]
     for batch in batches(6):
         expected, found = eager.update(batch), compiled.update(batch)
         torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)

@@ -11,12 +11,14 @@ import pytest
 import torch
 
 from policies.checkpoint import load_checkpoint
+from policies.training import rewards
 from policies.training.config import Rollouts, TrainingConfig, read_config
 from policies.training.log import CURVE_FILE, Status
 from policies.training.rollout import Rollout
 from policies.training.state import RunState, load_state, save_state
 from policies.training.trainer import Trainer
 from sim.errors import InputError
+from sim.state import CAR_STATE
 
 SMALL = TrainingConfig.model_validate(
     {
@@ -86,6 +88,19 @@ def test_resume_goes_on_from_the_stop(tmp_path: Path) -> None:
 
 def changed(**changes: object) -> TrainingConfig:
     return TrainingConfig.model_validate(SMALL.model_dump() | changes)
+
+
+def test_rates_that_fall_end_with_the_run(tmp_path: Path) -> None:
+    """Updates after the middle of the run move the critics less than with constant rates."""
+    moved = []
+    for final in (1.0, 0.01):
+        qrsac = SMALL.qrsac.model_dump() | {"final_rates": final, "critic_rate": 1e-3}
+        trainer = Trainer.start(tmp_path / str(final), changed(qrsac=qrsac, updates_per_step=1), seed=1)
+        train(trainer)
+        state = trainer.learner.state_dict()
+        trainer.learner.update(trainer.replay.sample(np.random.default_rng(0)))
+        moved.append(float((trainer.learner.state_dict()["critic"] - state["critic"]).abs().max()))
+    assert moved[1] < 0.05 * moved[0]
 
 
 def test_a_kept_replay_is_there_after_a_stop(tmp_path: Path) -> None:
@@ -214,6 +229,12 @@ def test_the_final_observation_is_the_one_before_the_reset() -> None:
     step, _ = rollout.step(np.zeros((1, 2), np.float32))
     assert step.truncated.all()
     assert not np.array_equal(step.next_observation, rollout.observation)
+
+
+def test_steering_costs_the_square_of_its_change() -> None:
+    before, after = np.zeros((2, 1, 2), CAR_STATE)
+    before["steering"], after["steering"] = [[0.1, -0.1]], [[0.1, 0.2]]
+    np.testing.assert_allclose(rewards.steering(before, after), [[0.0, -0.09]])
 
 
 def test_every_shipped_configuration_reads() -> None:

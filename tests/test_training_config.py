@@ -97,6 +97,8 @@ def test_rollouts_without_opponents_race_those_of_the_run(tmp_path: Path) -> Non
             tables("").replace('"driver"', '{ policy = "driver", weight = -1.0 }'),
             "field rollouts.0.opponents.0.weight is -1.0",
         ),
+        (tables("") + "[qrsac]\nfinal_rates = 0.0", "field qrsac.final_rates is 0.0: .*greater than 0"),
+        (tables("") + "[qrsac]\nfinal_alpha = 1.5", "field qrsac.final_alpha is 1.5"),
         (tables("") + "[reward.off_course_in]\nSchikane = -1.0", "reward.off_course_in.Schikane is -1.0"),
     ],
 )

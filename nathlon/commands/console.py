@@ -27,8 +27,8 @@ def worker_count(asked: int | None) -> int:
     return asked or os.cpu_count() or 1
 
 
-def progress_bars() -> Progress:
-    """Bars with a note, the time taken and the time to go."""
+def progress_bars(quiet: bool = False) -> Progress:
+    """Bars with a note, the time taken and the time to go; nothing is shown if quiet."""
     return Progress(
         TextColumn("{task.description:<12}"),
         BarColumn(),
@@ -37,4 +37,5 @@ def progress_bars() -> Progress:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=console,
+        disable=quiet,
     )

@@ -1,37 +1,92 @@
-"""`nathlon demo` and `nathlon evaluate`."""
+"""`nathlon demo`, `nathlon evaluate` and what they share with `nathlon nightly`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.table import Table
 
 from arena.entrant import enter_all, find_checkpoints, trained_on
-from nathlon.commands.console import console, progress_bars, say
+from arena.store import Store
+from nathlon.commands.console import console, progress_bars, say, worker_count
+from nathlon.config import Config, read_config
+from nathlon.evaluation import evaluate as run_evaluation
 from nathlon.output import OutputFolder
-from nathlon.pipeline import Settings, select
-from nathlon.run import STAGES
+from nathlon.publish import publish
+from nathlon.run import STAGES, OnMatch
 from reports.selection import Selection
+from sim.errors import InputError
 
 
-def evaluate(checkpoints: Sequence[Path], out: Path, settings: Settings) -> None:
+def configured(
+    path: Path | None, seed: int | None, shortlist: int | None, pairs: int | None, workers: int | None
+) -> Config:
+    """The configuration in a file, or the standard one, with what is given in its place."""
+    config = Config() if path is None else read_config(path)
+    committee, tournament = config.committee, config.tournament
+    if shortlist is not None:
+        committee = committee.model_copy(update={"shortlist": shortlist})
+    if pairs is not None:
+        tournament = tournament.model_copy(update={"pairs": pairs})
+    changed = {"seed": seed, "workers": workers}
+    given = {name: value for name, value in changed.items() if value is not None}
+    return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
+
+
+def report(target: str, name: str | None, out: Path) -> None:
+    """Publish a run once more from its store."""
+    with Store.open(target) as store:
+        runs = [record.name for record in store.runs()]
+        if name is None and runs:
+            name = runs[-1]
+        if name not in runs:
+            raise InputError(
+                f"{store.name}: run is {name!r}, expected one of {', '.join(runs) or 'none yet'}"
+            )
+        output = OutputFolder(out)
+        selection = publish(store, name, output)
+    print_selection(selection, output)
+
+
+def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
     """Run the selection on checkpoints and say what came of it."""
     sources = [str(path) for path in find_checkpoints(checkpoints)]
     entrants = enter_all(sources, *trained_on(sources))
     output = OutputFolder(out)
+    with progress(f"The same command goes on from {output.store}.", as_json) as on_match:
+        selection = run_evaluation(entrants, output, config, worker_count(config.workers), on_match)
+    if as_json:
+        print(json.dumps(selection and dict(selection.summary), indent=1))
+    elif selection is None:
+        say(f"The committee waits for its members: nathlon committee {output.store}")
+    else:
+        print_selection(selection, output)
+
+
+@contextmanager
+def progress(stopped: str, quiet: bool, stages: Sequence[str] = STAGES) -> Iterator[OnMatch]:
+    """Bars for the stages, unless quiet; Ctrl-C says how to go on and exits with 130."""
     try:
-        with progress_bars() as progress:
-            tasks = {stage: progress.add_task(stage, total=None, note="matches") for stage in STAGES}
+        with progress_bars(quiet) as bars:
+            tasks = {stage: bars.add_task(stage, total=None, note="matches") for stage in stages}
 
             def on_match(stage: str, done: int, total: int) -> None:
-                progress.update(tasks[stage], completed=done, total=total)
+                bars.update(tasks[stage], completed=done, total=total)
 
-            selection = select(entrants, output, settings, on_match)
+            yield on_match
     except KeyboardInterrupt:
-        say(f"Stopped. The same command goes on from {output.store}.")
+        say(f"Stopped. {stopped}")
         raise SystemExit(130) from None
+
+
+def print_selection(selection: Selection, output: OutputFolder) -> None:
+    """Print the ranking, who is sent, and where the files are."""
     _print_ranking(selection)
+    sent = selection.summary["sent"]
+    say(f"Sent         {sent[0]['name'] if sent else 'nobody: no finalist passed the gates'}")
     say(f"Report       {output.report / 'index.html'}")
     say(f"Spreadsheet  {output.report / 'ranking.xlsx'}")
     if selection.summary["recording"]:
@@ -44,7 +99,7 @@ def _print_ranking(selection: Selection) -> None:
     if not ranking:
         say("Fewer than two entrants reached the round robin; see the report for the filter and the tests.")
         return
-    table = Table(title="Round robin, 4v4, with 95 % intervals")
+    table = Table(title="Round robin with 95 % intervals")
     for column in ("Rank", "Entrant", "Points a race", "Contacts per km", "Races"):
         table.add_column(column, justify="left" if column == "Entrant" else "right")
     for row in ranking:

@@ -1,0 +1,98 @@
+"""The configuration of a selection: `nathlon.toml`."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from nathlon.committee_rules import CommitteeSettings
+from nathlon.filter import FilterSettings
+from nathlon.n_athlon import BatterySettings
+from nathlon.race_off import TournamentSettings
+from policies.load import DRIVER
+from sim.data_file import Section, read_toml
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+TEMPLATE = Path(__file__).parent / "data" / "nathlon.toml"
+"""What `nathlon init` writes."""
+
+
+class NightlySettings(Section):
+    """What makes one night comparable with the next, and when a night is no good.
+
+    Attributes:
+        anchors: built-in drivers and checkpoints that race every night.
+        incumbents: the best of the nights before that race again.
+        max_fault_share: of the car runs and of the new files; beyond it the night fails for its health.
+    """
+
+    anchors: tuple[str, ...] = ("driver:pace=0.95",)
+    incumbents: Annotated[int, Field(ge=0)] = 3
+    max_fault_share: Share = 0.1
+
+
+class Config(Section):
+    """How checkpoints are selected; every field has a default.
+
+    Attributes:
+        checkpoints: folders and files that a night watches; `plugin:NAME` too.
+        circuit, car: what is raced.
+        store: path of the SQLite file, or the URL of a PostgreSQL database.
+        out: folder for the reports.
+        seed: of all randomness.
+        workers: processes; one for each core if it is not given.
+    """
+
+    checkpoints: tuple[str, ...] = ("checkpoints",)
+    circuit: str = "lindenring"
+    car: str = "gt3"
+    store: str = "nathlon.sqlite"
+    out: str = "nights"
+    seed: Annotated[int, Field(ge=0)] = 1
+    workers: Annotated[int, Field(ge=1)] | None = None
+    pareto: FilterSettings = FilterSettings()
+    battery: BatterySettings = BatterySettings()
+    committee: CommitteeSettings = CommitteeSettings()
+    tournament: TournamentSettings = TournamentSettings()
+    nightly: NightlySettings = NightlySettings()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what decides the outcome of a night."""
+        decisive = self.model_dump_json(exclude={"out", "workers", "store", "checkpoints"})
+        return hashlib.sha256(decisive.encode()).hexdigest()
+
+
+def read_config(path: Path) -> Config:
+    """Read `nathlon.toml`; paths in it start from the folder that it is in.
+
+    Raises:
+        InputError: if the file cannot be read, or a field is unknown or out of range.
+    """
+    config, root = read_toml(path, Config, "configuration"), path.parent
+
+    def located(name: str) -> str:
+        """A path from the configuration's folder; names of drivers, plug-ins and databases as they are."""
+        return name if ":" in name or name == DRIVER else os.path.normpath(root / name)
+
+    def files(names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(located(name) if name.endswith(".toml") else name for name in names)
+
+    event = config.tournament.event
+    return config.model_copy(
+        update={
+            "checkpoints": tuple(map(located, config.checkpoints)),
+            "store": located(config.store),
+            "out": located(config.out),
+            "battery": config.battery.model_copy(update={"tests": files(config.battery.tests)}),
+            "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
+            "nightly": config.nightly.model_copy(
+                update={"anchors": tuple(map(located, config.nightly.anchors))}
+            ),
+        }
+    )

@@ -1,0 +1,177 @@
+"""The nightly selection: what is new in the watched folders, against the best of the nights before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from arena.entrant import Entrant, enter
+from arena.match import code_fingerprint
+from arena.pool import Pool
+from arena.results import RANKING
+from arena.store import RunRecord, Store
+from nathlon.config import Config
+from nathlon.field import Exclusion, Field, newcomers
+from nathlon.output import OutputFolder
+from nathlon.pipeline import DONE, WAITING, select
+from nathlon.publish import publish
+from nathlon.run import CONFIDENCE, OnMatch, Run
+from reports.selection import Selection
+from sim.errors import InputError
+from tournament.points import rank
+
+NIGHT = "night-"
+"""What the names of nights begin with in the store."""
+
+ABANDONED = "abandoned"
+"""Status of a night that cannot go on: its configuration, its files or the simulator have changed."""
+
+OK, GATE, BAD_INPUT, HEALTH = 0, 1, 2, 3
+"""Exit codes. Nobody was fit to be sent; the input was bad; too many faults to trust the night."""
+
+
+@dataclass(frozen=True)
+class Night:
+    """How a night went.
+
+    Attributes:
+        name: of the run in the store; None where nothing was new.
+        status: `done`, or `waiting` for people to vote.
+        code: for the scheduler.
+        reason: of the code, in a sentence.
+        selection: what the report shows; None where nothing was new or people must vote first.
+    """
+
+    name: str | None
+    status: str
+    code: int
+    reason: str
+    selection: Selection | None
+
+
+def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
+    """Go on with the night that has not ended, or begin one with what is new.
+
+    Processes that do this on one store at the same time share the work of one night.
+
+    Args:
+        config: what to watch and how to select.
+        workers: processes.
+        on_match: told about progress.
+
+    Raises:
+        InputError: if a watched folder or the store cannot be used.
+    """
+    with Store(config.store) as store, Pool(workers) as pool:
+        night = _open(store, config)
+        if night is None:
+            return Night(None, DONE, OK, "Nothing is new.", None)
+        field = _field(night.config)
+        number = [record.name for record in _nights(store)].index(night.name)
+        run = Run(store, night.name, (config.seed, number), pool, on_match)
+        if select(run, field, config) == WAITING:
+            store.end_run(night.name, WAITING)
+            return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
+        store.put_table(night.name, "pool", _pool(store, night, run))
+        selection = publish(store, night.name, OutputFolder(Path(config.out) / night.name))
+        code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
+        store.put_fact(night.name, "outcome", {"code": code, "reason": reason})
+        store.end_run(night.name, DONE)
+        return Night(night.name, DONE, code, reason, selection)
+
+
+def judge(summary: Mapping[str, Any], entered: int, max_fault_share: float) -> tuple[int, str]:
+    """Exit code of a night that came to its end, and why."""
+    faulty = summary["faults"] + summary["void"]
+    if faulty > max_fault_share * summary["car_runs"]:
+        return HEALTH, f"{faulty:,} of {summary['car_runs']:,} car runs ended by a fault."
+    excluded = len(summary["excluded"])
+    if excluded > max_fault_share * (excluded + entered):
+        return HEALTH, f"{excluded:,} of {excluded + entered:,} new files were set aside."
+    if not summary["sent"]:
+        return GATE, "Nobody passed the committee's gates."
+    return OK, f"{summary['sent'][0]['name']} is sent."
+
+
+def _nights(store: Store) -> list[RunRecord]:
+    return [record for record in store.runs() if record.name.startswith(NIGHT)]
+
+
+def _open(store: Store, config: Config) -> RunRecord | None:
+    """The night that has not ended if it can go on, a new one if there is something new, or None."""
+    nights = _nights(store)
+    for night in nights:
+        if night.status in (DONE, ABANDONED):
+            continue
+        if night.config["world"] == _world(config) and all(map(_intact, _field(night.config).entrants)):
+            return night
+        store.end_run(night.name, ABANDONED)
+    done = [night for night in nights if night.status == DONE]
+    judged = {e.id: e.name for night in done for e in _field(night.config).newcomers}
+    anchors = tuple(enter(anchor, config.circuit, config.car) for anchor in config.nightly.anchors)
+    known = judged | {anchor.id: anchor.name for anchor in anchors}
+    refused = {item.digest for night in done for item in _field(night.config).excluded}
+    new, excluded = newcomers(config.checkpoints, config.circuit, config.car, known, refused)
+    if not new:
+        return None
+    incumbents = _incumbents(store, done, config.nightly.incumbents, {anchor.id for anchor in anchors})
+    field = Field(tuple(new), tuple(incumbents), anchors, tuple(excluded))
+    plan = {"world": _world(config), "field": asdict(field)}
+    try:
+        return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan)
+    except InputError:
+        # Another process has begun this night meanwhile, with what it found.
+        return _open(store, config)
+
+
+def _world(config: Config) -> dict[str, str]:
+    """What must stay the same within a night."""
+    return {"config": config.digest, "code": code_fingerprint()}
+
+
+def _field(plan: Mapping[str, Any]) -> Field:
+    stored = plan["field"]
+    groups = {
+        name: tuple(Entrant(**entrant) for entrant in stored[name])
+        for name in ("newcomers", "incumbents", "anchors")
+    }
+    return Field(**groups, excluded=tuple(Exclusion(**item) for item in stored["excluded"]))
+
+
+def _intact(entrant: Entrant) -> bool:
+    """Whether an entrant can still be loaded, and is the same."""
+    try:
+        return enter(entrant.source, entrant.circuit, entrant.car).id == entrant.id
+    except InputError:
+        return False
+
+
+def _incumbents(store: Store, done: list[RunRecord], count: int, anchors: set[str]) -> list[Entrant]:
+    """The best of the last night's pool whose files are still there."""
+    if not done:
+        return []
+    entrants = {e.id: e for night in done for e in _field(night.config).entrants}
+    best = (
+        store.table(done[-1].name, "pool")
+        .drop_nulls("rank")
+        .sort("rank", "points_per_race", descending=[False, True])
+    )
+    ids = [entrant for entrant in best["entrant"] if entrant in entrants and entrant not in anchors]
+    return [entrants[entrant] for entrant in ids if _intact(entrants[entrant])][:count]
+
+
+def _pool(store: Store, night: RunRecord, run: Run) -> pl.DataFrame:
+    """The ranking over the round robins of this night and of those before it in the same world."""
+    comparable = [
+        record.name
+        for record in _nights(store)
+        if record.config["world"] == night.config["world"] and record.id <= night.id
+    ]
+    results = pl.concat([store.results_of_run(name, "tournament") for name in comparable])
+    if results.is_empty():
+        return pl.DataFrame(schema=RANKING)
+    return rank(results, run.rng("tournament"), confidence=CONFIDENCE)

@@ -1,0 +1,275 @@
+"""Nights: only what is new is judged, nights compare, and a killed night ends as if nothing had happened."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from arena.results import TABLES
+from arena.store import Store
+from nathlon.config import TEMPLATE, Config, read_config
+from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly
+from tests.test_cli import BUNDLED, nathlon, refused
+
+SMALL = """
+checkpoints = ["checkpoints"]
+seed = 3
+[pareto]
+races = 1
+most_races = 1
+opponents = ["driver:pace=0.9"]
+[battery]
+tests = ["pass_left"]
+runs = 2
+[committee]
+shortlist = 2
+[tournament]
+format = "1v1"
+pairs = 2
+block = 2
+[nightly]
+anchors = ["driver:pace=0.9"]
+incumbents = 1
+"""
+
+
+def run(folder: Path) -> Night:
+    return nightly(read_config(folder / "nathlon.toml"), 2, lambda *_: None)
+
+
+def outcome(folder: Path) -> dict[str, Any]:
+    """All that a store says, without when it was said."""
+    with Store.open(folder / "nathlon.sqlite") as store:
+        assert not store.verify()
+        runs = {}
+        for record in store.runs():
+            facts: Any = store.facts(record.name)
+            facts.pop("progress")
+            for stage in facts["summary"]["stages"]:
+                del stage["wall_s"]
+            runs[record.name] = {
+                "status": record.status,
+                "facts": facts,
+                "results": store.results_of_run(record.name).rows(),
+                "tables": {name: store.table(record.name, name).rows() for name in TABLES},
+                "committee": [entry.entry for entry in store.log("committee", record.name)],
+            }
+        return {"runs": runs, "matches": store.results().height}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("nights")
+    (folder / "nathlon.toml").write_text(SMALL)
+    (folder / "checkpoints").mkdir()
+    for path in BUNDLED[-2:]:
+        shutil.copy(path, folder / "checkpoints")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def nights(folder: Path) -> list[Night]:
+    """A night of two checkpoints, one with nothing new, and one of a third beside a broken file."""
+    nights = [run(folder), run(folder)]
+    shutil.copy(BUNDLED[0], folder / "checkpoints")
+    (folder / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
+    return [*nights, run(folder)]
+
+
+@pytest.fixture
+def store(folder: Path, nights: list[Night]) -> Iterator[Store]:
+    with Store.open(folder / "nathlon.sqlite") as store:
+        yield store
+
+
+def test_the_first_night_sends_somebody(folder: Path, nights: list[Night]) -> None:
+    night = nights[0]
+    assert (night.name, night.status, night.code) == ("night-0001", "done", OK)
+    assert night.selection is not None
+    sent = night.selection.summary["sent"][0]["name"]
+    assert sent in {path.stem for path in BUNDLED[-2:]}
+    assert night.reason == f"{sent} is sent."
+    for path in ("report/index.html", "report/ranking.xlsx", "summary.json"):
+        assert (folder / "nights" / "night-0001" / path).stat().st_size > 100
+
+
+def test_a_night_without_anything_new_does_nothing(nights: list[Night]) -> None:
+    assert nights[1] == Night(None, "done", OK, "Nothing is new.", None)
+
+
+def test_only_what_is_new_is_judged_against_the_best_so_far(store: Store, nights: list[Night]) -> None:
+    assert nights[2].name == "night-0002"
+    best = store.table("night-0001", "pool").filter(~pl.col("entrant").str.starts_with("driver"))
+    best = best.sort("rank", "points_per_race", descending=[False, True])["entrant"][0]
+    entrants = store.table("night-0002", "entrants")
+    assert set(entrants["name"]) >= {BUNDLED[0].stem, "driver:pace=0.9"}
+    assert best in entrants["entrant"]
+    assert entrants.height == 3
+    assert best in store.table("night-0002", "ranking")["entrant"]
+
+
+def test_a_broken_file_is_set_aside_and_shown_once(folder: Path, nights: list[Night]) -> None:
+    night = nights[2]
+    assert night.selection is not None
+    [item] = night.selection.summary["excluded"]
+    assert item["source"].endswith("broken.safetensors")
+    assert night.code == HEALTH
+    assert night.reason == "1 of 2 new files were set aside."
+    assert run(folder).reason == "Nothing is new."
+
+
+def test_the_pool_joins_the_nights(store: Store, nights: list[Night]) -> None:
+    first, second = (store.table(name, "pool") for name in ("night-0001", "night-0002"))
+    tonight = store.table("night-0002", "ranking")
+    assert set(second["entrant"]) == set(first["entrant"]) | set(tonight["entrant"])
+    pairs = dict(second.select("entrant", "pairs").iter_rows())
+    anchor = "driver:pace=0.9"
+    before, now = (table.filter(pl.col("entrant") == anchor)["pairs"][0] for table in (first, tonight))
+    assert pairs[anchor] == before + now
+
+
+def test_nights_have_seeds_of_their_own(store: Store, nights: list[Night]) -> None:
+    seeds = [set(store.results_of_run(name)["seed"]) for name in ("night-0001", "night-0002")]
+    marks = set(store.results_of_run("night-0001", "battery").filter(pl.col("entrant") == "driver")["seed"])
+    assert seeds[0] & seeds[1] <= marks
+
+
+def test_the_status_command(folder: Path, nights: list[Night]) -> None:
+    result = nathlon("status", "--verify", "--json", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert [record["status"] for record in said["runs"]] == ["done", "done"]
+    assert said["runs"][1]["facts"]["outcome"]["code"] == HEALTH
+    assert said["disagreements"] == []
+
+
+@pytest.mark.parametrize(
+    ("facts", "code"),
+    [
+        ({"faults": 1}, OK),
+        ({"faults": 11}, HEALTH),
+        ({"void": 11}, HEALTH),
+        ({"sent": []}, GATE),
+        ({"sent": [], "faults": 50}, HEALTH),
+        ({"excluded": [{}] * 2}, HEALTH),
+        ({"excluded": [{}]}, OK),
+    ],
+)
+def test_the_exit_code(facts: dict[str, Any], code: int) -> None:
+    healthy = {"faults": 0, "void": 0, "car_runs": 100, "excluded": [], "sent": [{"name": "a"}]}
+    assert judge(healthy | facts, 10, 0.1)[0] == code
+
+
+def test_people_are_waited_for(tmp_path: Path, folder: Path) -> None:
+    shutil.copytree(folder / "checkpoints", tmp_path / "checkpoints")
+    settings = SMALL.replace("[committee]\n", '[committee]\nmembers = ["ann"]\nquorum = 1\n')
+    (tmp_path / "nathlon.toml").write_text(settings)
+    assert (run(tmp_path).status, run(tmp_path).status) == ("waiting", "waiting")
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        names = store.table("night-0001", "entrants").filter(pl.col("step").is_not_null())["name"]
+        assert store.table("night-0001", "ranking").is_empty()
+    said = ("--member", "ann", "--rank", ",".join(sorted(names)[:1]), "--reason", "I know it.")
+    voted = nathlon("committee", "nathlon.sqlite", "vote", *said, cwd=tmp_path)
+    assert voted.returncode == 0, voted.stderr
+    assert run(tmp_path).status == "waiting"
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        assert not store.table("night-0001", "ranking").is_empty()
+    voted = nathlon("committee", "nathlon.sqlite", "vote", *said, cwd=tmp_path)
+    assert voted.returncode == 0, voted.stderr
+    night = run(tmp_path)
+    assert (night.name, night.status, night.reason) == ("night-0001", "done", f"{sorted(names)[0]} is sent.")
+
+
+def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path, folder: Path) -> None:
+    shutil.copytree(folder / "checkpoints", tmp_path / "checkpoints")
+    waiting = SMALL.replace("[committee]\n", '[committee]\nmembers = ["ann"]\nquorum = 1\n')
+    (tmp_path / "nathlon.toml").write_text(waiting)
+    assert run(tmp_path).status == "waiting"
+    (tmp_path / "nathlon.toml").write_text(SMALL)
+    assert run(tmp_path).name == "night-0002"
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        assert [record.status for record in store.runs()] == ["abandoned", "done"]
+
+
+KILLED = """
+import os, random, signal, sys
+from pathlib import Path
+import sqlalchemy
+from nathlon.nightly import nightly
+from nathlon.config import read_config
+
+folder, seed, kills = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+config = read_config(folder / "nathlon.toml")
+rng = random.Random(seed)
+for _ in range(kills):
+    statements = int(10 ** rng.uniform(0.5, 2.6))
+    child = os.fork()
+    if child == 0:
+        def count(*_):
+            global statements
+            statements -= 1
+            if statements == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+        sqlalchemy.event.listen(sqlalchemy.Engine, rng.choice(["before_cursor_execute", "commit"]), count)
+        nightly(config, 2, lambda *_: None)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    print(os.WIFSIGNALED(status), flush=True)
+"""
+
+
+def test_a_night_killed_fifty_times_ends_as_if_nothing_had_happened(
+    tmp_path: Path, folder: Path, nights: list[Night]
+) -> None:
+    for path in BUNDLED[-2:]:
+        (tmp_path / "checkpoints").mkdir(exist_ok=True)
+        shutil.copy(path, tmp_path / "checkpoints")
+    (tmp_path / "nathlon.toml").write_text(SMALL)
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, tmp_path, "1", "50"], capture_output=True, text=True, check=True
+    )
+    assert killed.stdout.count("True") >= 50
+    run(tmp_path)
+    whole = outcome(folder)["runs"]["night-0001"]
+    assert outcome(tmp_path)["runs"]["night-0001"] == whole
+
+
+def test_two_at_once_share_a_night(tmp_path: Path, folder: Path, nights: list[Night]) -> None:
+    shutil.copytree(folder / "checkpoints", tmp_path / "checkpoints")
+    for name in (BUNDLED[0].name, "broken.safetensors"):
+        (tmp_path / "checkpoints" / name).unlink()
+    (tmp_path / "nathlon.toml").write_text(SMALL)
+    command = [str(Path(sys.executable).parent / "nathlon"), "nightly", "--workers", "1"]
+    both = [
+        subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) for _ in "ab"
+    ]
+    for process in both:
+        _, said = process.communicate(timeout=300)
+        assert process.returncode == 0, said.decode()
+    assert outcome(tmp_path)["runs"]["night-0001"] == outcome(folder)["runs"]["night-0001"]
+
+
+def test_init_writes_what_is_the_standard(tmp_path: Path) -> None:
+    result = nathlon("init", cwd=tmp_path)
+    assert result.returncode == 0
+    assert (tmp_path / "nathlon.toml").read_bytes() == TEMPLATE.read_bytes()
+    paths = {"checkpoints", "store", "out"}
+    written = read_config(tmp_path / "nathlon.toml").model_dump(exclude=paths)
+    assert written == Config().model_dump(exclude=paths)
+    refused(nathlon("init", cwd=tmp_path), "nathlon.toml", "exists already")
+
+
+def test_bad_configurations_are_one_sentence(tmp_path: Path) -> None:
+    refused(nathlon("nightly", cwd=tmp_path), "nathlon.toml", "cannot read the configuration file")
+    (tmp_path / "nathlon.toml").write_text("[tournament]\nformats = 3\n")
+    refused(nathlon("nightly", cwd=tmp_path), "nathlon.toml", "tournament.formats")
+    (tmp_path / "nathlon.toml").write_text('checkpoints = ["nowhere"]\n')
+    refused(nathlon("nightly", cwd=tmp_path), "nowhere: no such file or folder")
