@@ -17,8 +17,8 @@ WEIGHTS = np.linspace(0.0, 24.0, 13)
 """Force with which the road carries a unit of mass, downforce apart, m/s^2: more in dips, less on crests."""
 USED = np.linspace(0.0, 1.0, 41)
 """Shares of the largest lateral acceleration."""
-REAR_DRIVING = 0.75
-REAR_BRAKING = 0.85
+REAR_DRIVING = 0.85
+REAR_BRAKING = 0.92
 """Shares of the rear axle's friction ellipse to use while it also drives or brakes.
 
 Past the peak of its rear tyres the car spins."""

@@ -1,4 +1,4 @@
-"""The fastest quasi-steady lap along a line, and how its time changes with the line.
+"""The fastest quasi-steady lap along a line.
 
 The kernels take all numbers as arguments: Numba would not notice a change of another file's constants.
 """
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from policies.envelope import Envelope
 from sim.kernel import inlined, kernel
 from sim.physics.chassis import GRAVITY
-from sim.track import BANK, CREST, CURVATURE, SLOPE, TANGENT_X, TANGENT_Y, TWIST, Track
+from sim.track import BANK, CREST, CURVATURE, SLOPE, TWIST, Track
 
 Line = NDArray[np.float64]
 
@@ -45,6 +45,7 @@ class Profile:
         offset: lateral offset of the line from the centre line, m, + is left.
         heading: direction of the line relative to the centre line, rad.
         path: the line on the road.
+        grip: share of the tyres' grip to use.
         speed: on the map, m/s.
         lap_s: time of a lap at these speeds.
     """
@@ -52,6 +53,7 @@ class Profile:
     offset: Line
     heading: Line
     path: Path
+    grip: Line
     speed: Line
     lap_s: float
 
@@ -70,21 +72,6 @@ def curvature_and_step(track: Track, offset: Line) -> tuple[Line, Line]:
     (x1, y1), (x2, y2) = _slope(points, track.spacing).T, _bend(points, track.spacing).T
     stretch = np.hypot(x1, y1)
     return (x1 * y2 - y1 * x2) / stretch**3, stretch * track.spacing
-
-
-def pull_back(track: Track, offset: Line, by_curvature: Line, by_step: Line) -> Line:
-    """Gradient by the offsets from the gradient by `curvature_and_step` of them."""
-    points = track.offset_line(offset)[:, :2]
-    (x1, y1), (x2, y2) = _slope(points, track.spacing).T, _bend(points, track.spacing).T
-    stretch = np.hypot(x1, y1)
-    turn = (x1 * y2 - y1 * x2) / stretch**3
-    along = by_step * track.spacing / stretch - 3 * by_curvature * turn / stretch**2
-    share = by_curvature / stretch**3
-    first = np.stack([along * x1 + share * y2, along * y1 - share * x2], axis=1)
-    second = np.stack([-share * y1, share * x1], axis=1)
-    by_point = _bend(second, track.spacing) - _slope(first, track.spacing)
-    tangent = track.table[:, [TANGENT_X, TANGENT_Y]]
-    return by_point[:, 1] * tangent[:, 0] - by_point[:, 0] * tangent[:, 1]
 
 
 def path_of(track: Track, offset: Line) -> tuple[Path, Line]:
@@ -168,152 +155,92 @@ def demand(
 
 
 @kernel
-def corner_speed(i: int, curvature: float, path: Path, grip: float, limits: Envelope) -> float:
+def corner_speed(i: int, path: Path, grip: float, limits: Envelope) -> float:
     """The fastest speed at which the tyres hold row i's bend."""
     low, high = 1.0, limits.speed_step * (len(limits.drag) - 1)
-    used, _, _ = demand(high, curvature, path.climb[i], path.camber[i], path.heave[i], limits)
+    used, _, _ = demand(high, path.curvature[i], path.climb[i], path.camber[i], path.heave[i], limits)
     if abs(used) <= grip:
         return high
-    for _ in range(34):
-        tried = 0.5 * (low + high)
-        used, _, _ = demand(tried, curvature, path.climb[i], path.camber[i], path.heave[i], limits)
-        if abs(used) <= grip:
-            low = tried
+    over = abs(used) - grip
+    used, _, _ = demand(low, path.curvature[i], path.climb[i], path.camber[i], path.heave[i], limits)
+    under = abs(used) - grip
+    if under >= 0.0:
+        return low
+    # The rule of the false position, with the end that stays where it is halved (the Illinois method).
+    kept = 0
+    for _ in range(40):
+        tried = (low * over - high * under) / (over - under)
+        used, _, _ = demand(tried, path.curvature[i], path.climb[i], path.camber[i], path.heave[i], limits)
+        beyond = abs(used) - grip
+        if beyond <= 0.0:
+            low, under = tried, beyond
+            if kept == -1:
+                over *= 0.5
+            kept = -1
         else:
-            high = tried
+            high, over = tried, beyond
+            if kept == 1:
+                under *= 0.5
+            kept = 1
+        if abs(beyond) < 1e-9 or high - low < 1e-8:
+            break
     return low
 
 
 @kernel
-def before(
-    v: float, i: int, curvature: float, step: float, path: Path, grip: float, limits: Envelope
-) -> float:
+def before(v: float, i: int, path: Path, grip: float, limits: Envelope) -> float:
     """The fastest speed at row i from which braking reaches v at the next."""
-    used, weight, along = demand(v, curvature, path.climb[i], path.camber[i], path.heave[i], limits)
+    used, weight, along = demand(v, path.curvature[i], path.climb[i], path.camber[i], path.heave[i], limits)
     used = abs(used) / grip
     slow = grip * look_up(limits.brake, v, weight, used, limits) + look_up(
         limits.scrub, v, weight, used, limits
     )
     slow += at_speed(limits.drag, v, limits) + along
-    return math.sqrt(max(v * v + 2.0 * slow * step, 1.0))
+    return math.sqrt(max(v * v + 2.0 * slow * path.step[i], 1.0))
 
 
 @kernel
-def after(
-    v: float, i: int, curvature: float, step: float, path: Path, grip: float, limits: Envelope
-) -> float:
+def after(v: float, i: int, path: Path, grip: float, limits: Envelope) -> float:
     """The fastest speed after row i that driving reaches from v there."""
-    used, weight, along = demand(v, curvature, path.climb[i], path.camber[i], path.heave[i], limits)
+    used, weight, along = demand(v, path.curvature[i], path.climb[i], path.camber[i], path.heave[i], limits)
     used = abs(used) / grip
     push = grip * look_up(limits.traction, v, weight, used, limits)
     push = min(push, at_speed(limits.power, v, limits)) - look_up(limits.scrub, v, weight, used, limits)
     push -= at_speed(limits.drag, v, limits) + along
-    return math.sqrt(max(v * v + 2.0 * push * step, 1.0))
+    return math.sqrt(max(v * v + 2.0 * push * path.step[i], 1.0))
 
 
 @kernel
-def sweep(
-    path: Path, grip: float, limits: Envelope, corner: np.ndarray, braked: np.ndarray, speed: np.ndarray
-) -> int:
-    """Fill in the speeds that cornering, then braking, then driving allow, each (rows,).
-
-    Returns:
-        the row of the slowest corner, from which the sweeps went out.
-    """
+def sweep(path: Path, grip: np.ndarray, limits: Envelope, speed: np.ndarray) -> None:
+    """Fill in the speeds (rows,) that cornering, then braking, then driving allow at each row's grip."""
     rows = len(speed)
+    corner = np.empty(rows)
     for i in range(rows):
-        corner[i] = corner_speed(i, path.curvature[i], path, grip, limits)
+        corner[i] = corner_speed(i, path, grip[i], limits)
     first = int(np.argmin(corner))
-    braked[:] = corner
+    braked = corner.copy()
     speed[first] = corner[first]
     for k in range(1, rows):
         i = (first - k) % rows
-        reached = before(braked[(i + 1) % rows], i, path.curvature[i], path.step[i], path, grip, limits)
-        braked[i] = min(corner[i], reached)
+        braked[i] = min(corner[i], before(braked[(i + 1) % rows], i, path, grip[i], limits))
     for k in range(rows - 1):
         i = (first + k) % rows
         j = (i + 1) % rows
-        speed[j] = min(braked[j], after(speed[i], i, path.curvature[i], path.step[i], path, grip, limits))
-    return first
+        speed[j] = min(braked[j], after(speed[i], i, path, grip[i], limits))
 
 
-@inlined
-def lap_time(step: np.ndarray, speed: np.ndarray) -> float:
-    """Time over all steps, s, the speed being steady from row to row in the mean."""
-    total = 0.0
-    rows = len(speed)
-    for i in range(rows):
-        total += 2.0 * step[i] / (speed[i] + speed[(i + 1) % rows])
-    return total
-
-
-@kernel
-def time_gradient(
-    path: Path, grip: float, limits: Envelope, by_curvature: np.ndarray, by_step: np.ndarray
-) -> float:
-    """Lap time, s, and its derivatives by curvature and step of each row.
-
-    Goes back over the sweeps: what slows a row is another row's speed, or its own bend.
-    """
-    rows = len(path.step)
-    corner, braked, speed = np.empty(rows), np.empty(rows), np.empty(rows)
-    first = sweep(path, grip, limits, corner, braked, speed)
-    weight, by_braked = np.zeros(rows), np.zeros(rows)
-    for i in range(rows):
-        j = (i + 1) % rows
-        pair = speed[i] + speed[j]
-        by_step[i] = 2.0 / pair
-        by_curvature[i] = 0.0
-        weight[i] -= 2.0 * path.step[i] / (pair * pair)
-        weight[j] -= 2.0 * path.step[i] / (pair * pair)
-    small_v, small_k, small_s = 1e-4, 1e-6, 1e-4
-    for k in range(rows - 2, -1, -1):
-        i = (first + k) % rows
-        j = (i + 1) % rows
-        if speed[j] == braked[j]:
-            by_braked[j] += weight[j]
-            continue
-        v, bend, step = speed[i], path.curvature[i], path.step[i]
-        there = speed[j]
-        by_v = (after(v + small_v, i, bend, step, path, grip, limits) - there) / small_v
-        by_k = (after(v, i, bend + small_k, step, path, grip, limits) - there) / small_k
-        by_s = (after(v, i, bend, step + small_s, path, grip, limits) - there) / small_s
-        weight[i] += weight[j] * by_v
-        by_curvature[i] += weight[j] * by_k
-        by_step[i] += weight[j] * by_s
-    by_braked[first] += weight[first]
-    for k in range(rows - 1, 0, -1):
-        i = (first - k) % rows
-        j = (i + 1) % rows
-        bend, step = path.curvature[i], path.step[i]
-        if braked[i] == corner[i]:
-            faster = corner_speed(i, bend + small_k, path, grip, limits)
-            by_curvature[i] += by_braked[i] * (faster - corner[i]) / small_k
-            continue
-        v, here = braked[j], braked[i]
-        by_v = (before(v + small_v, i, bend, step, path, grip, limits) - here) / small_v
-        by_k = (before(v, i, bend + small_k, step, path, grip, limits) - here) / small_k
-        by_s = (before(v, i, bend, step + small_s, path, grip, limits) - here) / small_s
-        by_braked[j] += by_braked[i] * by_v
-        by_curvature[i] += by_braked[i] * by_k
-        by_step[i] += by_braked[i] * by_s
-    bend = path.curvature[first]
-    faster = corner_speed(first, bend + small_k, path, grip, limits)
-    by_curvature[first] += by_braked[first] * (faster - corner[first]) / small_k
-    return lap_time(path.step, speed)
-
-
-def profile(track: Track, offset: Line, limits: Envelope, grip: float) -> Profile:
+def profile(track: Track, offset: Line, limits: Envelope, grip: float | Line) -> Profile:
     """Quasi-steady speed profile along a line: the fastest within a car's envelope.
 
     Args:
         track: the circuit.
         offset: (rows,) lateral offset of the line, m.
         limits: of the car.
-        grip: share of the tyres' grip to use.
+        grip: share of the tyres' grip to use, everywhere or (rows,).
     """
     path, heading = path_of(track, offset)
     speed = np.empty(len(offset))
-    sweep(path, grip, limits, np.empty_like(speed), np.empty_like(speed), speed)
+    grip = np.full(len(offset), grip)
+    sweep(path, grip, limits, speed)
     time = float(np.sum(2 * path.step / (speed + np.roll(speed, -1))))
-    return Profile(offset, heading, path, speed, time)
+    return Profile(offset, heading, path, grip, speed, time)

@@ -105,40 +105,48 @@ def _bicycle(profile: Profile, car: Car, limits: Envelope, pace: float) -> _Bicy
     )
 
 
-def _tick(car: _Bicycle, row: int) -> Line:
-    """What a tick makes of (lateral error, course error, sideslip, yaw rate, one, steering), (5, 6)."""
-    v = car.speed[row]
-    by_front = car.stiff_front[row] * np.array([0, 0, -1.0, -car.a / v, -car.slip_front[row], 1.0])
-    by_rear = car.stiff_rear[row] * np.array([0, 0, -1.0, car.b / v, -car.slip_rear[row], 0.0])
-    rates = np.zeros((6, 6))
-    rates[0, 1] = v
-    rates[1] = rates[2] = (by_front + by_rear) / (car.mass * v)
-    rates[2, 3] -= 1.0
-    rates[2, 4] += car.curvature[row] * v
-    rates[3] = (car.a * by_front - car.b * by_rear) / car.inertia
-    step: Line = np.linalg.matrix_power(np.eye(6) + AGENT_DT / SUBSTEPS * rates, SUBSTEPS)[:5]
-    return step
+def _ticks(car: _Bicycle, rows: NDArray[np.int64]) -> Line:
+    """What a tick at each row makes of (lateral error, course error, sideslip, yaw rate, one, steering).
+
+    Returns:
+        (ticks, 5, 6)
+    """
+    v, stiff_front, stiff_rear = car.speed[rows], car.stiff_front[rows], car.stiff_rear[rows]
+    by_front, by_rear = np.zeros((2, len(rows), 6))
+    by_front[:, 2], by_rear[:, 2] = -stiff_front, -stiff_rear
+    by_front[:, 3], by_rear[:, 3] = -stiff_front * car.a / v, stiff_rear * car.b / v
+    by_front[:, 4], by_rear[:, 4] = -stiff_front * car.slip_front[rows], -stiff_rear * car.slip_rear[rows]
+    by_front[:, 5] = stiff_front
+    rates = np.zeros((len(rows), 6, 6))
+    rates[:, 0, 1] = v
+    rates[:, 1] = rates[:, 2] = (by_front + by_rear) / (car.mass * v)[:, None]
+    rates[:, 2, 3] -= 1.0
+    rates[:, 2, 4] += car.curvature[rows] * v
+    rates[:, 3] = (car.a * by_front - car.b * by_rear) / car.inertia
+    steps: Line = np.linalg.matrix_power(np.eye(6) + AGENT_DT / SUBSTEPS * rates, SUBSTEPS)[:, :5]
+    return steps
 
 
 def _sweep(car: _Bicycle, rows: NDArray[np.int64], wheels: Line) -> Line:
-    """The best steering at each tick of the lap as a law on `_tick`'s first five, (ticks, 5).
+    """The best steering at each tick of the lap as a law on `_ticks`' first five, (ticks, 5).
 
     Two laps backward, after which nothing is left of where the sweep began.
     """
     cost, value = np.zeros((5, 5)), np.zeros((5, 5))
     cost[0, 0] = (STEERING_RAD / LATERAL_M) ** 2
+    steps, wanted = _ticks(car, rows), wheels[rows]
     laws = np.zeros((len(rows), 5))
     for tick in range(2 * len(rows) - 1, -1, -1):
-        row = rows[tick % len(rows)]
-        step = _tick(car, row)
+        step, steady = steps[tick % len(rows)], wanted[tick % len(rows)]
         state, control = step[:, :5], step[:, 5]
-        law = -(control @ value @ state)
-        law[4] += wheels[row]
-        law /= 1.0 + control @ value @ control
+        weighed = control @ value
+        law = -(weighed @ state)
+        law[4] += steady
+        law /= 1.0 + weighed @ control
         laws[tick % len(rows)] = law
         closed = state + np.outer(control, law)
         effort = law.copy()
-        effort[4] -= wheels[row]
+        effort[4] -= steady
         value = cost + np.outer(effort, effort) + closed.T @ value @ closed
     return laws
 
