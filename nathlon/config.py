@@ -78,7 +78,7 @@ def read_config(path: Path) -> Config:
 
     def located(name: str) -> str:
         """A path from the configuration's folder; names of drivers, plug-ins and databases as they are."""
-        return name if ":" in name or name == DRIVER else os.path.normpath(root / name)
+        return name if ":" in name or name == DRIVER else os.path.abspath(root / name)
 
     def files(names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(located(name) if name.endswith(".toml") else name for name in names)
