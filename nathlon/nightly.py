@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from nathlon.run import CONFIDENCE, OnMatch, Run
 from reports.selection import Selection
 from sim.errors import InputError
 from tournament.points import rank
+from tournament.stopping import repeated
 
 NIGHT = "night-"
 """What the names of nights begin with in the store."""
@@ -67,7 +68,9 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         InputError: if a watched folder or the store cannot be used.
     """
     with Store(config.store) as store, Pool(workers) as pool:
-        night = _open(store, config)
+        night, excluded = _open(store, config)
+        if night is None and excluded:
+            return Night(None, DONE, HEALTH, f"All that is new was set aside: {excluded[0].reason}.", None)
         if night is None:
             return Night(None, DONE, OK, "Nothing is new.", None)
         field = _field(night.config)
@@ -101,14 +104,17 @@ def _nights(store: Store) -> list[RunRecord]:
     return [record for record in store.runs() if record.name.startswith(NIGHT)]
 
 
-def _open(store: Store, config: Config) -> RunRecord | None:
-    """The night that has not ended if it can go on, a new one if there is something new, or None."""
+def _open(store: Store, config: Config) -> tuple[RunRecord | None, Sequence[Exclusion]]:
+    """The night that has not ended if it can go on, a new one if there is something new, or None.
+
+    And the new files that are set aside.
+    """
     nights = _nights(store)
     for night in nights:
         if night.status in (DONE, ABANDONED):
             continue
         if night.config["world"] == _world(config) and all(map(_intact, _field(night.config).entrants)):
-            return night
+            return night, _field(night.config).excluded
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
     judged = {e.id: e.name for night in done for e in _field(night.config).newcomers}
@@ -117,12 +123,12 @@ def _open(store: Store, config: Config) -> RunRecord | None:
     refused = {item.digest for night in done for item in _field(night.config).excluded}
     new, excluded = newcomers(config.checkpoints, config.circuit, config.car, known, refused)
     if not new:
-        return None
+        return None, excluded
     incumbents = _incumbents(store, done, config.nightly.incumbents, {anchor.id for anchor in anchors})
     field = Field(tuple(new), tuple(incumbents), anchors, tuple(excluded))
     plan = {"world": _world(config), "field": asdict(field)}
     try:
-        return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan)
+        return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan), excluded
     except InputError:
         # Another process has begun this night meanwhile, with what it found.
         return _open(store, config)
@@ -165,7 +171,10 @@ def _incumbents(store: Store, done: list[RunRecord], count: int, anchors: set[st
 
 
 def _pool(store: Store, night: RunRecord, run: Run) -> pl.DataFrame:
-    """The ranking over the round robins of this night and of those before it in the same world."""
+    """The ranking over the round robins of this night and of those before it in the same world.
+
+    Its intervals hold on all of these nights together.
+    """
     comparable = [
         record.name
         for record in _nights(store)
@@ -174,4 +183,4 @@ def _pool(store: Store, night: RunRecord, run: Run) -> pl.DataFrame:
     results = pl.concat([store.results_of_run(name, "tournament") for name in comparable])
     if results.is_empty():
         return pl.DataFrame(schema=RANKING)
-    return rank(results, run.rng("tournament"), confidence=CONFIDENCE)
+    return rank(results, run.rng("tournament"), confidence=repeated(CONFIDENCE, len(comparable)))

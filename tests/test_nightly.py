@@ -142,6 +142,16 @@ def test_the_pool_joins_the_nights(store: Store, nights: list[Night]) -> None:
     assert pairs[anchor] == before + now
 
 
+def test_only_broken_files_are_bad_for_the_health(tmp_path: Path) -> None:
+    (tmp_path / "checkpoints").mkdir()
+    (tmp_path / "nathlon.toml").write_text(SMALL)
+    assert run(tmp_path).code == OK
+    (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
+    night = run(tmp_path)
+    assert (night.name, night.code) == (None, HEALTH)
+    assert "broken.safetensors" in night.reason
+
+
 def test_nights_have_seeds_of_their_own(store: Store, nights: list[Night]) -> None:
     seeds = [set(store.results_of_run(name)["seed"]) for name in ("night-0001", "night-0002")]
     marks = set(store.results_of_run("night-0001", "battery").filter(pl.col("entrant") == "driver")["seed"])
