@@ -57,7 +57,8 @@ class Outline:
     """The circuit as closed polylines in the world frame, row beside row, each (n, 3) float64, metres.
 
     The kerb lines are the outer edges of the kerbs; where there is no kerb they run on the road's edges.
-    The run-off between there and the walls is (n,) int64, indices of `sim.track.SURFACES`.
+    The run-off between there and the walls is (n,) int64, indices of `sim.track.SURFACES`; `zone` is (n,)
+    bool, true where penalties are served.
     """
 
     left: NDArray[np.float64]
@@ -69,6 +70,7 @@ class Outline:
     wall_right: NDArray[np.float64]
     runoff_left: NDArray[np.int64]
     runoff_right: NDArray[np.int64]
+    zone: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -99,3 +101,25 @@ def orientation(
     angles = np.stack([yaw, pitch, roll], axis=-1).astype(np.float64)
     quaternions: NDArray[np.float64] = Rotation.from_euler("ZYX", angles.reshape(-1, 3)).as_quat()
     return quaternions.reshape(*yaw.shape, 4)
+
+
+def progress(log: RaceLog) -> NDArray[np.float64]:
+    """How far each car has come along the centre line, (T, C), metres, so that any two can be compared.
+
+    The car that is first in the first sample starts from 0, the others from behind or ahead of it.
+    """
+    distance = log.samples["distance_m"]
+    if not len(distance):
+        return distance
+    centre = log.outline.centre
+    along = np.cumsum(np.linalg.norm(np.diff(centre, axis=0, append=centre[:1]), axis=1))
+    lap_m = float(along[-1])
+    first = log.samples[0]
+    ahead = np.roll(centre, -1, axis=0) - centre
+    offset = np.stack([first["x_m"], first["y_m"]], axis=1)[:, None] - centre[None, :, :2]
+    row = np.argmin((offset**2).sum(axis=2), axis=1)
+    beyond = (offset[np.arange(len(row)), row] * ahead[row, :2]).sum(axis=1)
+    start = along[row - 1] * (row > 0) + beyond / np.linalg.norm(ahead[row], axis=1)
+    start -= start[np.argmin(first["place"])]
+    start -= lap_m * np.round(start / lap_m)
+    return np.asarray(distance - distance[0] + start)

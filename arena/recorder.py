@@ -25,6 +25,7 @@ from sim.track import (
     RUNOFF_RIGHT,
     WALL_LEFT,
     WALL_RIGHT,
+    ZONE,
     Track,
     load_track,
 )
@@ -53,19 +54,31 @@ FLAGS = ("off_course", "wall_contact", "car_contact")
 """Fields of both that tell of the time since the last sample or step."""
 
 
-def record_race(match: Match, policies: Sequence[Policy], race: int, names: Sequence[str]) -> RaceLog:
-    """Run a match again and keep one of its races, at its own rate of actions or 10 to 20 samples a second.
+def record_races(
+    match: Match, policies: Sequence[Policy], races: Sequence[int], names: Sequence[str]
+) -> list[RaceLog]:
+    """Run a match again and keep some of its races, at its own rate of actions or 10 to 20 samples a second.
 
     Args:
         match: the match.
         policies: one for each of its entrants.
-        race: index of the race.
+        races: indices of the races to keep; the logs are in their order.
         names: of the match's entrants, as reports show them.
     """
-    recorder = _Recorder(match, race, [names[seat.entrant] for seat in match.races[race].seats])
-    results = run_match(match, policies, recorder)
-    rows = results.filter(results["race"] == race).sort("car")
-    return recorder.log(list(rows["ending"]), rows["driven_s"].to_list())
+    recorders = [
+        _Recorder(match, race, [names[seat.entrant] for seat in match.races[race].seats]) for race in races
+    ]
+
+    def watch(world: World) -> None:
+        for recorder in recorders:
+            recorder(world)
+
+    results = run_match(match, policies, watch)
+    logs = []
+    for race, recorder in zip(races, recorders, strict=True):
+        rows = results.filter(results["race"] == race).sort("car")
+        logs.append(recorder.log(list(rows["ending"]), rows["driven_s"].to_list()))
+    return logs
 
 
 class _Recorder:
@@ -152,4 +165,5 @@ def outline(track: Track) -> Outline:
         wall_right=track.offset_line(-table[:, WALL_RIGHT]),
         runoff_left=table[:, RUNOFF_LEFT].astype(np.int64),
         runoff_right=table[:, RUNOFF_RIGHT].astype(np.int64),
+        zone=table[:, ZONE] > 0.0,
     )

@@ -13,20 +13,11 @@ import zlib
 from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from foxglove_schemas_protobuf.Color_pb2 import Color
-from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Log_pb2 import Log
-from foxglove_schemas_protobuf.Point3_pb2 import Point3
-from foxglove_schemas_protobuf.Pose_pb2 import Pose
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.message import DecodeError, Message
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -40,18 +31,14 @@ from numpy.typing import NDArray
 from zstandard import ZstdError
 
 from arena import _car_state_pb2 as pb
-from arena.circuit_mesh import mesh, surfaces
+from arena.foxglove_scene import scene
 from arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, orientation
 from sim.errors import InputError
 from sim.track import SURFACES
 
-CAR_HEIGHT_M = 1.25
-TEAM_COLOURS: dict[int, tuple[int, int, int]] = {0: (51, 136, 238), 1: (245, 130, 32), -1: (190, 190, 190)}
-"""Red, green and blue from 0 to 255, by team; -1 is a car without a team."""
-
 OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}
 OUTLINE_LINES = ("left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right")
-OUTLINE_RUNOFF = ("runoff_left", "runoff_right")
+OUTLINE_ROWS = ("runoff_left", "runoff_right", "zone")
 FACTS = ("circuit", "car", "scenario", "seed", "match", "race", "version", "car_length_m", "car_width_m")
 
 DATA_END = struct.Struct("<BQI")  # opcode, length, CRC of all that stands before it
@@ -60,12 +47,32 @@ FOOTER = struct.Struct(
 )  # opcode, length, where the summary and its offsets start, CRC of the summary
 
 
+CHUNK_BYTES = 256 * 1024
+"""Of messages, before they are packed: what a damaged file loses at most, some ten seconds of a race."""
+FAULTS = (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error)
+"""What reading raises where a file is not as it should be."""
+
+
+class Recovery(NamedTuple):
+    """What a damaged recording still held.
+
+    Attributes:
+        log: the race until then.
+        messages: how many there were, in all topics.
+        whole: whether nothing was missing.
+    """
+
+    log: RaceLog
+    messages: int
+    whole: bool
+
+
 def write_recording(path: Path, log: RaceLog) -> None:
     """Write a race log as MCAP. The same log gives the same bytes; a file of that name is replaced whole."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         with partial.open("wb") as file:
-            _write_messages(Writer(file, enable_data_crcs=True), log)
+            _write_messages(Writer(file, CHUNK_BYTES, enable_data_crcs=True), log)
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
@@ -77,18 +84,50 @@ def read_recording(path: Path) -> RaceLog:
     Raises InputError if the file is not there, is not a nathlon recording, or differs in any byte from what
     was written.
     """
+    content = _content(path)
+    if not _checksums_match(content):
+        raise InputError(
+            f"{path} is cut short or damaged: its checksums do not match its contents "
+            f"(nathlon replay --recover {path} saves what can be read)."
+        )
+    try:
+        return _race_log([message for message in _messages(content) if message is not None])
+    except FAULTS as error:
+        raise InputError(f"{path} is not a recording of this version of nathlon: {error}.") from error
+
+
+def recover_recording(path: Path) -> Recovery:
+    """The race in a recording that is cut short or damaged, up to the first place that cannot be read.
+
+    Raises InputError if the file is not there, is not a nathlon recording, or is damaged before the first
+    sample.
+    """
+    content = _content(path)
+    own: list[Message] = []
+    count, fault = 0, "it holds no sample"
+    try:
+        for message in _messages(content):
+            count += 1
+            if message is not None:
+                own.append(message)
+    except FAULTS as error:
+        fault = str(error) or type(error).__name__
+    if not any(isinstance(message, pb.CarStates) for message in own):
+        raise InputError(f"{path}: nothing can be recovered: {fault}.")
+    try:
+        return Recovery(_race_log(own), count, _checksums_match(content))
+    except ValueError as error:
+        raise InputError(f"{path}: nothing can be recovered: {error}.") from error
+
+
+def _content(path: Path) -> bytes:
     try:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.") from error
     if not content.startswith(MCAP0_MAGIC):
         raise InputError(f"{path} is not an MCAP file: expected a recording that nathlon wrote.")
-    if not _checksums_match(content):
-        raise InputError(f"{path} is cut short or damaged: its checksums do not match its contents.")
-    try:
-        return _race_log(list(_own_messages(content)))
-    except (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error) as error:
-        raise InputError(f"{path} is not a recording of this version of nathlon: {error}.") from error
+    return content
 
 
 def _write_messages(writer: Writer, log: RaceLog) -> None:
@@ -104,7 +143,7 @@ def _write_messages(writer: Writer, log: RaceLog) -> None:
 
     start_s = float(log.time_s[0]) if len(log.time_s) else 0.0
     add("/race", _race_message(log), start_s)
-    add("/scene", _scene(log), start_s)
+    add("/scene", scene(log), start_s)
     incidents = list(log.incidents)
     for time_s, states, transforms in _ticks(log):
         while incidents and incidents[0].time_s <= time_s:
@@ -128,7 +167,7 @@ def _race_message(log: RaceLog) -> pb.Race:
         line = getattr(message, name)
         for axis, values in enumerate((line.x_m, line.y_m, line.z_m)):
             values.extend(points[:, axis].tolist())
-    for name in OUTLINE_RUNOFF:
+    for name in OUTLINE_ROWS:
         getattr(message, name).extend(getattr(log.outline, name).tolist())
     return message
 
@@ -169,58 +208,6 @@ def _ticks(log: RaceLog) -> Iterator[tuple[float, pb.CarStates, FrameTransforms]
         yield time_s, states, transforms
 
 
-def _scene(log: RaceLog) -> SceneUpdate:
-    """The circuit in the world's frame and every car as a box in its own, drawn for the whole race."""
-    here = Pose(orientation=Quaternion(w=1.0))
-    ground = []
-    for colour, quads in surfaces(log.outline).values():
-        vertices, triangles = mesh(quads)
-        ground.append(
-            TriangleListPrimitive(
-                pose=here,
-                points=_points(vertices, 0.0),
-                indices=triangles.ravel().tolist(),
-                color=_colour(*colour),
-            )
-        )
-    lines = [
-        LinePrimitive(
-            type=LinePrimitive.LINE_LOOP,
-            pose=here,
-            thickness=width_m,
-            points=_points(line, above_m),
-            color=shade,
-        )
-        for line, above_m, width_m, shade in (
-            (log.outline.left, 0.02, 0.3, _colour(235, 235, 235)),
-            (log.outline.right, 0.02, 0.3, _colour(235, 235, 235)),
-            (log.outline.wall_left, 0.5, 0.3, _colour(150, 150, 160)),
-            (log.outline.wall_right, 0.5, 0.3, _colour(150, 150, 160)),
-        )
-    ]
-    circuit = SceneEntity(frame_id="world", id="circuit", triangles=ground, lines=lines)
-    box = Pose(position=Vector3(z=CAR_HEIGHT_M / 2), orientation=Quaternion(w=1.0))
-    size = Vector3(x=log.car_length_m, y=log.car_width_m, z=CAR_HEIGHT_M)
-    cars = [
-        SceneEntity(
-            frame_id=f"car_{i}",
-            id=f"car_{i}",
-            frame_locked=True,
-            cubes=[CubePrimitive(pose=box, size=size, color=_colour(*TEAM_COLOURS[team]))],
-        )
-        for i, team in enumerate(log.teams)
-    ]
-    return SceneUpdate(entities=[circuit, *cars])
-
-
-def _points(points: NDArray[np.float64], above_m: float) -> list[Point3]:
-    return [Point3(x=x, y=y, z=z + above_m) for x, y, z in points.tolist()]
-
-
-def _colour(red: int, green: int, blue: int) -> Color:
-    return Color(r=red / 255, g=green / 255, b=blue / 255, a=1.0)
-
-
 def _checksums_match(content: bytes) -> bool:
     """Whether an MCAP file ends with a checksum of its data and one of its summary, and both hold.
 
@@ -241,8 +228,8 @@ def _checksums_match(content: bytes) -> bool:
     )
 
 
-def _own_messages(content: bytes) -> Iterator[Message]:
-    """The messages of our own, in the file's order."""
+def _messages(content: bytes) -> Iterator[Message | None]:
+    """All messages in the file's order; None stands for one of Foxglove's."""
     schemas: dict[int, Schema] = {}
     types: dict[int, type[Message]] = {}
     for record in StreamReader(io.BytesIO(content), validate_crcs=True).records:
@@ -253,8 +240,8 @@ def _own_messages(content: bytes) -> Iterator[Message]:
             if not _is_schema_of(message_type, schemas[record.schema_id]):
                 raise ValueError(f"topic {record.topic} is of another schema")
             types[record.id] = message_type
-        elif isinstance(record, Record) and record.channel_id in types:
-            yield types[record.channel_id].FromString(record.data)
+        elif isinstance(record, Record):
+            yield types[record.channel_id].FromString(record.data) if record.channel_id in types else None
 
 
 def _is_schema_of(message_type: type[Message], schema: Schema) -> bool:
@@ -296,8 +283,9 @@ def _race_log(messages: list[Message]) -> RaceLog:
 
 def _outline(race: pb.Race) -> Outline:
     lines = {name: _polyline(name, getattr(race, name)) for name in OUTLINE_LINES}
-    runoff = {name: np.array(getattr(race, name), np.int64) for name in OUTLINE_RUNOFF}
-    for name, values in (lines | runoff).items():
+    runoff = {name: np.array(getattr(race, name), np.int64) for name in ("runoff_left", "runoff_right")}
+    zone = np.array(race.zone, np.bool_)
+    for name, values in (lines | runoff | {"zone": zone}).items():
         if len(values) != len(lines["centre"]):
             raise ValueError(
                 f"field {name} has {len(values)} points, expected as many as centre, {len(lines['centre'])}"
@@ -305,7 +293,7 @@ def _outline(race: pb.Race) -> Outline:
     for name, values in runoff.items():
         if not np.isin(values, np.arange(len(SURFACES))).all():
             raise ValueError(f"field {name} names an unknown surface, expected 0 to {len(SURFACES) - 1}")
-    return Outline(**lines, runoff_left=runoff["runoff_left"], runoff_right=runoff["runoff_right"])
+    return Outline(**lines, runoff_left=runoff["runoff_left"], runoff_right=runoff["runoff_right"], zone=zone)
 
 
 def _polyline(name: str, line: pb.Polyline) -> NDArray[np.float64]:

@@ -242,13 +242,38 @@ def race(
 
 @app.command()
 def replay(
-    recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
-    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the Rerun viewer.")] = True,
+    source: Annotated[
+        str, typer.Argument(help="Recording of a race (.mcap); with RACE, the store: its path or URL.")
+    ],
+    race: Annotated[
+        str | None,
+        typer.Argument(help="Race of the store to run again, as KEY:RACE; the first digits of the key do."),
+    ] = None,
+    car: Annotated[
+        str | None, typer.Option(help="Name or number of the car to follow; the winner by default.")
+    ] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the viewer.")] = True,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve Rerun's viewer to browsers on this machine.")
+    ] = False,
+    html: Annotated[Path | None, typer.Option(help="Write a page that plays the race instead.")] = None,
+    video: Annotated[Path | None, typer.Option(help="Write a clip (.mp4) instead.")] = None,
+    start_s: Annotated[
+        float | None, typer.Option("--from", help="Where the clip begins in the race, s.")
+    ] = None,
+    end_s: Annotated[float | None, typer.Option("--to", help="Where the clip ends, s.")] = None,
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Save what can be read of a damaged recording.")
+    ] = False,
+    out: Out = Path("runs/replays"),
 ) -> None:
-    """Make a Rerun replay (.rrd) beside a recording and open it."""
-    from nathlon.commands.racing import replay as run
+    """Look at a race: in Rerun's viewer, in the browser, as a page of its own, or as a video."""
+    from nathlon.commands import replay as command
 
-    run(recording, show)
+    if recover:
+        command.recover(Path(source))
+    else:
+        command.replay(source, race, car, out, show, web, html, video, start_s, end_s)
 
 
 @app.command()

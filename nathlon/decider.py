@@ -1,18 +1,22 @@
-"""The race that decided: the one to look at first."""
+"""The races to look at: the one that decided, and those that stand out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import NamedTuple
 
 import polars as pl
 
-from arena.match import Match
-from arena.pool import match_policies
-from arena.recorder import record_race
-from arena.recording import write_recording
-from arena.store import Store
-from nathlon.output import OutputFolder
-from reports.replay import write_replay
+from arena.results import VOID_ENDINGS
+
+RACE = ["match", "race"]
+
+
+class Notable(NamedTuple):
+    """A race, by its match's key and its number there, and why one should look at it."""
+
+    match: str
+    race: int
+    why: str
 
 
 def deciding_race(results: pl.DataFrame, ranking: pl.DataFrame) -> tuple[str, int] | None:
@@ -20,36 +24,86 @@ def deciding_race(results: pl.DataFrame, ranking: pl.DataFrame) -> tuple[str, in
 
     If the first won none, the race that it lost by least. None where the two did not meet.
     """
+    met = _margins(results, ranking)
+    if met.is_empty():
+        return None
+    closest = met.sort("lost", "by", *RACE)
+    return closest["match"][0], int(closest["race"][0])
+
+
+def notable_races(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
+    """The deciding race first, and then the others that stand out; each once.
+
+    Args:
+        results: of the tournament, schema RESULTS; void races are passed over.
+        ranking: schema RANKING.
+    """
+    margins, valid = _margins(results, ranking), _valid(results)
+    once: dict[tuple[str, int], Notable] = {}
+    for notable in (*_decided(margins), *_most_faults(valid), *_furthest_forward(valid)):
+        once.setdefault((notable.match, notable.race), notable)
+    return list(once.values())
+
+
+def _valid(results: pl.DataFrame) -> pl.DataFrame:
+    """Results without those of void races."""
+    void = results.filter(pl.col("ending").is_in(VOID_ENDINGS)).select(RACE).unique()
+    return results.join(void, on=RACE, how="anti")
+
+
+def _margins(results: pl.DataFrame, ranking: pl.DataFrame) -> pl.DataFrame:
+    """Races of the first two of the ranking: whether the first `lost`, and `by` how many points."""
+    none = pl.DataFrame(schema={"match": pl.String, "race": pl.Int64, "lost": pl.Boolean, "by": pl.Float64})
     if ranking.height < 2:
-        return None
+        return none
     first, second = ranking["entrant"][:2]
-    met = results.filter(pl.col("entrant").is_in([first, second]))
-    points = met.group_by("match", "race", "entrant").agg(pl.col("points").sum())
-    margins = points.pivot("entrant", index=["match", "race"], values="points")
+    met = _valid(results).filter(pl.col("entrant").is_in([first, second]))
+    points = met.group_by(*RACE, "entrant").agg(pl.col("points").sum())
+    margins = points.pivot("entrant", index=RACE, values="points")
     if not {first, second} <= set(margins.columns):
-        return None
-    closest = (
-        margins.drop_nulls()
-        .with_columns(margin=pl.col(first) - pl.col(second))
-        .with_columns(lost=pl.col("margin") <= 0, by=pl.col("margin").abs())
-        .sort("lost", "by", "match", "race")
+        return none
+    margin = pl.col(first) - pl.col(second)
+    return margins.drop_nulls().select(*RACE, lost=margin <= 0, by=margin.abs())
+
+
+def _decided(margins: pl.DataFrame) -> list[Notable]:
+    """The closest race of the first two, and the clearest."""
+    if margins.is_empty():
+        return []
+    closest, clearest = margins.sort("lost", "by", *RACE), margins.sort(-pl.col("by"), *RACE)
+    lost, by = closest["lost"][0], closest["by"][0]
+    how = (
+        "that the first of the ranking lost by least to the second"
+        if lost
+        else ("that the first of the ranking won against the second")
     )
-    return None if closest.is_empty() else (closest["match"][0], int(closest["race"][0]))
+    return [
+        _notable(closest, f"the {'' if lost else 'closest '}race {how}: {by:g} points"),
+        _notable(
+            clearest, f"the clearest race between the first two of the ranking: {clearest['by'][0]:g} points"
+        ),
+    ]
 
 
-def record_decider(
-    store: Store, results: pl.DataFrame, tables: Mapping[str, pl.DataFrame], output: OutputFolder
-) -> dict[str, str | None]:
-    """Run the deciding race once more, record it, and say where its files are from the report's folder."""
-    decider = deciding_race(results, tables["ranking"])
-    if decider is None:
-        return {"replay": None, "recording": None}
-    key, race = decider
-    entrants = tables["entrants"]
-    match = Match.from_spec(store.spec(key), dict(entrants.select("entrant", "source").iter_rows()))
-    names = dict(entrants.select("entrant", "name").iter_rows())
-    log = record_race(match, match_policies(match), race, [names[entrant] for entrant in match.entrants])
-    recording, replay = output.races / "final.mcap", output.replays / "final.rrd"
-    write_recording(recording, log)
-    write_replay(log, replay)
-    return {"replay": f"../replays/{replay.name}", "recording": f"../races/{recording.name}"}
+def _most_faults(results: pl.DataFrame) -> list[Notable]:
+    """The race with the most contacts that the stewards lay to somebody."""
+    faults = results.group_by(RACE).agg(pl.col("contacts_at_fault").sum())
+    worst = faults.filter(pl.col("contacts_at_fault") > 0).sort(-pl.col("contacts_at_fault"), *RACE)
+    if worst.is_empty():
+        return []
+    return [_notable(worst, f"the most contacts at somebody's fault: {worst['contacts_at_fault'][0]}")]
+
+
+def _furthest_forward(results: pl.DataFrame) -> list[Notable]:
+    """The race in which a car came furthest forward from its place on the grid."""
+    gains = results.with_columns(gain=pl.col("slot") - pl.col("place"))
+    furthest = gains.filter(pl.col("gain") > 0).sort(-pl.col("gain"), *RACE, "car")
+    if furthest.is_empty():
+        return []
+    slot, place = furthest["slot"][0], furthest["place"][0]
+    return [_notable(furthest, f"the furthest way forward: from {slot} on the grid to {place}")]
+
+
+def _notable(races: pl.DataFrame, why: str) -> Notable:
+    """The first of some races."""
+    return Notable(races["match"][0], int(races["race"][0]), why)

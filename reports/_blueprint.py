@@ -16,14 +16,17 @@ SERIES_S = 20.0
 def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     """The race from behind one car, the map, the stewards' list and how that car was driven."""
     name = f"{followed} {log.names[followed]}"
-    chase = rrb.Spatial3DView(
-        origin="world",
-        name=f"Behind {name}",
-        contents=["$origin/**", f"- world/cars/{followed}/name"],
-        eye_controls=rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/chase"),
-        background=[150, 185, 215],
-        line_grid=False,
+    marks_s = {f"world/incidents/{incident.kind}": MARK_S for incident in log.incidents}
+    chase = _space(
+        f"Behind {name}",
+        rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/chase"),
+        [f"- world/cars/{followed}/name", "- world/incidents/**"],
+        {},
     )
+    above = _space(
+        f"Around {name}", rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/above"), [], marks_s
+    )
+    whole = _space("Whole circuit", _above(log.outline), [], marks_s)
     shown_s = {f"map/trails/{car}": TRAIL_S for car in range(len(log.names))}
     shown_s |= {f"map/incidents/{incident.kind}": MARK_S for incident in log.incidents}
     circuit = rrb.Spatial2DView(
@@ -33,10 +36,10 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
         visual_bounds=_around(log.outline),
         overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
     )
-    pedals = [f"$origin/{pedal}/{followed}" for pedal in ("throttle", "brake")]
+    pedals = [f"$origin/{share}/{followed}" for share in ("throttle", "brake", "slipstream")]
     series = rrb.Vertical(
-        _series("Speed (km/h), all cars", ["$origin/speed/**"]),
-        _series(f"Throttle and brake of {name}", pedals, (-0.02, 1.02), legend=True),
+        _series("Speed (km/h), all cars; incidents", ["$origin/speed/**", "$origin/incidents/**"]),
+        _series(f"Throttle, brake and slipstream of {name}", pedals, (-0.02, 1.02), legend=True),
         _series(f"Steering of {name} (left +)", [f"$origin/steering/{followed}"], (-1.0, 1.0)),
         rrb.Tabs(
             _series("Places", ["$origin/place/**"], (-len(log.names) - 0.5, -0.5)),
@@ -53,7 +56,11 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(chase, rrb.Horizontal(circuit, lists, column_shares=[1, 1]), row_shares=[3, 2]),
+            rrb.Vertical(
+                rrb.Tabs(chase, above, whole, active_tab=0),
+                rrb.Horizontal(circuit, lists, column_shares=[1, 1]),
+                row_shares=[3, 2],
+            ),
             series,
             column_shares=[5, 2],
         ),
@@ -61,6 +68,29 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
+    )
+
+
+def _space(
+    name: str, eye: rrb.EyeControls3D, without: list[str], shown_s: dict[str, float]
+) -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        origin="world",
+        name=name,
+        contents=["$origin/**", *without],
+        eye_controls=eye,
+        background=[150, 185, 215],
+        line_grid=False,
+        overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
+    )
+
+
+def _above(outline: Outline) -> rrb.EyeControls3D:
+    """High in the south of the circuit, and looking at its middle."""
+    low, high = outline.centre.min(axis=0), outline.centre.max(axis=0)
+    middle, extent = (low + high) / 2, float(np.linalg.norm(high - low))
+    return rrb.EyeControls3D(
+        position=middle + extent * np.array([0.0, -0.55, 0.6]), look_target=middle, eye_up=[0.0, 0.0, 1.0]
     )
 
 

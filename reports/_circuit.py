@@ -14,6 +14,8 @@ WALL_HEIGHT_M = 0.9
 WALL_COLOURS = ((150, 150, 150), (176, 176, 176))
 """Of panels in turn, so that speed can be seen."""
 PANEL_ROWS = 2
+ZONE_COLOUR = (242, 177, 52)
+"""Where penalties are served."""
 PAINT_M = 0.03
 """Height of painted lines above the road, so that they are seen."""
 
@@ -30,6 +32,14 @@ def log_circuit(stream: rr.RecordingStream, outline: Outline) -> None:
         stream.log(f"world/circuit/{name}", _mesh(quads, colour), static=True)
     edges = [_raised(_closed(edge), PAINT_M) for edge in (outline.left, outline.right)]
     stream.log("world/circuit/edges", rr.LineStrips3D(edges, radii=0.12, colors=[240, 240, 240]), static=True)
+    if outline.zone.any():
+        zones = [
+            _raised(strip, 2 * PAINT_M)
+            for edge in (outline.left, outline.right)
+            for strip in _zones(edge, outline)
+        ]
+        paint = rr.LineStrips3D(zones, radii=0.25, colors=ZONE_COLOUR)
+        stream.log("world/circuit/zones", paint, static=True)
     line = _raised(np.stack([outline.left[0], outline.right[0]]), PAINT_M)
     stream.log("world/circuit/line", rr.LineStrips3D([line], radii=0.4, colors=[255, 255, 255]), static=True)
     for side, foot in (("left", outline.wall_left), ("right", outline.wall_right)):
@@ -46,6 +56,10 @@ def log_map(stream: rr.RecordingStream, outline: Outline) -> None:
     stream.log("map/circuit/asphalt", surface, static=True)
     edges = [north_up(_closed(edge)) for edge in (outline.left, outline.right)]
     stream.log("map/circuit/edges", rr.LineStrips2D(edges, radii=-0.75, colors=[190, 190, 190]), static=True)
+    if outline.zone.any():
+        zones = [north_up(strip) for strip in _zones(outline.centre, outline)]
+        paint = rr.LineStrips2D(zones, radii=-2.0, colors=ZONE_COLOUR)
+        stream.log("map/circuit/zones", paint, static=True)
     line = north_up(np.stack([outline.left[0], outline.right[0]]))
     stream.log("map/circuit/line", rr.LineStrips2D([line], radii=-1.5, colors=[255, 255, 255]), static=True)
 
@@ -53,6 +67,11 @@ def log_map(stream: rr.RecordingStream, outline: Outline) -> None:
 def north_up(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points (n, 2) or (n, 3) of the world on a map (n, 2), whose y points down the screen."""
     return points[:, :2] * np.array([1.0, -1.0])
+
+
+def _zones(line: NDArray[np.float64], outline: Outline) -> NDArray[np.float64]:
+    """Stretches (n, 2, 3) of a line of the circuit on which penalties are served, from row to row."""
+    return np.stack([line, np.roll(line, -1, axis=0)], axis=1)[outline.zone]
 
 
 def _mesh(quads: NDArray[np.float64], colour: tuple[int, int, int]) -> rr.Mesh3D:

@@ -10,28 +10,26 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from arena.race_log import NOTICES, Incident, RaceLog, orientation
-from arena.recording import TEAM_COLOURS, read_recording
+from arena.foxglove_scene import TEAM_COLOURS
+from arena.race_log import NOTICES, Incident, RaceLog, orientation, progress
 from reports._blueprint import TIMELINE, blueprint
 from reports._circuit import log_circuit, log_map, north_up
+from reports._motion import POSE, poses
 from reports.car_model import car_model
 from sim.errors import InputError
 
 FRAMES_PER_TICK = 3
 """Pictures between two samples of the log: cars at 10 Hz would jump by several metres."""
 
+CAMERAS = {"chase": ((-10.0, 0.0, 3.4), 9.0), "above": ((-42.0, 0.0, 26.0), 30.0)}
+"""Those that go with the followed car: place in its frame, metres, and degrees that they look down."""
+
 MARK_COLOUR = (235, 60, 70)
-
-
-def replay_file(recording: Path, replay: Path, follow: int | None = None) -> None:
-    """Write the replay (.rrd) of a recording (.mcap), with the camera behind car `follow` or else the winner.
-
-    Raises InputError as `read_recording` does, and if there is no such car.
-    """
-    log = read_recording(recording)
-    if follow is not None and not 0 <= follow < len(log.names):
-        raise InputError(f"{recording} has no car {follow} to follow: expected 0 to {len(log.names) - 1}.")
-    write_replay(log, replay, follow)
+MARK_M = 2.5
+"""Height above the road."""
+DRAUGHT_COLOUR = (150, 215, 255)
+DRAUGHT_M = 14.0
+"""Length of the streak ahead of a car in full slipstream."""
 
 
 def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
@@ -115,25 +113,17 @@ def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
     if not len(ticks):
         return
     frames = np.arange((len(ticks) - 1) * FRAMES_PER_TICK + 1) / FRAMES_PER_TICK
-    index = [rr.TimeColumn(TIMELINE, duration=np.interp(frames, ticks, log.time_s))]
+    time_s = np.interp(frames, ticks, log.time_s)
+    index = [rr.TimeColumn(TIMELINE, duration=time_s)]
+    at = poses(log, time_s)
     for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
-        sample = log.samples[:, car]
-        x, y, z, yaw, pitch, roll = (
-            np.interp(frames, ticks, column)
-            for column in (
-                sample["x_m"],
-                sample["y_m"],
-                sample["z_m"],
-                np.unwrap(sample["yaw_rad"]),
-                sample["pitch_rad"],
-                sample["roll_rad"],
-            )
-        )
+        x, y, z, yaw, pitch, roll = (at[name][:, car] for name in POSE)
         pose = rr.Transform3D.columns(
             translation=np.stack([x, y, z], axis=1), quaternion=orientation(yaw, pitch, roll)
         )
         stream.send_columns(f"world/cars/{car}", index, pose)
         _log_body(stream, log, car, colour, label)
+        _log_draught(stream, log, car)
 
         point = rr.Points2D.columns(positions=north_up(np.stack([x, y], axis=1)))
         look = rr.Points2D.from_fields(
@@ -142,7 +132,7 @@ def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
         stream.send_columns(f"map/cars/{car}", index, point)
         stream.log(f"map/cars/{car}", look, static=True)
         _log_trail(stream, log, car, colour)
-    _log_camera(stream, followed)
+    _log_cameras(stream, followed)
 
 
 def _log_body(
@@ -155,6 +145,19 @@ def _log_body(
     stream.log(f"world/cars/{car}/name", name, static=True)
 
 
+def _log_draught(stream: rr.RecordingStream, log: RaceLog, car: int) -> None:
+    """A streak ahead of the car, the longer the deeper it sits in the wakes of others."""
+    nose = np.array([log.car_length_m / 2, 0.0, 0.5])
+    reach = DRAUGHT_M * log.samples["slipstream"][:, car].astype(np.float64)
+    tips = nose + reach[:, None] * np.array([1.0, 0.0, 0.0])
+    strokes = rr.LineStrips3D.columns(
+        strips=list(np.stack([np.broadcast_to(nose, tips.shape), tips], axis=1))
+    )
+    look = rr.LineStrips3D.from_fields(radii=0.12, colors=DRAUGHT_COLOUR)
+    stream.log(f"world/cars/{car}/draught", look, static=True)
+    stream.send_columns(f"world/cars/{car}/draught", [rr.TimeColumn(TIMELINE, duration=log.time_s)], strokes)
+
+
 def _log_trail(stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple[int, int, int]) -> None:
     """One stroke from each sample to the next; the map shows the last few."""
     path = north_up(np.stack([log.samples["x_m"][:, car], log.samples["y_m"][:, car]], axis=1))
@@ -164,27 +167,29 @@ def _log_trail(stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple
     stream.log(f"map/trails/{car}", rr.LineStrips2D.from_fields(radii=-1.5, colors=colour), static=True)
 
 
-def _log_camera(stream: rr.RecordingStream, followed: int) -> None:
-    stream.log(
-        f"world/cars/{followed}/chase",
-        rr.Transform3D(
-            translation=[-10.0, 0.0, 3.4], rotation=rr.RotationAxisAngle(axis=[0, 1, 0], degrees=9.0)
-        ),
-        rr.Pinhole(
-            fov_y=1.0,
-            aspect_ratio=1.6,
-            camera_xyz=rr.ViewCoordinates.FLU,
-            # The camera's own frame would stand in the picture.
-            image_plane_distance=1e-4,
-            color=[0, 0, 0, 0],
-        ),
-        static=True,
-    )
+def _log_cameras(stream: rr.RecordingStream, followed: int) -> None:
+    for name, (metres, down_degrees) in CAMERAS.items():
+        stream.log(
+            f"world/cars/{followed}/{name}",
+            rr.Transform3D(
+                translation=metres, rotation=rr.RotationAxisAngle(axis=[0, 1, 0], degrees=down_degrees)
+            ),
+            rr.Pinhole(
+                fov_y=1.0,
+                aspect_ratio=1.6,
+                camera_xyz=rr.ViewCoordinates.FLU,
+                # The camera's own frame would stand in the picture.
+                image_plane_distance=1e-4,
+                color=[0, 0, 0, 0],
+            ),
+            static=True,
+        )
 
 
 def _log_series(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
     index = [rr.TimeColumn(TIMELINE, duration=log.time_s)]
-    leader_m = log.samples["distance_m"].max(axis=1, initial=0.0)
+    along_m = progress(log)
+    leader_m = along_m.max(axis=1, initial=-np.inf)
     for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
         sample = log.samples[:, car]
         speed = np.hypot(sample["velocity_x_m_s"], sample["velocity_y_m_s"])
@@ -193,8 +198,9 @@ def _log_series(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None
             "throttle": (sample["throttle"], (90, 200, 90), "throttle"),
             "brake": (sample["brake"], (225, 70, 60), "brake"),
             "steering": (sample["steering"], (200, 200, 120), "steering"),
+            "slipstream": (sample["slipstream"], DRAUGHT_COLOUR, "slipstream"),
             "place": (-sample["place"].astype(float), colour, label),
-            "gap": (sample["distance_m"] - leader_m, colour, label),
+            "gap": (along_m[:, car] - leader_m, colour, label),
         }
         for name, (values, line_colour, line_name) in series.items():
             entity = f"series/{name}/{car}"
@@ -210,14 +216,22 @@ def _log_incidents(stream: rr.RecordingStream, log: RaceLog) -> None:
         level = rr.TextLogLevel.INFO if kind in NOTICES else rr.TextLogLevel.WARN
         texts = rr.TextLog.columns(text=[i.text for i in incidents], level=[level] * len(incidents))
         stream.send_columns(f"incidents/{kind}", index, texts)
-        places = np.array([_place_of(incident, log) for incident in incidents])
-        mark = rr.Points2D.from_fields(radii=-8.0, colors=MARK_COLOUR, labels=kind, draw_order=40.0)
-        stream.log(f"map/incidents/{kind}", mark, static=True)
+        found = [_car_of(incident, log) for incident in incidents]
+        places = np.array([[car["x_m"], car["y_m"], car["z_m"] + MARK_M] for car in found])
+        flat = rr.Points2D.from_fields(radii=-8.0, colors=MARK_COLOUR, labels=kind, draw_order=40.0)
+        stream.log(f"map/incidents/{kind}", flat, static=True)
         stream.send_columns(f"map/incidents/{kind}", index, rr.Points2D.columns(positions=north_up(places)))
+        mark = rr.Points3D.from_fields(radii=-6.0, colors=MARK_COLOUR, labels=kind)
+        stream.log(f"world/incidents/{kind}", mark, static=True)
+        stream.send_columns(f"world/incidents/{kind}", index, rr.Points3D.columns(positions=places))
+        speeds = [3.6 * float(np.hypot(car["velocity_x_m_s"], car["velocity_y_m_s"])) for car in found]
+        look = rr.SeriesPoints(colors=MARK_COLOUR, names=kind, markers="diamond", marker_sizes=5.0)
+        stream.log(f"series/incidents/{kind}", look, static=True)
+        stream.send_columns(f"series/incidents/{kind}", index, rr.Scalars.columns(scalars=speeds))
 
 
-def _place_of(incident: Incident, log: RaceLog) -> tuple[float, float]:
-    """x and y, in metres, of the first car concerned at the time of an incident."""
+def _car_of(incident: Incident, log: RaceLog) -> np.void:
+    """The sample of the first car concerned at the time of an incident."""
     tick = min(int(np.searchsorted(log.time_s, incident.time_s)), len(log.time_s) - 1)
-    sample = log.samples[tick, incident.cars[0]]
-    return float(sample["x_m"]), float(sample["y_m"])
+    car: np.void = log.samples[tick, incident.cars[0]]
+    return car

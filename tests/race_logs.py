@@ -125,7 +125,8 @@ def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog
 def oval_outline() -> Outline:
     """Edges 6 m and walls 10 m from the oval's centre line, with a corner every 5 m.
 
-    A kerb of 1 m on the left in the first half of the lap; gravel on the right, grass on the left.
+    A kerb of 1 m on the left in the first half of the lap; gravel on the right, grass on the left; a penalty
+    zone between 100 and 200 m.
     """
     distance_m = np.arange(0.0, LAP_M, 5.0)
 
@@ -143,4 +144,5 @@ def oval_outline() -> Outline:
         wall_right=line(-10.0),
         runoff_left=np.full(len(distance_m), SURFACES.index("grass")),
         runoff_right=np.full(len(distance_m), SURFACES.index("gravel")),
+        zone=(distance_m >= 100.0) & (distance_m < 200.0),
     )

@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from arena.foxglove_scene import TEAM_COLOURS
 from arena.race_log import RaceLog
-from arena.recording import TEAM_COLOURS, write_recording
+from arena.recording import read_recording, write_recording
 from reports._countryside import countryside
 from reports.car_model import car_model
 from reports.replay import (
+    DRAUGHT_M,
     FRAMES_PER_TICK,
     car_colours,
     open_viewer,
     race_sheet,
-    replay_file,
     winner,
     write_replay,
 )
@@ -120,6 +121,30 @@ def test_series_and_incidents_are_those_of_the_log(replay: Path, log: RaceLog) -
     np.testing.assert_allclose(mark, [stopped["x_m"], -stopped["y_m"]], rtol=1e-6)
 
 
+def test_slipstream_zones_and_incidents_are_drawn(replay: Path, log: RaceLog) -> None:
+    found = entities(replay)
+    streak = np.array(found["/world/cars/1/draught"]["LineStrips3D:strips"].to_pylist()[5][0])
+    assert streak[0].tolist() == pytest.approx([2.3, 0.0, 0.5])
+    assert streak[1, 0] - streak[0, 0] == pytest.approx(DRAUGHT_M * 0.4)
+    drawn = np.array(found["/map/circuit/zones"]["LineStrips2D:strips"].to_pylist()[0])
+    rows = np.flatnonzero(log.outline.zone)
+    np.testing.assert_allclose(drawn[:, 0], log.outline.centre[rows, :2] * [1.0, -1.0], rtol=1e-6)
+    assert len(found["/world/circuit/zones"]["LineStrips3D:strips"].to_pylist()[0]) == 2 * len(rows)
+    tick = round(log.incidents[0].time_s * 10 + 0.5)
+    touched = log.samples[tick, 0]
+    mark = found["/world/incidents/contact"]["Points3D:positions"].to_pylist()[0][0]
+    np.testing.assert_allclose(mark[:2], [touched["x_m"], touched["y_m"]], rtol=1e-5)
+    speed = found["/series/incidents/contact"]["Scalars:scalars"].to_pylist()[0][0]
+    assert speed == pytest.approx(3.6 * touched["velocity_x_m_s"], rel=1e-5)
+
+
+def test_gaps_count_from_the_grid(replay: Path, log: RaceLog) -> None:
+    gaps = [row[0] for row in entities(replay)["/series/gap/2"]["Scalars:scalars"].to_pylist()]
+    assert gaps[0] == pytest.approx(-18.0, abs=0.1)
+    distance = log.samples["distance_m"]
+    np.testing.assert_allclose(gaps, distance[:, 2] - distance.max(axis=1), atol=0.1)
+
+
 def test_the_camera_follows_the_winner_or_the_car_asked_for(
     replay: Path, log: RaceLog, tmp_path: Path
 ) -> None:
@@ -131,7 +156,7 @@ def test_the_camera_follows_the_winner_or_the_car_asked_for(
 
 def test_two_writings_compare_equal(replay: Path, log: RaceLog, tmp_path: Path) -> None:
     write_recording(tmp_path / "race.mcap", log)
-    replay_file(tmp_path / "race.mcap", tmp_path / "again.rrd")
+    write_replay(read_recording(tmp_path / "race.mcap"), tmp_path / "again.rrd")
     rerun_rrd("compare", "--unordered", replay, tmp_path / "again.rrd")
     write_replay(replace(log, names=("x", "y", "z")), tmp_path / "other.rrd")
     with pytest.raises(subprocess.CalledProcessError):
@@ -146,19 +171,6 @@ def test_the_shortest_races_can_be_shown(tmp_path: Path, ticks: int, log: RaceLo
     write_replay(short, tmp_path / "short.rrd")
     assert "verified without error" in rerun_rrd("verify", tmp_path / "short.rrd")
     assert ("/world/cars/0" in entities(tmp_path / "short.rrd")) == (ticks > 0)
-
-
-def test_what_is_no_recording_leaves_no_replay(tmp_path: Path) -> None:
-    (tmp_path / "race.mcap").write_bytes(b"not a race")
-    with pytest.raises(InputError, match=r"race\.mcap is not an MCAP file"):
-        replay_file(tmp_path / "race.mcap", tmp_path / "race.rrd")
-    assert not (tmp_path / "race.rrd").exists()
-
-
-def test_only_a_car_of_the_race_can_be_followed(tmp_path: Path, log: RaceLog) -> None:
-    write_recording(tmp_path / "race.mcap", log)
-    with pytest.raises(InputError, match=r"race\.mcap has no car 3 to follow: expected 0 to 2"):
-        replay_file(tmp_path / "race.mcap", tmp_path / "race.rrd", follow=3)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a window would open")

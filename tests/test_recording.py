@@ -23,7 +23,7 @@ from mcap_protobuf.schema import register_schema
 
 from arena import _car_state_pb2 as pb
 from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
-from arena.recording import OUTLINE_LINES, read_recording, write_recording
+from arena.recording import OUTLINE_LINES, read_recording, recover_recording, write_recording
 from sim.errors import InputError
 from tests.race_logs import oval_race, road_axes, turned
 
@@ -67,7 +67,7 @@ def sealed(path: Path, messages: list[tuple[str, Message]]) -> None:
 
 def one_point_race(runoff_right: list[int]) -> pb.Race:
     """A race whose circuit is one point."""
-    race = pb.Race(runoff_left=[0], runoff_right=runoff_right)
+    race = pb.Race(runoff_left=[0], runoff_right=runoff_right, zone=[False])
     for line in OUTLINE_LINES:
         getattr(race, line).CopyFrom(POINT)
     return race
@@ -135,6 +135,59 @@ def test_a_cut_or_changed_file_is_refused(
     path.write_bytes(damaged)
     with pytest.raises(InputError, match=r"damaged\.mcap"):
         read_recording(path)
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory: pytest.TempPathFactory) -> tuple[RaceLog, bytes]:
+    """A race that takes several chunks, and its recording."""
+    log = oval_race(cars=8, duration_s=60.0)
+    path = tmp_path_factory.mktemp("long") / "race.mcap"
+    write_recording(path, log)
+    return log, path.read_bytes()
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_what_stands_before_the_damage_is_recovered(
+    data: st.DataObject, long: tuple[RaceLog, bytes], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    log, content = long
+    path = tmp_path_factory.getbasetemp() / "hurt.mcap"
+    at = data.draw(st.integers(0, len(content) - 1))
+    bit = data.draw(st.integers(-1, 7))
+    rest = b"" if bit < 0 else bytes([content[at] ^ 1 << bit]) + content[at + 1 :]
+    path.write_bytes(content[:at] + rest)
+    try:
+        found = recover_recording(path)
+    except InputError:
+        assert at < 160_000, "the first chunk was whole"
+        return
+    ticks = len(found.log.time_s)
+    assert not found.whole
+    assert found.log.samples.tobytes() == log.samples[:ticks].tobytes()
+    assert ticks >= len(log.time_s) * (at / len(content) - 0.35)
+    assert found.messages == 2 * ticks + 2 + 2 * len(found.log.incidents)
+    assert found.log.incidents == log.incidents[: len(found.log.incidents)]
+    write_recording(path, found.log)
+    assert_same(read_recording(path), found.log)
+
+
+def test_what_holds_no_sample_cannot_be_recovered(tmp_path: Path, recording: bytes) -> None:
+    for name, content, fault in (
+        ("text", b"lap,time", "is not an MCAP file"),
+        ("cut", recording[:400], "nothing can be recovered"),
+        ("magic", recording[:8], "nothing can be recovered"),
+    ):
+        (tmp_path / f"{name}.mcap").write_bytes(content)
+        with pytest.raises(InputError, match=rf"{name}\.mcap.*{fault}"):
+            recover_recording(tmp_path / f"{name}.mcap")
+
+
+def test_of_a_whole_file_nothing_is_lost(tmp_path: Path, recording: bytes) -> None:
+    (tmp_path / "race.mcap").write_bytes(recording)
+    found = recover_recording(tmp_path / "race.mcap")
+    assert found.whole
+    assert_same(found.log, oval_race(cars=2, duration_s=3.0))
 
 
 def test_every_byte_of_the_end_is_guarded(tmp_path: Path, recording: bytes) -> None:

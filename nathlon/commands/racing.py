@@ -1,4 +1,4 @@
-"""`nathlon race` and `nathlon replay`."""
+"""`nathlon race`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from arena.entrant import Entrant, enter
 from arena.match import Match, Race, Seat
 from arena.pool import match_policies
 from arena.qualifying import qualify
-from arena.recorder import record_race
+from arena.recorder import record_races
 from arena.recording import write_recording
 from arena.runner import run_match
 from nathlon.commands.console import console, say
 from nathlon.output import OutputFolder
-from reports.replay import open_viewer, replay_file
 from sim.errors import InputError
 from sim.scenario import load_scenario
 
@@ -58,7 +57,7 @@ def race(
     policies_ = match_policies(match)
     _print_race(match, entrants)
     if output:
-        log = record_race(match, policies_, 0, [entrant.name for entrant in entrants])
+        [log] = record_races(match, policies_, [0], [entrant.name for entrant in entrants])
         path = output.races / "race.mcap"
         write_recording(path, log)
         say(f"Recording    {path}")
@@ -98,12 +97,3 @@ def _print_race(match: Match, entrants: Sequence[Entrant]) -> None:
             *(str(row[count]) for count in ("contacts", "contacts_at_fault", "penalties")),
         )
     console.print(table)
-
-
-def replay(recording: Path, show: bool) -> None:
-    """Make the Rerun replay of a recording, and open it if wanted."""
-    path = recording.with_suffix(".rrd")
-    replay_file(recording, path)
-    say(f"Replay       {path}")
-    if show:
-        open_viewer(path)

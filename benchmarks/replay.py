@@ -1,0 +1,93 @@
+"""What a race's recording, replay, page and video cost: seconds to write and bytes, at 10 samples a second.
+
+A made-up race of eight cars on a circuit of the package, driven by the built-in driver:
+
+    python -m benchmarks.replay --json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from arena.match import Match, Race, Seat
+from arena.pool import match_policies
+from arena.race_log import RaceLog
+from arena.recorder import record_races
+from arena.recording import read_recording, write_recording
+from reports.player import write_player
+from reports.replay import write_replay
+from reports.video import write_video
+
+DRIVERS = ("driver:pace=0.95", "driver:pace=0.9")
+CLIP_S = 5.0
+
+
+def race_log(circuit: str, seed: int) -> tuple[RaceLog, float]:
+    """A race of eight cars from the grid, and the seconds that it took to run it again and keep it."""
+    seats = tuple(Seat(slot % 2, slot % 2) for slot in range(8))
+    match = Match("race", "race", "race", circuit, "gt3", DRIVERS, DRIVERS, (Race(seed, seats),))
+    policies = match_policies(match)
+    began = time.perf_counter()
+    [log] = record_races(match, policies, [0], DRIVERS)
+    return log, time.perf_counter() - began
+
+
+def measure(log: RaceLog, folder: Path) -> dict[str, dict[str, Any]]:
+    """Seconds and bytes of every kind of file; of the video those of a clip of CLIP_S seconds."""
+    kinds: dict[str, Callable[[Path], object]] = {
+        "mcap": lambda path: write_recording(path, log),
+        "rrd": lambda path: write_replay(log, path),
+        "html": lambda path: write_player(log, path),
+        "mp4": lambda path: write_video(log, path, None, 0.0, CLIP_S),
+    }
+    figures: dict[str, dict[str, Any]] = {}
+    for kind, write in kinds.items():
+        path = folder / f"race.{kind}"
+        began = time.perf_counter()
+        write(path)
+        figures[kind] = {
+            "write_s": round(time.perf_counter() - began, 2),
+            "bytes": path.stat().st_size,
+        }
+    began = time.perf_counter()
+    read_recording(folder / "race.mcap")
+    figures["mcap"]["read_s"] = round(time.perf_counter() - began, 2)
+    return figures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--circuit", default="lindenring")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    log, simulated_s = race_log(options.circuit, options.seed)
+    with tempfile.TemporaryDirectory() as name:
+        files = measure(log, Path(name))
+    facts: dict[str, Any] = {
+        "circuit": options.circuit,
+        "cars": len(log.names),
+        "race_s": round(float(log.time_s[-1]), 1),
+        "samples": log.samples.size,
+        "run_again_s": round(simulated_s, 2),
+        "clip_s": CLIP_S,
+        "files": files,
+    }
+    if options.json:
+        print(json.dumps(facts))
+        return
+    for name, value in facts.items():
+        if name != "files":
+            print(f"{name:<12} {value}")
+    for kind, figures in files.items():
+        print(f"{kind:<12} {', '.join(f'{name} {value:,}' for name, value in figures.items())}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""`nathlon replay`."""
+
+from __future__ import annotations
+
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+from arena.race_log import RaceLog
+from arena.recording import read_recording, recover_recording, write_recording
+from arena.store import Store
+from nathlon.commands.console import say
+from nathlon.replays import record_stored_race
+from reports.player import write_player
+from reports.replay import labels, open_viewer, write_replay
+from reports.video import write_video
+from reports.web_viewer import WebViewer
+from sim.errors import InputError
+
+
+def replay(
+    source: str,
+    race: str | None,
+    car: str | None,
+    out: Path,
+    show: bool,
+    web: bool,
+    html: Path | None,
+    video: Path | None,
+    start_s: float | None,
+    end_s: float | None,
+) -> None:
+    """Show a race: in Rerun's viewer, in the browser, or as the page or the video asked for.
+
+    Args:
+        source: a recording; with `race`, a store.
+        race: of the store, run again and recorded in the folder `out`.
+        car: to follow, by name or number.
+        out: folder for what is run again.
+        show: open a viewer.
+        web: in the browser.
+        html, video: files to write in place of a Rerun replay.
+        start_s, end_s: of the video, in the race.
+    """
+    path = Path(source)
+    if race is not None:
+        with Store.open(source) as store:
+            path = record_stored_race(store, race, out)
+        say(f"Recording    {path}")
+    log = read_recording(path)
+    follow = None if car is None else car_index(log, car, path)
+    if html:
+        _write("Page", html, lambda: write_player(log, html, follow))
+    if video:
+        _write("Video", video, lambda: write_video(log, video, follow, start_s, end_s))
+    if html or video:
+        return
+    rerun = path.with_suffix(".rrd")
+    _write("Replay", rerun, lambda: write_replay(log, rerun, follow))
+    if web:
+        _serve(rerun, show)
+    elif show:
+        open_viewer(rerun)
+
+
+def recover(recording: Path) -> None:
+    """Write what can be read of a damaged recording beside it."""
+    found = recover_recording(recording)
+    path = recording.with_suffix(f".recovered{recording.suffix}")
+    _write("Recording", path, lambda: write_recording(path, found.log))
+    until_s = float(found.log.time_s[-1])
+    lost = "nothing was missing" if found.whole else "what came after cannot be read"
+    say(f"{found.messages} messages, the race until {until_s:.1f} s; {lost}")
+
+
+def car_index(log: RaceLog, car: str, path: Path) -> int:
+    """The car with this number or name; the best placed one of several with the same name.
+
+    Raises:
+        InputError: if there is none.
+    """
+    numbers = range(len(log.names))
+    if car.isdecimal() and int(car) in numbers:
+        return int(car)
+    named = [number for number in numbers if car in (log.names[number], labels(log)[number])]
+    if not named:
+        raise InputError(
+            f"{path}: there is no car {car!r}, expected a number from 0 to {len(numbers) - 1} "
+            f"or one of {', '.join(dict.fromkeys(log.names))}"
+        )
+    return min(named, key=lambda number: log.samples["place"][-1, number]) if len(log.time_s) else named[0]
+
+
+def _write(what: str, path: Path, write: Callable[[], object]) -> None:
+    try:
+        write()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    say(f"{what:<12} {path}")
+
+
+def _serve(rerun: Path, show: bool) -> None:
+    """Serve a replay to browsers on this machine until Ctrl-C."""
+    with WebViewer(rerun) as viewer:
+        say(f"Viewer       {viewer.url} (Ctrl-C ends it)")
+        if show:
+            webbrowser.open(viewer.url)
+        try:
+            viewer.serve_forever()
+        except KeyboardInterrupt:
+            say("Stopped.")

@@ -1,0 +1,22 @@
+"use strict";
+
+async function start() {
+  await wasm_bindgen({ module_or_path: "re_viewer_bg.wasm" });
+  const canvas = document.getElementById("viewer");
+  const viewer = new wasm_bindgen.WebHandle({
+    url: [`${location.origin}/race.rrd`],
+    hide_welcome_screen: true,
+    persist: false,
+    enable_history: false,
+    notebook: false,
+  });
+  canvas.hidden = false;
+  await viewer.start(canvas);
+  document.getElementById("news").remove();
+  document.body.dataset.ready = "yes";
+}
+
+start().catch((error) => {
+  document.getElementById("viewer").hidden = true;
+  document.getElementById("news").textContent = `The viewer cannot start in this browser: ${error}`;
+});

@@ -1,0 +1,249 @@
+"""A clip of a race as a video, drawn from above from the race's log."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+import numpy as np
+import pygame
+from numpy.typing import NDArray
+
+from arena.circuit_mesh import surfaces
+from arena.race_log import NOTICES, RaceLog, progress
+from reports._motion import poses
+from reports.car_model import car_model
+from reports.replay import car_colours, labels, winner
+from sim.errors import InputError
+from sim.render_panels import clock, short, write
+from sim.render_scene import Camera
+
+SIZE, FINE, RATE = (1280, 720), 2, 30
+"""Pixels of a picture, how much larger it is drawn, and pictures a second."""
+WIDTH_M = 90.0
+BEYOND, EDGE, ZONE, WALL, INK, FAINT, PLATE = (
+    (38, 46, 42),
+    (225, 226, 222),
+    (242, 177, 52),
+    (205, 208, 212),
+    (240, 241, 238),
+    (168, 174, 178),
+    (18, 21, 24, 205),
+)
+NEWS_S, TRAIL_S = 4.0, 1.5
+ROW, MARGIN = 22, 14
+
+
+def write_video(
+    log: RaceLog,
+    path: Path,
+    follow: int | None = None,
+    start_s: float | None = None,
+    end_s: float | None = None,
+) -> int:
+    """Write a clip as .mp4 (H.264, 30 pictures a second) that follows a car, and return its pictures.
+
+    Args:
+        log: the race.
+        path: the file; one of that name is replaced whole.
+        follow: index of the car; the winner if None.
+        start_s: where the clip begins in the race; its start if None.
+        end_s: where it ends; the race's end if None.
+
+    Raises:
+        InputError: if there is nothing of the race between those times.
+    """
+    last_s = float(log.time_s[-1]) if len(log.time_s) else 0.0
+    start, end = max(start_s or 0.0, 0.0), min(last_s if end_s is None else end_s, last_s)
+    if end <= start:
+        raise InputError(
+            f"{path}: no clip from {start:g} s to {end:g} s, expected times from 0 to {last_s:g} s"
+        )
+    times = start + np.arange(max(round((end - start) * RATE), 1)) / RATE
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with av.open(str(partial), "w", format="mp4", options={"movflags": "faststart"}) as container:
+            stream = container.add_stream("libx264", rate=RATE, options={"crf": "21", "preset": "veryfast"})
+            stream.width, stream.height = SIZE
+            stream.pix_fmt = "yuv420p"
+            for picture in pictures(log, winner(log) if follow is None else follow, times):
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
+            container.mux(stream.encode())
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"{path}: the video cannot be written: {error.strerror}") from None
+    finally:
+        partial.unlink(missing_ok=True)
+    return len(times)
+
+
+def pictures(log: RaceLog, followed: int, time_s: NDArray[np.float64]) -> Iterator[NDArray[np.uint8]]:
+    """A picture (height, width, 3) of red, green and blue at each of these times of the race."""
+    scene = _Scene(log)
+    at = poses(log, time_s)
+    panels = _Panels(log, followed)
+    large = pygame.Surface((SIZE[0] * FINE, SIZE[1] * FINE))
+    camera = Camera(large.get_size(), WIDTH_M)
+    for number, now in enumerate(time_s.tolist()):
+        places = {name: values[number] for name, values in at.items()}
+        tick = int(np.searchsorted(log.time_s, now, side="right")) - 1
+        camera.at = np.array([places["x_m"][followed], places["y_m"][followed]])
+        scene.draw(large, camera, places, tick, followed)
+        picture = pygame.transform.smoothscale(large, SIZE)
+        panels.draw(picture, tick, now)
+        yield np.ascontiguousarray(pygame.surfarray.array3d(picture).swapaxes(0, 1))
+
+
+class _Scene:
+    """The ground and the cars on it."""
+
+    def __init__(self, log: RaceLog) -> None:
+        outline = log.outline
+        self._log = log
+        found = surfaces(outline)
+        self._quads = np.concatenate([surface.quads[..., :2] for surface in found.values()])
+        self._middles = self._quads.mean(axis=1)
+        self._reach = float(np.linalg.norm(self._quads - self._middles[:, None], axis=2).max())
+        self._colours = np.repeat(
+            [surface.colour for surface in found.values()],
+            [len(surface.quads) for surface in found.values()],
+            axis=0,
+        )
+        self._lines = [
+            (line[:, :2], np.ones(len(line), bool), colour, width_m)
+            for line, colour, width_m in (
+                (outline.wall_left, WALL, 0.5),
+                (outline.wall_right, WALL, 0.5),
+                (outline.left, EDGE, 0.18),
+                (outline.right, EDGE, 0.18),
+            )
+        ]
+        self._lines += [(line[:, :2], outline.zone, ZONE, 0.5) for line in (outline.left, outline.right)]
+        self._start = np.stack([outline.left[0, :2], outline.right[0, :2]])
+        self._names = labels(log)
+        self._colour_of = car_colours(log.teams)
+        self._models = [_from_above(log, colour) for colour in self._colour_of]
+
+    def draw(
+        self,
+        surface: pygame.Surface,
+        camera: Camera,
+        places: dict[str, NDArray[np.float64]],
+        tick: int,
+        followed: int,
+    ) -> None:
+        """Draw all that the camera sees."""
+        surface.fill(BEYOND)
+        reach_m = camera.reach_m
+        near = np.linalg.norm(self._middles - camera.at, axis=1) < reach_m + self._reach
+        for quad, colour in zip(camera.pixels(self._quads[near]), self._colours[near].tolist(), strict=True):
+            pygame.draw.polygon(surface, colour, quad.tolist())
+        for line, where, colour, width_m in self._lines:
+            ends = np.roll(line, -1, axis=0)
+            shown = where & (np.linalg.norm(line - camera.at, axis=1) < reach_m + self._reach)
+            width = max(round(width_m * camera.scale), 2)
+            for a, b in zip(
+                camera.pixels(line[shown]).tolist(), camera.pixels(ends[shown]).tolist(), strict=True
+            ):
+                pygame.draw.line(surface, colour, a, b, width)
+        left, right = camera.pixels(self._start).tolist()
+        pygame.draw.line(surface, INK, left, right, round(0.5 * camera.scale))
+        cars = [car for car in range(len(self._names)) if car != followed] + [followed]
+        for car in cars:
+            self._draw_trail(surface, camera, places, tick, car)
+        for car in cars:
+            self._draw_car(surface, camera, places, car)
+
+    def _draw_trail(
+        self,
+        surface: pygame.Surface,
+        camera: Camera,
+        places: dict[str, NDArray[np.float64]],
+        tick: int,
+        car: int,
+    ) -> None:
+        log = self._log
+        first = int(np.searchsorted(log.time_s, log.time_s[tick] - TRAIL_S))
+        past = log.samples[first : tick + 1, car]
+        x, y = np.append(past["x_m"], places["x_m"][car]), np.append(past["y_m"], places["y_m"][car])
+        line = camera.pixels(np.stack([x, y], axis=1)).tolist()
+        pygame.draw.lines(surface, self._colour_of[car], False, line, max(round(0.2 * camera.scale), 1))
+
+    def _draw_car(
+        self, surface: pygame.Surface, camera: Camera, places: dict[str, NDArray[np.float64]], car: int
+    ) -> None:
+        corners, colours = self._models[car]
+        cos, sin = np.cos(places["yaw_rad"][car]), np.sin(places["yaw_rad"][car])
+        at = np.array([places["x_m"][car], places["y_m"][car]])
+        pixels = camera.pixels(corners @ np.array([[cos, sin], [-sin, cos]]) + at)
+        for quad, colour in zip(pixels.tolist(), colours.tolist(), strict=True):
+            pygame.draw.polygon(surface, colour, quad)
+        x, y = camera.pixels(at)
+        name = short(self._names[car])
+        write(surface, name, (x + 2, y - 40), 34, (0, 0, 0), "midbottom")
+        write(surface, name, (x, y - 42), 34, INK, "midbottom")
+
+
+def _from_above(log: RaceLog, colour: tuple[int, int, int]) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Upward faces (n, 4, 2) of a car in its own frame, the lowest first, and their colours (n, 3)."""
+    vertices, _, colours = car_model(log.car_length_m, log.car_width_m, colour)
+    quads = vertices.astype(np.float64).reshape(-1, 4, 3)
+    flat = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])[:, 2] > 0.0
+    order = np.flatnonzero(flat)[np.argsort(quads[flat][..., 2].max(axis=1), kind="stable")]
+    return quads[order][..., :2], colours.reshape(-1, 4, 3)[order, 0]
+
+
+class _Panels:
+    """Time, the order with gaps, the followed car's speed and pedals, and what the stewards say."""
+
+    def __init__(self, log: RaceLog, followed: int) -> None:
+        self._log, self._followed = log, followed
+        self._names, self._colours = labels(log), car_colours(log.teams)
+        self._behind_m = progress(log)
+        self._incidents = [incident for incident in log.incidents if incident.kind not in NOTICES]
+
+    def draw(self, picture: pygame.Surface, tick: int, now: float) -> None:
+        """Draw all panels over a picture."""
+        cars = self._log.samples[tick]
+        self._draw_order(picture, cars, tick)
+        car = cars[self._followed]
+        _plate(picture, (MARGIN, MARGIN, 210, 64))
+        write(picture, self._log.circuit, (MARGIN + 10, MARGIN + 8), 20, FAINT, "topleft")
+        write(picture, clock(now), (MARGIN + 10, MARGIN + 27), 38, INK, "topleft")
+        write(picture, f"lap {car['lap'] + 1}", (MARGIN + 200, MARGIN + 8), 20, FAINT, "topright")
+        bottom = SIZE[1] - MARGIN
+        _plate(picture, (MARGIN, bottom - 74, 210, 74))
+        speed = 3.6 * float(np.hypot(car["velocity_x_m_s"], car["velocity_y_m_s"]))
+        write(picture, f"{speed:.0f} km/h", (MARGIN + 10, bottom - 66), 38, INK, "topleft")
+        write(picture, f"{car['gear']}", (MARGIN + 200, bottom - 66), 38, INK, "topright")
+        for row, (name, colour) in enumerate((("throttle", (96, 200, 110)), ("brake", (232, 74, 66)))):
+            box = pygame.Rect(MARGIN + 10, bottom - 28 + 10 * row, 190, 6)
+            pygame.draw.rect(picture, (60, 64, 68), box)
+            pygame.draw.rect(picture, colour, (*box.topleft, round(190 * float(car[name])), 6))
+        news = [i.text for i in self._incidents if 0.0 <= now - i.time_s < NEWS_S]
+        for row, text in enumerate(reversed(news[-3:])):
+            y = bottom - 26 - 30 * row
+            _plate(picture, (MARGIN + 224, y, SIZE[0] - 2 * MARGIN - 224, 26))
+            write(picture, text[:120], (MARGIN + 234, y + 13), 21, INK, "midleft")
+
+    def _draw_order(self, picture: pygame.Surface, cars: NDArray[np.void], tick: int) -> None:
+        left = SIZE[0] - MARGIN - 250
+        _plate(picture, (left, MARGIN, 250, ROW * len(cars) + 12))
+        order = np.argsort(cars["place"], kind="stable").tolist()
+        for row, car in enumerate(order):
+            y = MARGIN + 6 + row * ROW + ROW // 2
+            colour = INK if car == self._followed else FAINT
+            write(picture, f"{cars['place'][car]}", (left + 24, y), 20, colour, "midright")
+            pygame.draw.rect(picture, self._colours[car], (left + 31, y - 6, 6, 12))
+            write(picture, short(self._names[car]), (left + 44, y), 20, colour, "midleft")
+            gap_m = self._behind_m[tick, order[0]] - self._behind_m[tick, car]
+            text = "out" if not cars["driving"][car] else f"+{gap_m:.0f} m" if row else ""
+            write(picture, text, (left + 240, y), 20, colour, "midright")
+
+
+def _plate(picture: pygame.Surface, box: tuple[int, int, int, int]) -> None:
+    plate = pygame.Surface(box[2:], pygame.SRCALPHA)
+    plate.fill(PLATE)
+    picture.blit(plate, box[:2])
