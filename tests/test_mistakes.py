@@ -139,7 +139,7 @@ def test_the_moment_before_a_mistake_is_kept() -> None:
     moment = mistakes.draw(np.random.default_rng(0))
     assert not out_of_control(moment.state).any()
     age_s = (noted[0] + 1) * 0.1 - moment.arrays[1] / 60.0
-    assert 3.0 < round(age_s, 6) <= 4.0
+    assert 3.0 < round(float(age_s), 6) <= 4.0
 
 
 def test_a_mistake_soon_after_the_start_has_no_moment_before() -> None:

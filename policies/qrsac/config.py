@@ -27,6 +27,9 @@ class QRSACConfig(BaseModel):
         alpha: weight of the entropy bonus; tied to the scale of the reward.
         critic_rate: Adam's learning rate of the critics.
         policy_rate: Adam's learning rate of the policy.
+        final_rates: share of both learning rates that is left at the end of a run; they fall by half a
+            cosine (not in the reference).
+        final_alpha: the same of alpha.
         polyak: share of the critics that is mixed into their targets after each update.
         averaging: share of the policy that is mixed into its running mean after each update (1 is no mean).
             Checkpoints hold the mean, which swings less from one to the next (not in the reference).
@@ -48,6 +51,8 @@ class QRSACConfig(BaseModel):
     alpha: Annotated[float, Field(ge=0.0)] = 0.01
     critic_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 5e-5
     policy_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 2.5e-5
+    final_rates: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    final_alpha: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     polyak: Annotated[float, Field(gt=0.0, le=1.0)] = 0.005
     averaging: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     gradient_norm: Annotated[float, Field(gt=0.0)] = 10.0

@@ -109,8 +109,23 @@ def fast_precision(device: torch.device) -> torch.dtype:
     return torch.bfloat16 if fast else torch.float32
 
 
+def annealed(value: float, final: float, made: Tensor, updates: int | None) -> Tensor | float:
+    """A number that falls by half a cosine, and then stays.
+
+    Args:
+        value: at the beginning.
+        final: share of it that is left at the end; 1 is for one that never changes.
+        made: count of updates so far.
+        updates: after which the end is reached; None is for numbers that never change.
+    """
+    if final == 1.0 or updates is None:
+        return value
+    fallen = 0.5 - 0.5 * torch.cos(torch.pi * (made / updates).clamp(max=1.0))
+    return value * (1.0 - (1.0 - final) * fallen)
+
+
 def _adam(
-    parameters: Tensor, mean: Tensor, square: Tensor, gradient: Tensor, step: Tensor, rate: float
+    parameters: Tensor, mean: Tensor, square: Tensor, gradient: Tensor, step: Tensor, rate: Tensor | float
 ) -> tuple[Tensor, Tensor, Tensor]:
     first, second = ADAM_DECAY
     mean = first * mean + (1.0 - first) * gradient
@@ -129,8 +144,10 @@ class Update:
         action_size: int,
         config: QRSACConfig,
         precision: torch.dtype = torch.float32,
+        updates: int | None = None,
     ) -> None:
         self.config = config
+        self._updates = updates
         outputs = config.quantiles if config.distributional else 1
         inputs = observation_size + action_size
         self.policy = Perceptron((observation_size, *config.hidden, 2 * action_size), precision=precision)
@@ -144,6 +161,9 @@ class Update:
         inputs = torch.cat((observation, action), -1)
         return self.critics(critics, inputs.expand(2, -1, -1))
 
+    def _alpha(self, state: State) -> Tensor | float:
+        return annealed(self.config.alpha, self.config.final_alpha, state.step, self._updates)
+
     def targets(self, state: State, batch: Batch, noise: Noise) -> Tensor:
         """Samples (n, m) of R + discount * (Z_k(s', a') - alpha log pi(a' | s')).
 
@@ -154,22 +174,26 @@ class Update:
         action, log_density = squashed_normal(outputs, noise.next_action)
         first, second = self.returns(state.target, batch.next_observation, action)
         smaller = torch.where((first.mean(-1) <= second.mean(-1))[:, None], first, second)
-        soft = smaller - self.config.alpha * log_density[:, None]
+        soft = smaller - self._alpha(state) * log_density[:, None]
         return batch.reward[:, None] + batch.discount[:, None] * soft
 
     def policy_loss(
-        self, policy: Tensor, critics: Tensor, batch: Batch, noise: Noise
+        self, policy: Tensor, critics: Tensor, alpha: Tensor | float, batch: Batch, noise: Noise
     ) -> tuple[Tensor, Tensor]:
         """The mean of alpha log pi - min Q, and the mean of log pi; the policy runs with dropout."""
         outputs = self.policy(policy, batch.observation, noise.kept)
         action, log_density = squashed_normal(outputs, noise.action)
         value = self.returns(critics, batch.observation, action).mean(-1).amin(0)
-        return (self.config.alpha * log_density - value).mean(), log_density.mean()
+        return (alpha * log_density - value).mean(), log_density.mean()
 
     def __call__(self, state: State, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
         """The state after one update of critics, policy (against the new critics) and targets."""
         config = self.config
         step = state.step + 1.0
+        critic_rate, policy_rate = (
+            annealed(rate, config.final_rates, state.step, self._updates)
+            for rate in (config.critic_rate, config.policy_rate)
+        )
 
         targets = self.targets(state, batch, noise)
         estimates, pull_back, *_ = torch.func.vjp(
@@ -180,14 +204,14 @@ class Update:
         norm = gradient.square().sum().sqrt()
         gradient = gradient * (config.gradient_norm / norm.clamp(min=config.gradient_norm))
         critic, critic_mean, critic_square = _adam(
-            state.critic, state.critic_mean, state.critic_square, gradient, step, config.critic_rate
+            state.critic, state.critic_mean, state.critic_square, gradient, step, critic_rate
         )
 
         gradient, (policy_loss, log_density) = torch.func.grad_and_value(self.policy_loss, has_aux=True)(
-            state.policy, critic, batch, noise
+            state.policy, critic, self._alpha(state), batch, noise
         )
         policy, policy_mean, policy_square = _adam(
-            state.policy, state.policy_mean, state.policy_square, gradient, step, config.policy_rate
+            state.policy, state.policy_mean, state.policy_square, gradient, step, policy_rate
         )
 
         target = torch.lerp(state.target, critic, config.polyak)
@@ -224,6 +248,7 @@ class QRSAC:
         config: QRSACConfig,
         generator: torch.Generator,
         compiled: bool = True,
+        updates: int | None = None,
     ) -> None:
         """A learner with fresh networks on the generator's device.
 
@@ -234,7 +259,14 @@ class QRSAC:
             generator: the source of all randomness, advanced by updates and stochastic actions.
             compiled: whether to compile the update, if a C++ compiler is found; the first update then takes
                 half a minute and a batch must always have the same size.
+            updates: of the whole run, after which rates and alpha have fallen to their final shares.
+
+        Raises:
+            InputError: if something is to fall and the updates of the run are not given.
         """
+        if updates is None and min(config.final_rates, config.final_alpha) < 1.0:
+            name = "final_rates" if config.final_rates < 1.0 else "final_alpha"
+            raise InputError(f"QR-SAC: {name} is below 1, which needs the count of updates of the run")
         self.config = config
         self.action_size = action_size
         self._generator = generator
@@ -243,7 +275,7 @@ class QRSAC:
             if config.precision == "auto"
             else getattr(torch, config.precision)
         )
-        self._update = Update(observation_size, action_size, config, precision)
+        self._update = Update(observation_size, action_size, config, precision, updates)
         self._run = _compiled(self._update) if compiled else self._update
         policy = self._update.policy.initial(generator)
         critic = self._update.critics.initial(generator)

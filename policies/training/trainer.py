@@ -57,7 +57,7 @@ class Trainer:
         self._rng = np.random.default_rng(replay)
         generator = torch.Generator().manual_seed(int(learner.generate_state(1)[0]))
         self._spec = config.observation.spec()
-        self.learner = QRSAC(self._spec.size, ACTION_SIZE, config.qrsac, generator)
+        self.learner = QRSAC(self._spec.size, ACTION_SIZE, config.qrsac, generator, updates=config.updates)
         self.replay = _tables(config)
         self.updates = self.transitions = 0
         self._wall_s = 0.0
