@@ -4,32 +4,108 @@ from __future__ import annotations
 
 from typing import Any
 
-from arena.results import TABLES
-from arena.store import Store
+import polars as pl
+
+from arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
+from arena.store import RunRecord, Store
 from nathlon.committee import Minutes, describe
-from nathlon.decider import record_decider
 from nathlon.output import OutputFolder
+from nathlon.replays import record_replays
+from nathlon.run import CONFIDENCE
+from nathlon.summary import versions
 from reports.page import write_page
-from reports.selection import Selection
+from reports.selection import Previous, Selection
 from reports.spreadsheet import write_spreadsheet
-from sim.errors import InputError
+from reports.tables import write_tables
+
+Json = dict[str, Any]
 
 
 def publish(store: Store, run: str, output: OutputFolder) -> Selection:
-    """Write page, spreadsheet, summary and the replay of the deciding race.
+    """Write page, spreadsheet, tables and summary, and record the races to look at.
 
-    Raises:
-        InputError: if the run has not come to its end.
+    Of a run that has not come to its end, all is written as far as it has come.
     """
     tables = {name: store.table(run, name) for name in TABLES}
-    summary: Any = store.facts(run).get("summary")
-    if summary is None:
-        raise InputError(f"{store.name}: run {run} has not come to its end, expected one with a summary")
     results = store.results_of_run(run)
-    summary = summary | record_decider(store, store.results_of_run(run, "tournament"), tables, output)
-    summary["committee"] = [describe(decision) for decision in Minutes(store, run).decisions().values()]
-    selection = Selection("nathlon: policy selection", tables, results, summary)
+    races = results.filter(pl.col("stage") == "tournament")
+    summary, under_way = _summary(store, run, tables, results)
+    summary = summary | record_replays(store, races, tables, output)
+    selection = Selection(
+        f"{run} · {summary['circuit']} · {summary['car']}",
+        tables,
+        results,
+        summary,
+        store.name,
+        under_way,
+        _previous(store, run),
+    )
     write_page(selection, output.report)
     write_spreadsheet(selection, output.report / "ranking.xlsx")
+    write_tables(selection, output.report / "tables")
     output.write_summary(summary)
     return selection
+
+
+def _summary(
+    store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame
+) -> tuple[Json, str | None]:
+    """The run's summary, and how far it has come if it has not ended."""
+    known: Any = store.facts(run)
+    decisions = Minutes(store, run).decisions().values()
+    summary = known.get("summary") or _so_far(store, run, tables, results)
+    summary = summary | {"committee": [describe(decision) for decision in decisions]}
+    waits = [str(decision.opened.question) for decision in decisions if decision.result is None]
+    if waits:
+        return summary, f"the committee is asked about the {waits[-1]}"
+    if "summary" in known:
+        return summary, None
+    progress = known.get("progress", {"stage": "pareto", "done": 0, "total": 0})
+    return summary, f"under way: {progress['stage']}, {progress['done']:,} of {progress['total']:,} matches"
+
+
+def _so_far(store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame) -> Json:
+    """What the summary of a run says before its end."""
+    names = dict(tables["entrants"].select("entrant", "name").iter_rows())
+    plan = next(record.config for record in store.runs() if record.name == run)
+    card = next(tables["entrants"].iter_rows(named=True), {"circuit": "", "car": ""})
+    return {
+        "stages": [],
+        "ranking": [{"name": names[row["entrant"]], **row} for row in tables["ranking"].to_dicts()],
+        "sent": [],
+        "seed": None,
+        "circuit": card["circuit"],
+        "car": card["car"],
+        "versions": versions(),
+        "pair_correlation": None,
+        "confidence": CONFIDENCE,
+        "marks": {},
+        "tests_set_aside": {},
+        "car_runs": results.height,
+        "faults": int(results["ending"].is_in(POLICY_FAULTS).sum()),
+        "void": int(results["ending"].is_in(VOID_ENDINGS).sum()),
+        "excluded": plan.get("field", {}).get("excluded", []),
+    }
+
+
+def _previous(store: Store, run: str) -> Previous | None:
+    """The last run before this one, of the same kind, that came to its end."""
+    records = store.runs()
+    own = next(record for record in records if record.name == run)
+    before = [record for record in records if record.id < own.id and _kind(record) == _kind(own)]
+    for record in reversed(before):
+        summary: Any = store.facts(record.name).get("summary")
+        if summary is not None:
+            pool = store.table(record.name, "pool")
+            return Previous(
+                record.name,
+                record.ended_at,
+                store.table(record.name, "entrants"),
+                store.table(record.name, "ranking") if pool.is_empty() else pool,
+                tuple(summary["sent"]),
+            )
+    return None
+
+
+def _kind(record: RunRecord) -> str:
+    return record.name.partition("-")[0]

@@ -10,20 +10,50 @@ import polars as pl
 
 
 @dataclass(frozen=True)
+class Previous:
+    """The selection before, as far as one compares with it.
+
+    Attributes:
+        name: of its run.
+        ended_at: UTC, ISO 8601; None where it has not ended.
+        entrants: schema ENTRANTS.
+        pool: schema RANKING, over its round robin and those before it.
+        sent: name and entrant of whom its committee sent.
+    """
+
+    name: str
+    ended_at: str | None
+    entrants: pl.DataFrame
+    pool: pl.DataFrame
+    sent: tuple[Mapping[str, str], ...]
+
+
+@dataclass(frozen=True)
 class Selection:
     """The tables of one selection with the facts of its run.
 
     `tables` has the keys and schemas of `arena.results.TABLES`, `results` that of
     `arena.results.RESULTS`. `summary` holds `stages` (each with `name`, `in`, `out`, `races`, `wall_s`),
-    `seed`, `circuit`, `car`, `versions`, `pair_correlation` (or None), `confidence` (0.95), `faults`
-    (car runs ended by a policy's fault), and `replay` and `recording`: paths of the deciding race's
-    .rrd and .mcap relative to the report's folder (or None).
+    `sent` (each with `name`, `entrant`), `committee` (each with `question`, `standings`, `said`, ...),
+    `circuit`, `car`, `seed`, `versions`, `marks` (of a test: `base`, `reference`), `tests_set_aside` (reasons
+    by test), `excluded` (each with `source`, `reason`), `pair_correlation` (or None), `confidence` (0.95),
+    `car_runs`, `faults`, `void`, and `replays`: races to look at, the deciding one first, each with `match`,
+    `race`, `why`, the paths `player`, `recording` and `replay` relative to the report's folder (or None), and
+    `missing`, why it was not run again (or None).
+
+    Attributes:
+        title: of the report.
+        store: where the run is kept, as one names it to a command.
+        under_way: how far the run has come, in words; None if it has ended.
     """
 
     title: str
     tables: Mapping[str, pl.DataFrame]
     results: pl.DataFrame
     summary: Mapping[str, Any]
+    store: str
+    under_way: str | None = None
+    previous: Previous | None = None
 
     def named(self, table: str) -> pl.DataFrame:
         """A stage table with each entrant's card (`name`, `step`, ...) beside it; NaN becomes null."""

@@ -1,8 +1,8 @@
-"""Who to send and why, in words that claim no more than the intervals support."""
+"""Who to send and why, in words that claim no more than the committee said and the races prove."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,135 +10,167 @@ import polars as pl
 
 from reports.selection import Selection
 
-Row = dict[str, Any]
+Row = Mapping[str, Any]
+
+REASONS_SHOWN = 2
+"""Of the ballots in the first sentence; people come before rules."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A headline and at most three sentences."""
+    """A headline and at most three sentences: the decision, what the races prove of it, how it drove."""
 
     headline: str
     sentences: tuple[str, ...]
 
 
 def verdict(selection: Selection) -> Verdict:
-    """What the last stage that anybody reached says about whom to send."""
-    ranking = selection.named("ranking").drop_nulls("points_per_race")
-    confidence = f"{selection.summary['confidence']:.0%} interval"
-    if not ranking.is_empty():
-        leaders = _first(ranking, "points_per_race")
-        if len(leaders) > 1:
-            return _tie(leaders, confidence)
-        return _winner(leaders[0], ranking.height, confidence)
-    if not selection.tables["battery"].is_empty():
-        return _battery_only(selection, confidence)
-    return _nobody(selection.tables["pareto"])
+    """What the committee decided, and how far the last stage that anybody reached bears it out."""
+    decision = _decision(selection)
+    if decision is None:
+        return _unfinished(selection)
+    ranking = selection.named("ranking").drop_nulls("points_per_race").to_dicts()
+    if decision["open"]:
+        missing = _count(decision["waits_for"], "ballot")
+        waits = (
+            f"waits for {missing} of its members" if decision["waits_for"] else "has put the question again"
+        )
+        return Verdict(
+            "The committee has not decided",
+            (f"It {waits}; {_reasons(decision)}.", _state_of(ranking), _barred(ranking)),
+        )
+    sent = [standing for standing in decision["standings"] if standing["chosen"]]
+    if not sent:
+        return _nobody(selection, decision, ranking)
+    name, entrant = sent[0]["name"], sent[0]["entrant"]
+    approval = f"approved on {sent[0]['approved_by']} of {_count(decision['ballots'], 'ballot')}"
+    own = next((row for row in ranking if row["entrant"] == entrant), None)
+    if own is None:
+        proof: tuple[str, ...] = ("It was the only finalist, so no race supports the choice.",)
+    else:
+        candidates = {standing["entrant"] for standing in decision["standings"]}
+        confidence = f"{selection.summary['confidence']:.0%} interval"
+        proof = (_proof(own, ranking, candidates, confidence), f"{_manners(own)} {_barred(ranking)}")
+    return Verdict(f"Send {name}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof))
 
 
-def _first(table: pl.DataFrame, points: str) -> list[Row]:
-    first = table.filter(pl.col("rank") == pl.col("rank").min())
-    return first.sort([points, "name"], descending=[True, False]).to_dicts()
+def _decision(selection: Selection) -> Row | None:
+    decisions = selection.summary["committee"]
+    return next((decision for decision in decisions if decision["question"] == "selection"), None)
 
 
-def _winner(row: Row, entrants: int, confidence: str) -> Verdict:
-    comparison = (
-        "; its interval lies above that of every other finalist."
-        if entrants > 1
-        else ". It was the only finalist, so no comparison supports the choice."
-    )
-    return Verdict(
-        f"Send {row['name']}",
-        (f"{row['name']} scored {_points(row, confidence)}{comparison}", _manners(row)),
-    )
+def _reasons(decision: Row) -> str:
+    ballots = [said for said in decision["said"] if said["event"] == "voted"]
+    if not ballots:
+        return "nobody has voted"
+    ballots.sort(key=lambda ballot: ballot["member"].startswith("rule:"))
+    shown = "; ".join(f"{ballot['member']}, “{ballot['reason']}”" for ballot in ballots[:REASONS_SHOWN])
+    more = len(ballots) - REASONS_SHOWN
+    return f"{shown}; and {more} more" if more > 0 else shown
 
 
-def _tie(leaders: Sequence[Row], confidence: str) -> Verdict:
-    leader = leaders[0]
-    names = [row["name"] for row in leaders]
-    headline = f"Send {_listed(names, 'or')}" if len(names) < 4 else f"{len(names)} entrants tie for first"
-    return Verdict(
-        headline,
-        (
-            f"{_listed(names, 'and')} share first place: their intervals overlap, "
-            "so these races do not tell which is best.",
-            f"{leader['name']} has the highest estimate, {_points(leader, confidence)}{_contacts(leader)}"
-            f"{_faults(leader)}.",
-            _calmest(leaders),
-        ),
-    )
+def _proof(own: Row, ranking: Sequence[Row], candidates: set[str], confidence: str) -> str:
+    """Of the entrant sent: its points, and whom these races prove to be better."""
+    scored = f"It scored {_points(own, confidence)}"
+    if len(ranking) == 1:
+        return f"{scored}, and met nobody, so nothing is proven."
+    first = [row for row in ranking if row["rank"] == 1]
+    if own["rank"] > 1:
+        better = own["rank"] - 1
+        who = "another entrant is" if better == 1 else f"{better} others are"
+        leaders = _listed([f"{row['name']}{_why_not(row, candidates)}" for row in first], "and")
+        return f"{scored}: {who} proven to score more; first is {leaders}."
+    others = [row["name"] for row in first if row["entrant"] != own["entrant"]]
+    if not others:
+        return f"{scored}: it is the only one of {len(ranking)} that no other is proven to outscore."
+    tied = f"{len(others)} others" if len(others) > 3 else _listed(others, "or")
+    return f"{scored}: nobody is proven to score more, but of {tied} neither, so their order is open."
+
+
+def _why_not(row: Row, candidates: set[str]) -> str:
+    if row["entrant"] not in candidates:
+        return " (races to compare with, and cannot be sent)"
+    return " (barred)" if row["barred"] else ""
 
 
 def _points(row: Row, confidence: str) -> str:
-    low, high = row["points_low"], row["points_high"]
-    interval = "" if low is None or high is None else f" ({confidence} {low:.1f}–{high:.1f})"
-    return f"{row['points_per_race']:.1f} team points a race{interval} in {row['races']:,} races"
-
-
-def _faults(row: Row) -> str:
-    return f", though {row['faults']:,} of its car runs ended by its own fault" if row["faults"] else ""
-
-
-def _rate(row: Row) -> str:
-    low, high = row["contacts_low"], row["contacts_high"]
-    interval = "" if low is None or high is None else f" ({low:.2f}–{high:.2f})"
-    return f"{row['contacts_per_km']:.2f} times a kilometre{interval}"
-
-
-def _contacts(row: Row) -> str:
-    return "" if row["contacts_per_km"] is None else f", touching others {_rate(row)}"
+    interval = _interval(row["points_low"], row["points_high"], 1)
+    return (
+        f"{row['points_per_race']:.1f} points a race"
+        f"{interval and f' ({confidence} {interval})'} in {_count(row['races'], 'race')}"
+    )
 
 
 def _manners(row: Row) -> str:
+    faults = f"; {_count(row['faults'], 'car run')} ended by its own fault" if row["faults"] else ""
     if row["contacts_per_km"] is None:
-        return f"Its contact rate is not known{_faults(row)}."
-    return f"Its cars touched others {_rate(row)}{_faults(row)}."
+        return f"Its contact rate is not known{faults}."
+    interval = _interval(row["contacts_low"], row["contacts_high"], 2)
+    blame = row["at_fault_per_km"]
+    blamed = "" if blame is None else f", {blame:.2f} times by their own fault"
+    touched = f"{row['contacts_per_km']:.2f} times a kilometre{interval and f' ({interval})'}"
+    return f"Its cars touched others {touched}{blamed}{faults}."
 
 
-def _calmest(leaders: Sequence[Row]) -> str:
-    rated = sorted(
-        (
-            row
-            for row in leaders
-            if None not in (row["contacts_per_km"], row["contacts_low"], row["contacts_high"])
-        ),
-        key=lambda row: row["contacts_per_km"],
-    )
-    if len(rated) < len(leaders):
-        return "Their contact rates are not all known."
-    calmest, others = rated[0], rated[1:]
-    if all(calmest["contacts_high"] < other["contacts_low"] for other in others):
-        return (
-            f"Of these, {calmest['name']} touches others least: {_rate(calmest)}, an interval below the rest."
+def _barred(ranking: Sequence[Row]) -> str:
+    barred = [row["name"] for row in ranking if row["barred"]]
+    if not barred:
+        return "Nobody is barred for contacts."
+    return f"Barred for contacts: {_listed(barred, 'and')}."
+
+
+def _interval(low: float | None, high: float | None, digits: int) -> str:
+    return "" if low is None or high is None else f"{low:.{digits}f}–{high:.{digits}f}"
+
+
+def _nobody(selection: Selection, decision: Row, ranking: Sequence[Row]) -> Verdict:
+    if decision["standings"]:
+        said = f"The committee found none of {_count(len(decision['standings']), 'finalist')} fit"
+        return Verdict(
+            "Send nobody", (f"{said}: {_reasons(decision)}.", _state_of(ranking), _barred(ranking))
         )
-    return (
-        f"Contacts do not settle it: {calmest['name']} has the lowest estimate, {_rate(calmest)}, "
-        "and that interval overlaps with another's."
-    )
+    return Verdict("Send nobody", _stages_so_far(selection))
 
 
-def _battery_only(selection: Selection, confidence: str) -> Verdict:
-    leaders = _first(selection.named("battery"), "points")
-    leader = leaders[0]
-    tied = f", tied with {len(leaders) - 1} more" if len(leaders) > 1 else ""
-    return Verdict(
-        "Nobody is proven yet",
-        (
-            "No round robin was scored, so no team races support a choice.",
-            f"In the skill battery {leader['name']} comes first{tied}, with {leader['points']:.1f} points "
-            f"({confidence} {leader['points_low']:.1f}–{leader['points_high']:.1f}).",
-        ),
-    )
+def _state_of(ranking: Sequence[Row]) -> str:
+    if not ranking:
+        return "No team race was scored."
+    first = [row["name"] for row in ranking if row["rank"] == 1]
+    if len(first) == 1:
+        return f"In the team races {first[0]} is the only one that no other is proven to outscore."
+    return f"The team races do not tell {_listed(first, 'and')} apart: none is proven to be outscored."
 
 
-def _nobody(pareto: pl.DataFrame) -> Verdict:
+def _unfinished(selection: Selection) -> Verdict:
+    return Verdict("Nobody to send yet", _stages_so_far(selection))
+
+
+def _stages_so_far(selection: Selection) -> tuple[str, ...]:
+    pareto, battery = selection.tables["pareto"], selection.named("battery")
+    if pareto.is_empty():
+        return ("No stage has been scored.",)
     survivors = int(pareto["survives"].sum())
-    went = "none survived" if survivors == 0 else f"{survivors:,} survived"
-    return Verdict(
-        "Nobody to send",
-        (f"Of {pareto.height:,} entrants {went} the Pareto filter, and no later stage was scored.",),
+    went = f"{survivors:,} of {_count(pareto.height, 'entrant')} survived the Pareto filter."
+    if battery.is_empty():
+        return (went, "No later stage was scored.")
+    first = battery.filter(pl.col("rank") == 1).sort(["points", "name"], descending=[True, False])
+    leader = first.row(0, named=True)
+    tied = "" if first.height == 1 else f", not told apart from {first.height - 1} more"
+    interval = _interval(leader["points_low"], leader["points_high"], 0)
+    return (
+        went,
+        f"In the n-athlon {leader['name']} is first with {leader['points']:,.0f} points "
+        f"({selection.summary['confidence']:.0%} interval {interval}){tied}.",
+        _state_of(selection.named("ranking").drop_nulls("points_per_race").to_dicts()),
     )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def _listed(names: Sequence[str], conjunction: str) -> str:
+    if len(names) == 1:
+        return names[0]
     shown = list(names) if len(names) < 4 else [*names[:2], f"{len(names) - 2} more"]
     return f"{', '.join(shown[:-1])} {conjunction} {shown[-1]}"

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from arena.results import RESULTS, TABLES
-from reports.selection import Selection
+from reports.selection import Previous, Selection
 
 TESTS = ("hot_lap", "race_eight", "grid_start", "slipstream_pass", "final_chicane", "mistake_recovery")
+PERSON = ("ann", "calm in traffic <b>& fair</b>")
+RULE = ("rule:ranking", "passed the gates, in order of ranking points: all")
+BROKEN = f"/home/somebody/{'a-long-name' * 9}/broken.safetensors"
 TEAM_MEAN = 19.5  # half of 10 + 8 + 6 + 5 + 4 + 3 + 2 + 1
 
 
@@ -39,12 +44,24 @@ def build(rng: np.random.Generator, entrants: int = 60, finalists: int = 8, laps
         {
             "entrants": cards,
             "pareto": pareto,
+            "objectives": [row for one in pareto for row in _objectives(one)],
             "skills": skills,
             "battery": battery,
             "ranking": _ranking(final, strength, rng),
             "matchups": _matchups(final, strength, rng),
+            "ratings": [_rated(entrant, place) for place, entrant in enumerate(final)],
         },
-        results=[_result(entrant, race, car) for race in range(4) for car, entrant in enumerate(final)],
+        results=[
+            _result(sides[car % 2], race, car, hashlib.sha256(b"match %d" % index).hexdigest())
+            for index, sides in enumerate(itertools.combinations(final, 2))
+            for race in range(2)
+            for car in range(8)
+        ],
+        sent=[{"name": cards[survivors[0]]["name"], "entrant": final[0]}] if final else [],
+        committee=[
+            decided("shortlist", [cards[i] for i in survivors], finalists),
+            decided("selection", [cards[i] for i in survivors[:finalists]], 1, [PERSON, RULE]),
+        ],
     )
 
 
@@ -66,15 +83,87 @@ def with_tables(
         "versions": {"nathlon": "0.1.0", "numba": "0.63.1", "torch": "2.9.1"},
         "pair_correlation": 0.31,
         "confidence": 0.95,
+        "car_runs": 18_000,
         "faults": 3,
-        "replay": "races/deciding.rrd",
-        "recording": "races/deciding.mcap",
+        "void": 0,
+        "sent": [],
+        "committee": [],
+        "marks": {test: {"base": 90.0, "reference": 85.0} for test in TESTS},
+        "tests_set_aside": {"chicane_in_traffic": "harbour has no chicane"},
+        "excluded": [{"source": BROKEN, "reason": f"{BROKEN}: not a checkpoint", "digest": None}],
+        "replays": [],
     }
     return Selection(
         title="Harbour, GT3: nightly selection",
         tables=tables,
         results=pl.DataFrame(results or [], schema=RESULTS),
         summary=facts | summary,
+        store="nathlon.sqlite",
+    )
+
+
+def decided(
+    question: str,
+    cards: list[dict[str, Any]],
+    seats: int,
+    ballots: Sequence[tuple[str, str]] = (RULE,),
+    **more: Any,
+) -> dict[str, Any]:
+    """A decision as `nathlon.committee.describe` tells it: the first of the cards are chosen."""
+    ids = [card["entrant"] for card in cards]
+    evidence = {"points": 20.0, "contacts_per_km": 0.2, "at_fault_per_km": 0.1, "off_course_share": 0.01}
+    return {
+        "decision": f"{question}-0123456789ab",
+        "question": question,
+        "seats": seats,
+        "open": False,
+        "waits_for": 0,
+        "evidence": {
+            "digest": "0" * 64,
+            "rows": [{"entrant": entrant, "barred": False, "faults": 0} | evidence for entrant in ids],
+            "tables": {},
+        },
+        "said": [
+            {
+                "id": index,
+                "at": "2031-05-04T03:21:00.000000+00:00",
+                "event": "voted",
+                "decision": f"{question}-0123456789ab",
+                "member": member,
+                "approve": ids,
+                "rank": ids,
+                "reason": reason,
+                "evidence": "0" * 64,
+            }
+            for index, (member, reason) in enumerate(ballots)
+        ],
+        "late": [],
+        "ballots": len(ballots),
+        "agreement": 1.0 if len(ballots) > 1 else None,
+        "standings": [
+            {
+                "name": card["name"],
+                "entrant": card["entrant"],
+                "approved_by": len(ballots),
+                "fit": True,
+                "favour": 1.0 - index / max(1, len(cards)),
+                "chosen": index < seats,
+            }
+            for index, card in enumerate(cards)
+        ],
+    } | more
+
+
+def night_before(selection: Selection) -> Previous:
+    """The night before: without the first of the ranking, and with the ranks turned round."""
+    ranking = selection.tables["ranking"]
+    newcomer, pool = ranking["entrant"][0], ranking[1:]
+    return Previous(
+        "night-0001",
+        "2031-05-03T03:21:00.000000+00:00",
+        selection.tables["entrants"].filter(pl.col("entrant") != newcomer),
+        pool.with_columns(rank=pl.col("rank").reverse()),
+        ({"name": "coast-old", "entrant": pool["entrant"][0]},),
     )
 
 
@@ -105,6 +194,10 @@ def ranked(
         "contacts_per_km": 0.2,
         "contacts_low": 0.15,
         "contacts_high": 0.26,
+        "at_fault_per_km": 0.1,
+        "at_fault_low": 0.07,
+        "at_fault_high": 0.14,
+        "barred": False,
         "pairs": 40,
         "races": 80,
         "faults": 0,
@@ -137,6 +230,27 @@ def _front(pareto: list[dict[str, Any]]) -> list[int]:
         [[pareto[i][key] for key in ("lap_s", "off_course_share", "contacts_per_km")] for i in drivers]
     )
     return [i for i, cost in zip(drivers, costs, strict=True) if not (costs < cost).all(axis=1).any()]
+
+
+def _objectives(row: dict[str, Any]) -> list[dict[str, Any]]:
+    units = {"lap_s": "s", "off_course_share": "1", "contacts_per_km": "1/km"}
+    return [
+        {
+            "entrant": row["entrant"],
+            "objective": name,
+            "source": "time_trial" if name == "lap_s" else "race",
+            "value": row[name],
+            "unit": unit,
+            "goal": "min",
+            "runs": 4,
+        }
+        for name, unit in units.items()
+    ]
+
+
+def _rated(entrant: str, place: int) -> dict[str, Any]:
+    strength = {"bradley_terry": 1.0 - place, "plackett_luce": 0.5 - place}
+    return {"entrant": entrant, "bradley_terry_rank": place + 1, "plackett_luce_rank": place + 1} | strength
 
 
 def _skill(entrant: str, test: str, skill: float, rng: np.random.Generator) -> dict[str, Any]:
@@ -205,9 +319,9 @@ def _matchups(final: list[str], strength: dict[str, float], rng: np.random.Gener
     return rows
 
 
-def _result(entrant: str, race: int, car: int) -> dict[str, Any]:
+def _result(entrant: str, race: int, car: int, match: str) -> dict[str, Any]:
     return {
-        "match": "3f" * 16,
+        "match": match,
         "stage": "tournament",
         "test": "race_4v4",
         "race": race,
@@ -229,4 +343,6 @@ def _result(entrant: str, race: int, car: int) -> dict[str, Any]:
         "wall_s": 0.0,
         "contacts": 2,
         "contacts_faster_behind": 1,
+        "contacts_at_fault": car % 2,
+        "penalties": car % 2,
     }

@@ -3,21 +3,30 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from reports.page import duration, number, render, signed, write_page
+from reports.page import render, write_page
 from reports.selection import Selection
-from reports.verdict import verdict
-from tests.selections import build, card, ranked, with_tables
+from tests.selections import PERSON, TESTS, build, card, night_before, ranked, with_tables
 
 CHROMIUM = shutil.which("chromium")
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=document.title='owned'>"
+REPLAY = {
+    "why": "the closest race",
+    "race": 1,
+    "player": "../replays/final.html",
+    "recording": "javascript:alert(1);'$(x).mcap",
+    "replay": None,
+    "missing": None,
+}
 
 
 @pytest.fixture(scope="module")
@@ -30,11 +39,25 @@ def browser() -> Iterator[Browser]:
         browser.close()
 
 
+@pytest.fixture(scope="module")
+def full() -> Selection:
+    """A night with everything: a person on the committee, a night before, a race that was recorded."""
+    selection = build(np.random.default_rng(0), entrants=250, finalists=6)
+    replay = {"match": selection.results["match"][0], **REPLAY}
+    return replace(
+        selection,
+        summary={**selection.summary, "replays": [replay]},
+        previous=night_before(selection),
+    )
+
+
 class Opened:
     """A page opened from the disk, with all that it asked for or complained of."""
 
-    def __init__(self, browser: Browser, selection: Selection, folder: Path, **context: Any) -> None:
-        path = write_page(selection, folder)
+    def __init__(
+        self, browser: Browser, selection: Selection, folder: Path, address: str = "", **context: Any
+    ) -> None:
+        self.own = write_page(selection, folder).as_uri()
         self.requests: list[str] = []
         self.complaints: list[str] = []
         self.page: Page = browser.new_page(**context)
@@ -45,61 +68,128 @@ class Opened:
             "document.addEventListener('securitypolicyviolation',"
             " e => console.error('violation', e.violatedDirective))"
         )
-        self.page.goto(path.as_uri())
-        self.own = path.as_uri()
+        self.page.goto(self.own + address)
+
+    def go(self, address: str) -> None:
+        """To a view, and wait until its charts are drawn."""
+        self.page.evaluate("address => { location.hash = address; }", address)
+        self.page.wait_for_url(f"**{address}")
+        self.until("[...document.querySelectorAll('figure')].every(figure => figure.querySelector('svg'))")
+
+    def until(self, condition: str) -> None:
+        """Wait for it frame by frame; Playwright's own way needs `eval`, which the page's policy forbids."""
+        self.page.evaluate(
+            f"async () => {{ while (!({condition})) await new Promise(requestAnimationFrame); }}"
+        )
 
     def column(self, table: str, index: int) -> list[str]:
         cells = self.page.locator(f"#{table} tbody tr > :nth-child({index})")
         return [text.strip() for text in cells.all_inner_texts()]
 
+    def names(self, table: str) -> list[str]:
+        links = self.page.locator(f"#{table} tbody th a")
+        return [text.strip() for text in links.all_inner_texts()]
+
     def assert_quiet(self) -> None:
-        self.page.wait_for_function(
-            "!document.querySelector('figure') || document.querySelectorAll('figure svg').length === 2"
-        )
-        assert [url for url in self.requests if url not in (self.own, "data:,")] == []
+        assert [url for url in self.requests if url.partition("#")[0] not in (self.own, "data:,")] == []
         assert self.complaints == []
         self.page.close()
 
 
-def test_page_is_whole_and_quiet(browser: Browser, tmp_path: Path) -> None:
-    selection = build(np.random.default_rng(0), entrants=200, finalists=6)
-    opened = Opened(browser, selection, tmp_path)
-    tables = selection.tables
-    assert len(opened.column("leaderboard-table", 1)) == tables["ranking"].height == 6
-    assert len(opened.column("skill-table", 1)) == tables["battery"].height
-    assert opened.page.locator("#matchup-table .cell").count() == tables["matchups"].height == 30
-    decided = ((pl.col("difference_low") > 0) | (pl.col("difference_high") < 0)).sum()
-    bold = opened.page.locator("#matchup-table .decided").count()
-    assert 0 < bold == tables["matchups"].select(decided).item() < 30
-    drawn = tables["pareto"].drop_nulls("lap_s").height
-    opened.page.wait_for_selector("#contact-chart svg")
-    marks = opened.page.locator("#off-chart g[aria-label=dot]").locator("circle, path")
-    assert marks.count() == drawn
-    without = tables["pareto"]["lap_s"].null_count()
-    assert without > 0
-    assert f"{without} completed no lap" in opened.page.locator("#pareto .note").inner_text()
-    row = tables["ranking"].row(0, named=True)
-    intervals = opened.page.locator("#leaderboard-table .interval").all_inner_texts()
-    assert f"{row['points_low']:.1f} to {row['points_high']:.1f}" in [text.strip() for text in intervals]
-    assert opened.page.locator("#leaderboard-table .whisker").count() == 2 * 6
-    assert opened.page.locator("#replay a").first.get_attribute("href") == "races/deciding.rrd"
+def key(selection: Selection, place: int) -> str:
+    """How addresses call the entrant at a place of the ranking."""
+    return str(selection.tables["ranking"]["entrant"][place][:12])
+
+
+def views(selection: Selection) -> list[str]:
+    two = f"{key(selection, 0)}/{key(selection, 1)}"
+    race = f"{selection.results['match'][0][:12]}/1"
+    return [
+        *(f"#/{view}" for view in ("tonight", "leaderboard", "pareto", "n-athlon", "matchups", "committee")),
+        "#/matchups?of=contacts",
+        f"#/compare/{two}",
+        f"#/matchup/{two}",
+        f"#/race/{race}",
+        f"#/checkpoint/{key(selection, 0)}",
+    ]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_view_is_quiet_and_accessible(
+    browser: Browser, tmp_path: Path, full: Selection, scheme: str
+) -> None:
+    opened = Opened(browser, full, tmp_path, color_scheme=scheme)
+    axe = Axe()
+    titles = set()
+    for address in views(full):
+        opened.go(address)
+        titles.add(opened.page.title())
+        found = axe.run(opened.page).response["violations"]
+        serious = [
+            (fault["id"], fault["nodes"][0]["html"])
+            for fault in found
+            if fault["impact"] in ("serious", "critical")
+        ]
+        assert serious == [], address
+    assert len(titles) == len(views(full)) - 1  # contacts and points are one view
     opened.assert_quiet()
 
 
-def test_sorting_by_mouse_and_keyboard(browser: Browser, tmp_path: Path) -> None:
-    selection = build(np.random.default_rng(1), finalists=6)
-    opened = Opened(browser, selection, tmp_path)
-    names = selection.named("ranking")
-    by_rate = names.sort("contacts_per_km")["name"].to_list()
-    before = opened.column("leaderboard-table", 2)
-    head = opened.page.get_by_role("button", name="Contacts per km").first
+def test_no_view_is_wider_than_a_phone(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, viewport={"width": 390, "height": 800})
+    for address in views(full):
+        opened.go(address)
+        assert opened.page.evaluate("document.documentElement.scrollWidth") == 390, address
+    opened.assert_quiet()
+
+
+def test_tonight_tells_the_decision_and_what_changed(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    opened = Opened(browser, full, tmp_path)
+    ranking = full.named("ranking")
+    text = opened.page.locator("main").inner_text()
+    assert opened.page.locator("h1").inner_text() == f"Send {ranking['name'][0]}"
+    assert f"ann, “{PERSON[1]}”" in text
+    assert "Sent in night-0001\ncoast-old" in text
+    assert "Newcomers\n1, 1 through the filter" in text
+    assert f"New in the pool: {ranking['name'][0]} (rank 1)" in text
+    before = dict(full.previous.pool.select("entrant", "rank").iter_rows()) if full.previous else {}
+    moved = [row for row in ranking[1:].to_dicts() if before[row["entrant"]] != row["rank"]]
+    moves = opened.page.locator(".moves li").all_inner_texts()
+    assert len(moves) == len(moved) > 0
+    assert any(f"{before[moved[0]['entrant']]} → {moved[0]['rank']}" in move for move in moves)
+    assert "chicane in traffic was not held: harbour has no chicane" in text
+    assert "broken.safetensors not a checkpoint" in text
+    links = {a.inner_text(): a.get_attribute("href") for a in opened.page.locator("section li a").all()}
+    assert links["watch it here"] == "../replays/final.html"
+    assert links["recording, for Foxglove and Rerun"] == "javascript%3Aalert(1)%3B'%24(x).mcap"
+    opened.assert_quiet()
+
+
+def test_leaderboard_shows_the_tables_and_keeps_its_state(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    opened = Opened(browser, full, tmp_path, "#/leaderboard")
+    ranking = full.named("ranking")
+    row = ranking.row(0, named=True)
+    assert opened.names("leaderboard") == ranking.sort("rank", maintain_order=True)["name"].to_list()
+    assert f"{row['points_low']:.1f} to {row['points_high']:.1f}" in opened.column("leaderboard", 4)[0]
+    assert opened.page.locator("#leaderboard .whisker").count() == 2 * ranking.height
+    by_rate = ranking.sort("contacts_per_km")["name"].to_list()
+    head = opened.page.get_by_role("button", name="Contacts per km")
     head.click()
-    assert opened.column("leaderboard-table", 2) == by_rate != before
-    assert opened.page.locator("#leaderboard-table th[aria-sort=ascending]").inner_text() == "Contacts per km"
+    assert opened.names("leaderboard") == by_rate
+    assert opened.page.locator("#leaderboard th[aria-sort=ascending]").inner_text() == "Contacts per km"
     head.press("Enter")
-    assert opened.column("leaderboard-table", 2) == by_rate[::-1]
-    opened.page.locator("#leaderboard-table").get_by_role("button", name="Entrant").click()
-    assert opened.column("leaderboard-table", 2) == sorted(by_rate)
+    assert opened.names("leaderboard") == by_rate[::-1]
+    opened.page.get_by_label("Filter Leaderboard").fill(by_rate[0].upper())
+    assert opened.names("leaderboard") == by_rate[:1]
+    assert opened.page.evaluate("location.hash").startswith("#/leaderboard?sort=-contacts&q=COAST")
+    opened.page.reload()
+    assert opened.names("leaderboard") == by_rate[:1]
+    opened.page.get_by_label("Filter Leaderboard").fill("")
+    assert opened.names("leaderboard") == by_rate[::-1]
     opened.assert_quiet()
 
 
@@ -107,11 +197,102 @@ def test_absent_numbers_sort_last_either_way(browser: Browser, tmp_path: Path) -
     rows = [ranked(card(i, "")["entrant"], i + 1, 20.0 - i) for i in range(3)]
     rows[1] |= {"contacts_per_km": None, "contacts_low": None, "contacts_high": float("nan")}
     selection = with_tables({"entrants": [card(i, f"e{i}") for i in range(3)], "ranking": rows})
-    opened = Opened(browser, selection, tmp_path)
+    opened = Opened(browser, selection, tmp_path, "#/leaderboard")
     head = opened.page.get_by_role("button", name="Contacts per km")
     for _ in range(2):
         head.click()
-        assert opened.column("leaderboard-table", 2)[-1] == "e1"
+        assert opened.names("leaderboard")[-1] == "e1"
+    opened.assert_quiet()
+
+
+def test_links_lead_from_the_leaderboard_to_a_race(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, "#/leaderboard")
+    page, first = opened.page, full.named("ranking").row(0, named=True)
+    match = full.results["match"][0]
+    page.locator("#leaderboard").get_by_role("link", name=first["name"]).click()
+    assert page.locator("h1").inner_text() == first["name"]
+    races = full.results.filter(pl.col("entrant") == first["entrant"])
+    assert len(opened.column("own-races", 1)) == races.height == 40
+    page.locator("#own-races a").last.click()
+    assert page.locator("h1").inner_text() == f"Race 1 of match {match[:12]}"
+    race = full.results.filter((pl.col("match") == match) & (pl.col("race") == 0))
+    names = dict(full.tables["entrants"].select("entrant", "name").iter_rows())
+    assert opened.names("result") == [names[entrant] for entrant in race.sort("place")["entrant"]]
+    sides = race.group_by("team").agg(pl.col("points").sum()).sort("team")["points"].to_list()
+    for points in sides:
+        assert f" {points:.0f}" in page.locator(".why").inner_text()
+    assert page.locator("pre").inner_text() == f"nathlon replay nathlon.sqlite {match[:12]}:0"
+    page.go_back()
+    assert page.locator("h1").inner_text() == first["name"]
+    opened.assert_quiet()
+
+
+def test_two_are_compared(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, "#/leaderboard")
+    page, rows = opened.page, full.named("ranking").to_dicts()
+    for row in rows[:3]:
+        page.get_by_label(f"Compare {row['name']}", exact=True).check()
+    assert page.locator(".pick input:checked").count() == 2
+    page.get_by_role("link", name=f"Compare {rows[1]['name']} and {rows[2]['name']}").click()
+    cells = page.locator(".sides tbody tr").nth(1).locator("td").all_inner_texts()
+    points = [row["points_per_race"] for row in rows[1:3]]
+    assert [cell.split()[0] for cell in cells[:2]] == [f"{value:.1f}" for value in points]
+    assert cells[2] == f"{points[0] - points[1]:+.1f}"
+    page.get_by_role("link", name="Their races").click()
+    assert len(opened.column("races", 1)) == 2
+    opened.assert_quiet()
+
+
+def test_pareto_draws_what_is_chosen(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, "#/pareto")
+    opened.go("#/pareto")
+    field = full.tables["pareto"]
+    marks = opened.page.locator("figure g[data-mark=dot]").locator("circle, path")
+    assert marks.count() == field.drop_nulls("lap_s").height < field.height
+    assert len(opened.column("pareto", 1)) == 200
+    opened.page.get_by_role("button", name="Show all 250").click()
+    assert len(opened.column("pareto", 1)) == field.height
+    opened.page.get_by_label("Across").select_option("contacts_per_km")
+    assert opened.page.evaluate("location.hash") == "#/pareto?x=contacts_per_km"
+    opened.until("document.querySelectorAll('figure g[data-mark=dot] :is(circle, path)').length === 250")
+    marks.last.scroll_into_view_if_needed()
+    box = marks.last.bounding_box()
+    assert box is not None
+    opened.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    opened.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    opened.page.wait_for_url("**#/checkpoint/*")
+    opened.assert_quiet()
+
+
+def test_n_athlon_and_matchups_show_their_tables(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, "#/n-athlon")
+    skills = full.tables["skills"]
+    assert opened.page.locator("#n-athlon .cell").count() == skills.height
+    opened.go("#/n-athlon")
+    assert opened.page.locator("figure g[data-mark=dot] > *").count() == 2 * len(TESTS)
+    best = skills.filter(pl.col("test") == TESTS[1]).sort("points")["entrant"][-1]
+    opened.page.get_by_role("button", name="race eight").click()
+    names = dict(full.tables["entrants"].select("entrant", "name").iter_rows())
+    assert opened.names("n-athlon")[0] == names[best]
+    assert opened.page.locator("main").inner_text().count("harbour has no chicane") == 1
+    opened.go("#/matchups")
+    assert opened.page.locator("#matchups .cell").count() == full.tables["matchups"].height == 30
+    decided = ((pl.col("difference_low") > 0) | (pl.col("difference_high") < 0)).sum()
+    bold = opened.page.locator("#matchups .decided").count()
+    assert 0 < bold == full.tables["matchups"].select(decided).item() < 30
+    opened.page.locator("#matchups .cell a").first.click()
+    assert len(opened.column("races", 1)) == 2
+    opened.assert_quiet()
+
+
+def test_committee_is_told_with_names_reasons_and_times(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    opened = Opened(browser, full, tmp_path, "#/committee")
+    ballots = opened.page.locator(".ballots li").all_inner_texts()
+    assert len(ballots) == 3
+    assert all(text in ballots[1] for text in ("ann", "2031-05-04 03:21 UTC", PERSON[1], "Approves coast-"))
+    assert opened.page.locator(".standings .chosen").count() == 6 + 1
     opened.assert_quiet()
 
 
@@ -120,26 +301,19 @@ def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
     entrants = selection.tables["entrants"].with_columns(
         name=pl.format("{} {}", pl.lit(HOSTILE), pl.int_range(pl.len())), source=pl.lit('" onmouseover="x')
     )
-    hostile = Selection(
-        HOSTILE,
-        {**selection.tables, "entrants": entrants},
-        selection.results,
-        {
-            **selection.summary,
-            "circuit": HOSTILE,
-            "recording": "javascript:alert(1);'$(x).mcap",
-            "replay": None,
-        },
+    hostile = replace(
+        selection,
+        title=HOSTILE,
+        tables={**selection.tables, "entrants": entrants},
+        summary={**selection.summary, "circuit": HOSTILE, "tests_set_aside": {HOSTILE: HOSTILE}},
     )
     opened = Opened(browser, hostile, tmp_path)
     assert opened.page.title() == HOSTILE
-    assert opened.page.locator("img").count() == 0
-    assert opened.page.locator("[onmouseover]").count() == 0
-    assert HOSTILE in opened.column("leaderboard-table", 2)[0]
-    assert (
-        opened.page.locator("#replay a").get_attribute("href")
-        == "javascript%3Aalert%281%29%3B%27%24%28x%29.mcap"
-    )
+    for address in views(hostile):
+        opened.go(address)
+        assert opened.page.locator("img, [onmouseover]").count() == 0
+        assert opened.page.title() != "owned"
+    assert HOSTILE in opened.page.locator("h1").inner_text()
     opened.assert_quiet()
 
 
@@ -153,39 +327,44 @@ def test_small_selections(
 ) -> None:
     selection = build(np.random.default_rng(4), entrants, finalists, laps)
     opened = Opened(browser, selection, tmp_path)
-    assert opened.page.locator("#leaderboard-table tbody tr").count() == finalists
-    assert opened.page.locator("figure").count() == (2 if laps else 0)
+    for address in ("leaderboard", "pareto", "n-athlon", "matchups", "committee"):
+        opened.go(f"#/{address}")
+    opened.go("#/leaderboard")
+    assert opened.page.locator("#leaderboard tbody tr").count() == finalists
     opened.assert_quiet()
 
 
 def test_nothing_at_all(browser: Browser, tmp_path: Path) -> None:
-    empty = with_tables({}, replay=None, recording=None, pair_correlation=None, stages=[], versions={})
+    facts: dict[str, Any] = {"pair_correlation": None, "stages": [], "versions": {}, "marks": {}}
+    empty = replace(with_tables({}, **facts), under_way="under way: pareto, 3 of 7 matches")
     opened = Opened(browser, empty, tmp_path)
-    assert opened.page.locator("h1").inner_text() == "Nobody to send"
-    assert opened.page.locator(".empty").all_inner_texts()[-1] == "No race was recorded."
+    assert opened.page.locator("h1").inner_text() == "Nobody to send yet"
+    assert "3 of 7 matches" in opened.page.locator("main").inner_text()
+    for address in ("leaderboard", "pareto", "n-athlon", "matchups", "committee"):
+        opened.go(f"#/{address}")
+        assert opened.page.locator(".empty").count() > 0
+    opened.go("#/checkpoint/unknown")
+    assert opened.page.locator("h1").inner_text() == "Not here"
     opened.assert_quiet()
+
+
+def test_without_scripts_the_verdict_is_there(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, java_script_enabled=False)
+    assert opened.page.locator("h1").inner_text().startswith("Send coast-")
+    assert "ranking.xlsx" in opened.page.locator("main").inner_text()
+    opened.page.close()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_heat_map_is_legible(browser: Browser, tmp_path: Path, scheme: str) -> None:
+def test_heat_map_is_legible(browser: Browser, tmp_path: Path, full: Selection, scheme: str) -> None:
     """Text on every shade has the contrast of WCAG 2 level AA."""
-    selection = build(np.random.default_rng(0), finalists=8)
-    opened = Opened(browser, selection, tmp_path, color_scheme=scheme)
+    opened = Opened(browser, full, tmp_path, "#/matchups", color_scheme=scheme)
     pairs = opened.page.evaluate(
-        "[...document.querySelectorAll('.cell, .note, .interval')].map(e => {"
-        " const own = getComputedStyle(e), under = getComputedStyle(document.body);"
-        " const bare = own.backgroundColor === 'rgba(0, 0, 0, 0)';"
-        " return [own.color, (bare ? under : own).backgroundColor]})"
+        "[...document.querySelectorAll('.cell')].map(e => {"
+        " const own = getComputedStyle(e); return [own.color, own.backgroundColor]})"
     )
-    assert len(pairs) > 50
+    assert len(pairs) == 30
     assert min(_contrast(text, ground) for text, ground in {tuple(pair) for pair in pairs}) >= 4.5
-    opened.assert_quiet()
-
-
-def test_phone_scrolls_tables_not_the_page(browser: Browser, tmp_path: Path) -> None:
-    selection = build(np.random.default_rng(0), finalists=8)
-    opened = Opened(browser, selection, tmp_path, viewport={"width": 390, "height": 800})
-    assert opened.page.evaluate("document.documentElement.scrollWidth") == 390
     opened.assert_quiet()
 
 
@@ -200,86 +379,16 @@ def _luminance(colour: str) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
-def test_same_selection_same_bytes_and_small_enough(tmp_path: Path) -> None:
+def test_same_selection_same_bytes_and_small_enough() -> None:
     first = render(build(np.random.default_rng(5), entrants=3000))
     assert first == render(build(np.random.default_rng(5), entrants=3000))
-    assert len(first.encode()) < 1_500_000
+    assert len(first.encode()) < 3_000_000
 
 
 def test_failed_render_leaves_the_old_page(tmp_path: Path) -> None:
     selection = build(np.random.default_rng(5))
     before = write_page(selection, tmp_path).read_bytes()
-    broken = Selection(selection.title, selection.tables, selection.results, {})
     with pytest.raises(KeyError):
-        write_page(broken, tmp_path)
+        write_page(replace(selection, summary={}), tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["index.html"]
     assert (tmp_path / "index.html").read_bytes() == before
-
-
-def _ranking(*rows: dict[str, Any]) -> Selection:
-    return with_tables({"entrants": [card(i, f"e{i}") for i in range(len(rows))], "ranking": list(rows)})
-
-
-def _ids(count: int) -> list[str]:
-    return [card(i, "")["entrant"] for i in range(count)]
-
-
-def test_verdict_names_a_winner_only_when_intervals_part() -> None:
-    a, b = _ids(2)
-    clear = verdict(_ranking(ranked(a, 1, 22.0), ranked(b, 2, 17.0)))
-    assert clear.headline == "Send e0"
-    assert "22.0 team points a race (95% interval 21.2–22.8)" in clear.sentences[0]
-    assert "above that of every other finalist" in clear.sentences[0]
-    assert "0.20 times a kilometre (0.15–0.26)" in clear.sentences[1]
-    tie = verdict(_ranking(ranked(a, 1, 20.0), ranked(b, 1, 20.4)))
-    assert tie.headline == "Send e1 or e0"
-    assert "do not tell which is best" in tie.sentences[0]
-    assert tie.sentences[1].startswith("e1 has the highest estimate, 20.4")
-    assert "above" not in " ".join(tie.sentences)
-    assert len(tie.sentences) == 3
-
-
-def test_verdict_calls_one_calmest_only_when_contacts_part() -> None:
-    a, b, c = _ids(3)
-    calm = {"contacts_per_km": 0.05, "contacts_low": 0.04, "contacts_high": 0.07}
-    parted = verdict(_ranking(ranked(a, 1, 20.4), ranked(b, 1, 20.0, **calm), ranked(c, 1, 19.9)))
-    assert "e1 touches others least: 0.05 times a kilometre (0.04–0.07)" in parted.sentences[2]
-    calm["contacts_high"] = 0.15
-    overlapping = verdict(_ranking(ranked(a, 1, 20.4), ranked(b, 1, 20.0, **calm), ranked(c, 1, 19.9)))
-    assert "Contacts do not settle it" in overlapping.sentences[2]
-
-
-def test_verdict_of_many_tied_faulty_or_single() -> None:
-    ids = _ids(5)
-    many = verdict(_ranking(*(ranked(entrant, 1, 20.0) for entrant in ids)))
-    assert many.headline == "5 entrants tie for first"
-    assert many.sentences[0].startswith("e0, e1 and 3 more share first place")
-    lost: dict[str, Any] = {
-        "contacts_per_km": None,
-        "contacts_low": None,
-        "contacts_high": None,
-        "faults": 320,
-    }
-    alone = verdict(_ranking(ranked(ids[0], 1, 10.0, **lost)))
-    assert "only finalist, so no comparison" in alone.sentences[0]
-    assert alone.sentences[1] == (
-        "Its contact rate is not known, though 320 of its car runs ended by its own fault."
-    )
-
-
-def test_verdict_without_round_robin() -> None:
-    unscored = verdict(_ranking(ranked(_ids(1)[0], 1, None)))
-    assert unscored.headline == "Nobody to send"
-    filtered = build(np.random.default_rng(4), 30, 0)
-    assert verdict(filtered).headline == "Nobody is proven yet"
-    assert verdict(filtered).sentences[0].startswith("No round robin was scored")
-
-
-def test_numbers() -> None:
-    assert [number(-1234.56, 1), number(None), signed(0.04), signed(-2.0)] == [
-        "−1,234.6",
-        "–",
-        "+0.0",
-        "−2.0",
-    ]
-    assert [duration(59.94), duration(61), duration(3600 * 25 + 61)] == ["59.9 s", "1 min 1 s", "25 h 1 min"]

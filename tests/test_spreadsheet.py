@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import shutil
+import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +13,18 @@ import pytest
 import reports.spreadsheet
 from reports.selection import Selection
 from reports.spreadsheet import write_spreadsheet
+from reports.tables import write_tables
 from tests.selections import TESTS, build, with_tables
 
-SHEETS = ["Ranking", "Skills", "Matchups", "Pareto", "Races", "Run"]
+SOFFICE = shutil.which("soffice")
+SHEETS = ["Ranking", "Skills", "Weighted", "Matchups", "Pareto", "Races", "Run"]
 HOSTILE = ("=1+1", "+1", "-1", "@SUM(A1)", "=cmd|' /C calc'!A0", "{=1+1}", "https://example.org", "42")
 
 
 def _rows(path: Path, sheet: str, formulas: bool = False) -> list[dict[str, object]]:
     values = openpyxl.load_workbook(path, data_only=not formulas)[sheet].iter_rows(values_only=True)
+    if sheet == "Skills":
+        next(values)  # the weights
     header = [str(name) for name in next(values)]
     return [dict(zip(header, row, strict=True)) for row in values]
 
@@ -31,11 +38,19 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
     path = write_spreadsheet(selection, tmp_path / "report" / "ranking.xlsx")
     book = openpyxl.load_workbook(path)
     assert book.sheetnames == SHEETS
-    heights = [selection.tables[name].height for name in ("ranking", "battery", "matchups", "pareto")]
-    for name, height in zip(SHEETS[:5], [*heights, selection.results.height], strict=True):
+    heights = {
+        "Ranking": selection.tables["ranking"].height,
+        "Skills": selection.tables["battery"].height,
+        "Weighted": selection.tables["battery"].height,
+        "Matchups": selection.tables["matchups"].height,
+        "Pareto": selection.tables["pareto"].height,
+        "Races": selection.results.height,
+    }
+    for name, height in heights.items():
         (table,) = book[name].tables.values()
-        assert table.ref == book[name].dimensions
-        assert book[name].max_row == height + 1
+        top = 2 if name == "Skills" else 1
+        assert table.ref == f"A{top}:{book[name].dimensions.split(':')[1]}"
+        assert book[name].max_row == height + top
         assert table.autoFilter is not None
         assert book[name].freeze_panes is not None
     ranking = selection.named("ranking").sort(["rank", "points_per_race"], descending=[False, True])
@@ -45,7 +60,9 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
     assert [row["Contacts low [1/km]"] for row in read] == pytest.approx(ranking["contacts_low"].to_list())
     pareto = _rows(path, "Pareto")
     assert (
-        sum(row["Lap [s]"] is None for row in pareto) == selection.tables["pareto"]["lap_s"].null_count() > 0
+        sum(row["lap_s [s]"] is None for row in pareto)
+        == selection.tables["pareto"]["lap_s"].null_count()
+        > 0
     )
     assert sum(row["Survives"] is True for row in pareto) == selection.tables["pareto"]["survives"].sum()
     matchup = _rows(path, "Matchups")[0]
@@ -57,14 +74,52 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
     assert run["Version of torch"] == "2.9.1"
 
 
-def test_sums_are_formulas_with_their_values(selection: Selection, tmp_path: Path) -> None:
+def test_sums_and_places_are_formulas_with_their_values(selection: Selection, tmp_path: Path) -> None:
     path = write_spreadsheet(selection, tmp_path / "ranking.xlsx")
-    sums = {row["Entrant"]: row["Sum [points]"] for row in _rows(path, "Skills")}
-    expected = selection.named("battery").select("name", "points").rows()
-    assert sums == {name: pytest.approx(points) for name, points in expected}
-    for number, row in enumerate(_rows(path, "Skills", formulas=True), start=2):
-        assert row["Sum [points]"] == f"=SUM(C{number}:H{number})"
-        assert list(row)[2:8] == [f"{test} [points]" for test in TESTS]
+    expected = selection.named("battery").sort("points", descending=True).select("name", "points").rows()
+    skills = _rows(path, "Skills")
+    for column in ("Sum [points]", "Weighted sum [points]"):
+        assert [(row["Entrant"], row[column]) for row in skills] == [
+            (name, pytest.approx(points)) for name, points in expected
+        ]
+    assert [row["Weighted place"] for row in skills] == list(range(1, len(expected) + 1))
+    assert [row["Entrant"] for row in _rows(path, "Weighted")] == [name for name, _ in expected]
+    first = _rows(path, "Skills", formulas=True)[0]
+    assert first["Sum [points]"] == "=SUM(B3:G3)"
+    assert first["Weighted sum [points]"] == "=SUMPRODUCT($B$1:$G$1,B3:G3)"
+    assert list(first)[1:7] == [f"{test} [points]" for test in TESTS]
+
+
+@pytest.mark.parametrize("weights", [(1, 1, 1, 1, 1, 1), (0, 0, 3, 0.5, 0, 1)])
+def test_weights_move_the_order(selection: Selection, tmp_path: Path, weights: tuple[float, ...]) -> None:
+    """LibreOffice computes the order that follows from other weights as polars does."""
+    if SOFFICE is None:
+        pytest.skip("LibreOffice (soffice) is not installed")
+    path = write_spreadsheet(selection, tmp_path / "ranking.xlsx")
+    book = openpyxl.load_workbook(path)
+    for column, weight in enumerate(weights, start=2):
+        book["Skills"].cell(1, column).value = weight
+    (tmp_path / "in").mkdir()
+    book.save(tmp_path / "in" / "ranking.xlsx")
+    profile = f"-env:UserInstallation={(tmp_path / 'profile').as_uri()}"
+    command = [SOFFICE, profile, "--headless", "--convert-to", "xlsx", "--outdir", "out", "in/ranking.xlsx"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    computed = _rows(tmp_path / "out" / "ranking.xlsx", "Weighted")
+    factor = pl.DataFrame({"test": TESTS, "weight": [float(weight) for weight in weights]})
+    expected = (
+        selection.tables["skills"]
+        .join(factor, on="test")
+        .group_by("entrant")
+        .agg(total=(pl.col("points") * pl.col("weight")).sum())
+        .join(selection.tables["entrants"], on="entrant")
+        .sort("total", descending=True)
+    )
+    assert [row["Entrant"] for row in computed] == expected["name"].to_list()
+    assert [row["Weighted sum [points]"] for row in computed] == pytest.approx(expected["total"].to_list())
+    before = [row["Entrant"] for row in _rows(path, "Weighted")]
+    assert [row["Places up with these weights"] for row in computed] == [
+        before.index(name) - place for place, name in enumerate(expected["name"])
+    ]
 
 
 def test_hostile_names_are_text(selection: Selection, tmp_path: Path) -> None:
@@ -72,11 +127,11 @@ def test_hostile_names_are_text(selection: Selection, tmp_path: Path) -> None:
     names = [HOSTILE[i % len(HOSTILE)] + " " * (i // len(HOSTILE)) for i in range(count)]
     entrants = selection.tables["entrants"].with_columns(name=pl.Series(names), source=pl.lit("=1+1"))
     skills = selection.tables["skills"].with_columns(pl.col("test").replace({"hot_lap": "=2+2"}))
-    hostile = Selection(
-        "=1+1",
-        {**selection.tables, "entrants": entrants, "skills": skills},
-        selection.results,
-        {**selection.summary, "circuit": "=1+1", "versions": {"=1+1": "=1+1"}},
+    hostile = replace(
+        selection,
+        title="=1+1",
+        tables={**selection.tables, "entrants": entrants, "skills": skills},
+        summary={**selection.summary, "circuit": "=1+1", "versions": {"=1+1": "=1+1"}},
     )
     path = write_spreadsheet(hostile, tmp_path / "ranking.xlsx")
     book = openpyxl.load_workbook(path)
@@ -87,8 +142,14 @@ def test_hostile_names_are_text(selection: Selection, tmp_path: Path) -> None:
         for cell in row
         if cell.data_type == "f"
     ]
-    assert len(formulas) == hostile.tables["battery"].height
-    assert all(title == "Skills" and str(value).startswith("=SUM(") for title, value in formulas)
+    assert len(formulas) == 6 * hostile.tables["battery"].height
+    assert {(title, str(value).partition("(")[0]) for title, value in formulas} == {
+        ("Skills", "=SUM"),
+        ("Skills", "=SUMPRODUCT"),
+        ("Skills", "=RANK"),
+        ("Weighted", "=INDEX"),
+        ("Weighted", "=MATCH"),
+    }
     assert {row["Entrant"] for row in _rows(path, "Pareto")} == set(names)
     assert all(cell.hyperlink is None for row in book["Pareto"].iter_rows() for cell in row)
 
@@ -113,11 +174,21 @@ def test_rows_above_the_limit_are_counted(
 ) -> None:
     monkeypatch.setattr(reports.spreadsheet, "ROW_LIMIT", 6)
     early = selection.results.with_columns(stage=pl.lit("pareto"))
-    both = Selection(
-        selection.title, selection.tables, pl.concat([early, selection.results]), selection.summary
-    )
+    both = replace(selection, results=pl.concat([early, selection.results]))
     path = write_spreadsheet(both, tmp_path / "ranking.xlsx")
     races = _rows(path, "Races")
     assert [row["Stage"] for row in races] == ["tournament"] * 6
     run = {row["Fact"]: row["Value"] for row in _rows(path, "Run")}
     assert run["Rows left out of Races"] == both.results.height - 6
+
+
+def test_tables_are_written_for_other_programs(selection: Selection, tmp_path: Path) -> None:
+    write_tables(selection, tmp_path)
+    expected = {**selection.tables, "results": selection.results}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}.{kind}" for name in expected for kind in ("csv", "parquet")
+    }
+    for name, table in expected.items():
+        assert pl.read_parquet(tmp_path / f"{name}.parquet").equals(table)
+        text = pl.read_csv(tmp_path / f"{name}.csv", schema=table.schema)
+        assert text.equals(table)

@@ -1,0 +1,89 @@
+"""The parts that every sheet of the spreadsheet is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+BLUES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#6BA3D6"}
+ORANGES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#E9A15B"}
+DIVERGING = {
+    "type": "3_color_scale",
+    "mid_type": "num",
+    "mid_value": 0,
+    "min_color": "#E9A15B",
+    "mid_color": "#FFFFFF",
+    "max_color": "#6BA3D6",
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a sheet: its name in the frame, its header with the unit, how it looks."""
+
+    name: str
+    header: str
+    form: str = "General"
+    width: int = 13
+    scale: dict[str, Any] | None = None
+
+
+ENTRANT = (Column("name", "Entrant", width=28),)
+ORIGIN = (
+    Column("step", "Training step", "#,##0"),
+    Column("seed", "Training seed", "0"),
+    Column("algorithm", "Algorithm"),
+    Column("source", "Source", width=40),
+    Column("entrant", "Checkpoint SHA-256", width=68),
+)
+
+
+def write_sheet(
+    workbook: Any, title: str, columns: tuple[Column, ...], frame: pl.DataFrame, top: int = 0
+) -> Any:
+    """A sheet that holds the frame as a table below `top` rows; header and entrant's name stay in view."""
+    sheet = add_table(workbook, title, [column.header for column in columns], frame.height, top)
+    sheet.freeze_panes(top + 1, 1 + [column.name for column in columns].index("name"))
+    sheet.set_row(top, 32)
+    first, last = top + 1, top + frame.height
+    for at, column in enumerate(columns):
+        form = workbook.add_format({"num_format": column.form})
+        sheet.set_column(at, at, column.width)
+        for row, value in enumerate(frame[column.name].to_list(), start=first):
+            write_cell(sheet, row, at, value, form)
+        if column.scale and frame.height:
+            sheet.conditional_format(first, at, last, at, column.scale)
+    return sheet
+
+
+def add_table(workbook: Any, title: str, headers: Sequence[str], rows: int, top: int = 0) -> Any:
+    """A sheet with a table that has no cells yet but its headers."""
+    sheet = workbook.add_worksheet(title)
+    form = workbook.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
+    table = {
+        "name": f"{title}Table",
+        "style": "Table Style Light 1",
+        "banded_rows": False,
+        "columns": [{"header": header, "header_format": form} for header in headers],
+    }
+    # Excel refuses a table without a row.
+    sheet.add_table(top, 0, top + max(1, rows), len(headers) - 1, table)
+    sheet.set_landscape()
+    sheet.repeat_rows(top)
+    sheet.fit_to_pages(1, 0)
+    return sheet
+
+
+def write_cell(sheet: Any, row: int, at: int, value: Any, form: Any) -> None:
+    """A value as what it is: text never becomes a formula, a number or a link."""
+    if value is None:
+        sheet.write_blank(row, at, None, form)
+    elif isinstance(value, str):
+        sheet.write_string(row, at, value, form)
+    elif isinstance(value, bool):
+        sheet.write_boolean(row, at, value, form)
+    else:
+        sheet.write_number(row, at, value, form)

@@ -1,0 +1,31 @@
+"""All tables of a selection as files for other programs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+
+from reports.selection import Selection
+
+
+def write_tables(selection: Selection, folder: Path) -> None:
+    """Write each table and `results` into `folder` as CSV and as Parquet, every file whole or not at all.
+
+    Schemas are those of `arena.results`; times are in s, ways in m.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, table in {**selection.tables, "results": selection.results}.items():
+        _replace(folder / f"{name}.csv", table.write_csv)
+        _replace(folder / f"{name}.parquet", table.write_parquet)
+
+
+def _replace(path: Path, write: Callable[[Path], pl.DataFrame | None]) -> None:
+    partial = path.with_name(path.name + ".partial")
+    try:
+        write(partial)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,80 @@
+"use strict";
+
+// What the page shows: `reports/payload.py` wrote it as columns, here they become rows.
+
+const data = JSON.parse(document.getElementById("data").textContent);
+
+const rowsOf = (columns) => {
+  const names = Object.keys(columns);
+  const rows = new Array(columns[names[0]].length);
+  for (let i = 0; i < rows.length; i++) {
+    const row = {};
+    for (const name of names) row[name] = columns[name][i];
+    rows[i] = row;
+  }
+  return rows;
+};
+
+const summary = data.summary;
+const tables = Object.fromEntries(Object.entries(data.tables).map(([name, columns]) => [name, rowsOf(columns)]));
+
+// A checkpoint goes by the beginning of its digest, a built-in driver by its id.
+const entrants = rowsOf(data.entrants).map((card, number) => ({
+  ...card,
+  number,
+  key: card.entrant.includes(":") ? card.entrant : card.entrant.slice(0, 12),
+}));
+const entrantOf = new Map(entrants.map((entrant) => [entrant.entrant, entrant]));
+const entrantByKey = new Map(entrants.map((entrant) => [entrant.key, entrant]));
+const nameOf = (number) => entrants[number].name;
+
+const byEntrant = (rows) => new Map(rows.map((row) => [row.entrant, row]));
+const rankingOf = byEntrant(tables.ranking);
+const batteryOf = byEntrant(tables.battery);
+const paretoOf = byEntrant(tables.pareto);
+const groups = (rows, key) => {
+  const found = new Map();
+  for (const row of rows) found.has(row[key]) ? found.get(row[key]).push(row) : found.set(row[key], [row]);
+  return found;
+};
+const skillsOf = groups(tables.skills, "entrant");
+const objectivesOf = groups(tables.objectives, "entrant");
+const tests = [...new Set(tables.skills.map((skill) => skill.test))];
+
+const matches = rowsOf(data.matches);
+const races = rowsOf(data.races).map((race, number) => ({
+  ...race,
+  number,
+  end: data.races.first[number + 1] ?? data.cars.entrant.length,
+  ...(({ key, stage, test }) => ({ key, stage, test }))(matches[race.match]),
+}));
+const raceByKey = new Map(races.map((race) => [`${race.key.slice(0, 12)}/${race.race}`, race]));
+
+const carAt = (index) => {
+  const car = {};
+  for (const name in data.cars) car[name] = data.cars[name][index];
+  car.ending = data.endings[car.ending];
+  return car;
+};
+const carsOf = (race) => Array.from({ length: race.end - race.first }, (_, i) => carAt(race.first + i));
+
+// Which races an entrant took part in; made when first asked for.
+let racesByEntrant = null;
+const racesOf = (number) => {
+  if (!racesByEntrant) {
+    racesByEntrant = entrants.map(() => []);
+    for (const race of races) {
+      const there = new Set(data.cars.entrant.slice(race.first, race.end));
+      for (const entrant of there) racesByEntrant[entrant].push(race);
+    }
+  }
+  return racesByEntrant[number];
+};
+
+const decisions = summary.committee;
+const selection = decisions.find((decision) => decision.question === "selection");
+const candidates = new Set((selection?.standings ?? []).map((standing) => standing.entrant));
+const sent = new Set(summary.sent.map((one) => one.entrant));
+const known = new Set(data.previous?.known ?? []);
+
+const sum = (values) => values.reduce((total, value) => total + (value ?? 0), 0);

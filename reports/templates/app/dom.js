@@ -1,0 +1,76 @@
+// Elements, numbers and addresses. All text goes through text nodes, so nothing in it is markup.
+
+const h = (tag, attributes = {}, ...children) => {
+  const drawn = tag.startsWith("svg:");
+  const node = drawn ? document.createElementNS("http://www.w3.org/2000/svg", tag.slice(4)) : document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
+    else node.setAttribute(name, value === true ? "" : value);
+  }
+  node.append(...children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false));
+  return node;
+};
+
+const ABSENT = "–";
+const MINUS = "−";
+const formats = new Map();
+const number = (value, digits = 0) => {
+  if (value === null || value === undefined) return ABSENT;
+  if (!formats.has(digits)) {
+    formats.set(digits, new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }));
+  }
+  return formats.get(digits).format(value).replace("-", MINUS);
+};
+const signed = (value, digits = 1) => (value > 0 ? "+" : "") + number(value, digits);
+const percent = (share, digits = 0) => (share === null || share === undefined ? ABSENT : number(100 * share, digits));
+const count = (value, what) => `${number(value)} ${what}${value === 1 ? "" : "s"}`;
+const plain = (name) => name.replaceAll("_", " ");
+const duration = (seconds) => {
+  if (seconds < 60) return `${number(seconds, 1)} s`;
+  const minutes = Math.floor(Math.round(seconds) / 60);
+  if (minutes < 60) return `${minutes} min ${Math.round(seconds) % 60} s`;
+  return `${number(Math.floor(minutes / 60))} h ${minutes % 60} min`;
+};
+const time = (stamp) => (stamp ? `${stamp.slice(0, 10)} ${stamp.slice(11, 16)} UTC` : ABSENT);
+
+// An address is #/view/argument/...?key=value: what is chosen can be kept, sent and gone back to.
+const here = () => {
+  const [path, query] = location.hash.replace(/^#\/?/, "").split("?");
+  const [view, ...rest] = path.split("/").map(decodeURIComponent);
+  return { view: view || "tonight", rest, params: new URLSearchParams(query ?? "") };
+};
+const to = (view, rest = [], params = {}) => {
+  const query = new URLSearchParams(params).toString();
+  return `#/${[view, ...rest].map(encodeURIComponent).join("/")}${query && `?${query}`}`;
+};
+const keep = (name, value) => {
+  const { view, rest, params } = here();
+  if (value === "" || value === null) params.delete(name);
+  else params.set(name, value);
+  history.replaceState(null, "", to(view, rest, params));
+};
+const fileHref = (path) => path.split("/").map(encodeURIComponent).join("/");
+
+const link = (href, ...text) => h("a", { href }, ...text);
+const entrantLink = (number) => link(to("checkpoint", [entrants[number].key]), nameOf(number));
+const raceHref = (race) => to("race", [race.key.slice(0, 12), String(race.race)]);
+const note = (...text) => h("p", { class: "note" }, ...text);
+const empty = (text) => h("p", { class: "empty" }, text);
+const section = (title, ...children) => h("section", {}, h("h2", {}, title), ...children);
+const facts = (pairs) =>
+  h("dl", { class: "facts" }, pairs.filter(Boolean).map(([term, value, title]) => h("div", {}, h("dt", { title }, term), h("dd", {}, value))));
+const interval = (low, high, digits) =>
+  h("span", { class: "interval" }, low === null || high === null ? "" : `${number(low, digits)} to ${number(high, digits)}`);
+const scroll = (label, child) => h("div", { class: "scroll", role: "region", "aria-label": label, tabindex: "0" }, child);
+const chip = (kind, text, title) => h("span", { class: `chip ${kind}`, title }, text);
+
+// What became of an entrant, in words beside its name.
+const chips = (index) => {
+  const { entrant } = entrants[index];
+  return [
+    sent.has(entrant) && chip("sent", "sent", "the committee sends it"),
+    rankingOf.get(index)?.barred ? chip("barred", "barred", "a contact rate lies wholly above the gate's limit") : null,
+    rankingOf.has(index) && selection && !candidates.has(entrant) && chip("anchor", "to compare", "races every night and cannot be sent"),
+  ];
+};

@@ -1,0 +1,106 @@
+// The team races: points and contacts with their intervals, and two entrants side by side.
+
+const GATED = "a rate is barred only if its whole interval lies above the gate's limit";
+
+function leaderboard() {
+  const rows = tables.ranking.map((row) => ({ ...row, skill: batteryOf.get(row.entrant)?.points ?? null }));
+  const title = h("h1", {}, "Leaderboard");
+  if (!rows.length) return [title, empty("No entrant reached the team races.")];
+  const points = barScale(rows, ["points_per_race", "points_low", "points_high"], d3.mean(rows, (row) => row.points_per_race) ?? 0, "points");
+  const contacts = barScale(rows, ["contacts_per_km", "contacts_low", "contacts_high"], 0, "contacts");
+  const figure = (key, head, digits, [value, low, high], extra = {}) => ({
+    key, head, value: (row) => row[value],
+    cell: (row) => [h("strong", {}, number(row[value], digits)), " ", interval(row[low], row[high], digits)], ...extra,
+  });
+  return [
+    title,
+    note(`A rank is 1 + the number of those proven better, after Holm's correction: who shares a rank is not told apart. The intervals (${percent(summary.confidence)}\u00a0%) are each entrant's own, and two may overlap though it is proven which is better.`),
+    comparison(),
+    dataTable("leaderboard", [
+      { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
+      rankColumn(rows),
+      entrantColumn(),
+      figure("points", "Points a race", 1, ["points_per_race", "points_low", "points_high"]),
+      { key: "drawn", head: "", unseen: "Points, drawn", kind: "drawn", cell: points },
+      figure("contacts", "Contacts per km", 2, ["contacts_per_km", "contacts_low", "contacts_high"], { first: "ascending", title: GATED }),
+      { key: "contacts-drawn", head: "", unseen: "Contacts, drawn", kind: "drawn", cell: contacts },
+      figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts that the stewards lay to its cars; ${GATED}` }),
+      { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
+      { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
+      { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
+    ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),
+    ratings(),
+  ];
+}
+
+function ratings() {
+  if (!tables.ratings.length && !data.notes.length) return null;
+  const rows = [...tables.ratings].sort((a, b) => a.bradley_terry_rank - b.bradley_terry_rank);
+  return section("Beside the points",
+    note("Ratings are no second ranking but a check on the points."),
+    data.notes.length ? h("ul", {}, data.notes.map((text) => h("li", {}, text))) : h("p", {}, "Nothing in them contradicts the points, and one score for each entrant explains the matchups."),
+    rows.length > 0 && h("details", {}, h("summary", {}, "Ratings"), scroll("Ratings", h("table", {},
+      h("thead", {}, h("tr", {}, ["Entrant", "Bradley–Terry", "rank", "Plackett–Luce", "rank"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
+      h("tbody", {}, rows.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row.entrant)),
+        [signed(row.bradley_terry, 2), number(row.bradley_terry_rank), signed(row.plackett_luce, 2), number(row.plackett_luce_rank)].map((text) => h("td", { class: "number" }, text)))))))));
+}
+
+// Two that are picked, kept in the address as ?pick=a,b.
+const picked = () => (here().params.get("pick") ?? "").split(",").filter((key) => entrantByKey.has(key));
+function picker(index) {
+  const { key, name } = entrants[index];
+  return h("input", {
+    type: "checkbox", "aria-label": `Compare ${name}`, checked: picked().includes(key),
+    onchange: (event) => {
+      const others = picked().filter((one) => one !== key);
+      keep("pick", (event.target.checked ? [...others, key].slice(-2) : others).join(","));
+      const left = picked();
+      for (const box of document.querySelectorAll(".pick input")) box.checked = left.some((one) => box.getAttribute("aria-label") === `Compare ${entrantByKey.get(one).name}`);
+      document.querySelector(".comparison").replaceWith(comparison());
+    },
+  });
+}
+function comparison() {
+  const keys = picked();
+  const host = (...children) => h("p", { class: "comparison", "aria-live": "polite" }, ...children);
+  if (keys.length < 2) return host(keys.length ? "Pick one more to compare." : "Pick two to compare them.");
+  return host(link(to("compare", keys), `Compare ${entrantByKey.get(keys[0]).name} and ${entrantByKey.get(keys[1]).name}`));
+}
+
+function compare([first, second]) {
+  const two = [first, second].map((key) => entrantByKey.get(key));
+  if (two.includes(undefined)) return missing("entrant");
+  const numbers = two.map((one) => one.number);
+  const shown = (table, name, digits, low, high) => numbers.map((index) => {
+    const row = table.get(index);
+    return { value: row?.[name] ?? null, low: row?.[low] ?? null, high: row?.[high] ?? null, digits };
+  });
+  const skillRow = (test) => [plain(test), numbers.map((index) => {
+    const skill = (skillsOf.get(index) ?? []).find((one) => one.test === test);
+    return { value: skill?.points ?? null, low: skill?.points_low ?? null, high: skill?.points_high ?? null, digits: 0 };
+  })];
+  const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
+  const rows = [
+    ["Rank", shown(rankingOf, "rank", 0)],
+    ["Points a race", shown(rankingOf, "points_per_race", 1, "points_low", "points_high")],
+    ["Contacts per km", shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high")],
+    ["At fault per km", shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high")],
+    ["Faults", shown(rankingOf, "faults", 0)],
+    ["n-athlon, sum", shown(batteryOf, "points", 0, "points_low", "points_high")],
+    ...tests.map(skillRow),
+    ...objectives.map((name) => [objectiveTitle(name), numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: 3 }))]),
+  ];
+  const met = tables.matchups.find((row) => row.entrant === numbers[0] && row.opponent === numbers[1]);
+  return [
+    h("h1", {}, `${two[0].name} and ${two[1].name}`),
+    met
+      ? h("p", { class: "why" }, `Where they met, ${two[0].name} scored ${signed(met.difference)} points a race against ${two[1].name} (${signed(met.difference_low)} to ${signed(met.difference_high)}) in ${count(met.pairs, "unit")}. `, link(to("matchup", [first, second]), "Their races"))
+      : note("They did not meet in the team races."),
+    scroll("Side by side", h("table", { class: "sides" },
+      h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))), h("th", { scope: "col", class: "number" }, "Difference"))),
+      h("tbody", {}, rows.map(([label, [a, b]]) => h("tr", {}, h("th", { scope: "row", class: "name" }, label),
+        [a, b].map(({ value, low, high, digits }) => h("td", { class: "number" }, h("strong", {}, number(value, digits)), " ", interval(low, high, digits))),
+        h("td", { class: "number" }, a.value === null || b.value === null ? ABSENT : signed(a.value - b.value, a.digits))))))),
+    numbers.every((index) => skillsOf.has(index)) && section("Their n-athlon", profile(numbers)),
+  ];
+}

@@ -1,0 +1,61 @@
+// The n-athlon: entrants and tests, coloured by points; the profiles of some beside each other.
+
+function nAthlon() {
+  const title = h("h1", {}, "n-athlon");
+  const rows = tables.battery.map((row) => ({ ...row, skills: new Map((skillsOf.get(row.entrant) ?? []).map((skill) => [skill.test, skill])) }));
+  if (!rows.length) return [title, empty("No entrant has been through the n-athlon.")];
+  const largest = d3.max(tables.skills, (skill) => skill.points) ?? 0;
+  const shaded = (row, test) => {
+    const skill = row.skills.get(test);
+    if (!skill) return h("td", { class: "unmet" }, ABSENT);
+    const about = `${nameOf(row.entrant)}, ${plain(test)}: ${number(skill.points)} points (${number(skill.points_low)} to ${number(skill.points_high)}), ${number(skill.measure, 3)} ${skill.unit}, ${count(skill.runs, "run")}`;
+    return h("td", { class: `cell ${shade(skill.points, largest)}`, title: about }, number(skill.points));
+  };
+  const lines = h("div");
+  const draw = () => lines.replaceChildren(...profile(profiled(rows)));
+  draw();
+  const box = (row) => h("input", {
+    type: "checkbox", "aria-label": `Profile of ${nameOf(row.entrant)}`, checked: profiled(rows).includes(row.entrant),
+    onchange: (event) => {
+      const others = profiled(rows).filter((one) => one !== row.entrant);
+      const next = event.target.checked ? [...others, row.entrant].slice(-LINES.length) : others;
+      keep("show", next.map((one) => entrants[one].key).join(",") || "none");
+      for (const other of document.querySelectorAll(".pick input")) other.checked = next.some((one) => other.getAttribute("aria-label") === `Profile of ${nameOf(one)}`);
+      draw();
+    },
+  });
+  return [
+    title,
+    note("Points of every test, from 500 for the built-in driver's mark to 1,000 for one that is better by what the test says, and their sum. A rank is 1 + those proven better.", shadeKey(BLUES, "0", number(largest))),
+    dataTable("n-athlon", [
+      { key: "pick", head: "", unseen: "Profile", kind: "pick", cell: box },
+      rankColumn(rows),
+      entrantColumn((row) => (row.shortlisted ? chip("", "shortlisted") : null)),
+      { key: "sum", head: "Sum", value: (row) => row.points, cell: (row) => [h("strong", {}, number(row.points)), " ", interval(row.points_low, row.points_high, 0)] },
+      ...tests.map((test) => ({ key: test, head: plain(test), kind: "test", value: (row) => row.skills.get(test)?.points ?? null, cell: (row) => shaded(row, test) })),
+    ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "n-athlon" }),
+    section("Profiles", note("Up to three, picked in the table. Dashed: 500 and 1,000 points."), lines),
+    section("Marks", marks()),
+  ];
+}
+
+// Who is drawn: those of the address, else who is sent and the first of the others.
+function profiled(rows) {
+  const asked = here().params.get("show");
+  if (asked !== null) return asked.split(",").map((key) => entrantByKey.get(key)?.number).filter((index) => skillsOf.has(index)).slice(0, LINES.length);
+  const first = [...rows].sort((a, b) => a.rank - b.rank || b.points - a.points).map((row) => row.entrant);
+  const chosen = first.filter((index) => sent.has(entrants[index].entrant));
+  return [...new Set([...chosen, ...first])].slice(0, 2);
+}
+
+function marks() {
+  const set = Object.entries(summary.marks);
+  const units = new Map(tables.skills.map((skill) => [skill.test, skill.unit]));
+  const aside = Object.entries(summary.tests_set_aside);
+  return [
+    set.length ? scroll("Marks", h("table", {},
+      h("thead", {}, h("tr", {}, ["Test", "500 points", "1,000 points", "Unit"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
+      h("tbody", {}, set.map(([test, mark]) => h("tr", {}, h("th", { scope: "row", class: "name" }, plain(test)), h("td", { class: "number" }, number(mark.base, 3)), h("td", { class: "number" }, number(mark.reference, 3)), h("td", { class: "number" }, units.get(test) ?? "")))))) : empty("No marks were set."),
+    aside.length > 0 && [h("h3", {}, "Set aside"), h("ul", {}, aside.map(([test, reason]) => h("li", {}, `${plain(test)}: ${reason}`)))],
+  ];
+}

@@ -1,0 +1,110 @@
+// The filter's objectives, two at a time: the field in grey, the front labelled.
+
+const objectiveNames = [...new Set(tables.objectives.map((row) => row.objective))];
+const objectiveUnit = new Map(tables.objectives.map((row) => [row.objective, row]));
+const objectiveTitle = (name) => {
+  const { unit, goal } = objectiveUnit.get(name);
+  const title = plain(name.replace(/_per_km$|_s$/, ""));
+  return `${title}${unit === "1" ? "" : ` [${unit}]`}${goal === "max" ? ", more is better" : ""}`;
+};
+const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;
+
+function pareto() {
+  const title = h("h1", {}, "Pareto filter");
+  const rows = tables.pareto.map((row) => ({
+    ...row,
+    ...Object.fromEntries((objectivesOf.get(row.entrant) ?? []).map((one) => [`= ${one.objective}`, one.value])),
+    finalist: rankingOf.has(row.entrant),
+  }));
+  if (!rows.length) return [title, empty("No entrant has been through the filter.")];
+  const front = rows.filter((row) => row.survives);
+  const { params } = here();
+  const axis = (name, otherwise) => (objectiveNames.includes(params.get(name)) ? params.get(name) : objectiveNames[otherwise]);
+  const host = h("div");
+  const show = () => {
+    const [x, y] = [axis("x", 0), axis("y", Math.min(1, objectiveNames.length - 1))];
+    host.replaceChildren(...front2d(rows, x, y));
+  };
+  const choice = (name, label, otherwise) =>
+    h("label", {}, `${label} `, h("select", { onchange: (event) => { keep(name, event.target.value); params.set(name, event.target.value); show(); } },
+      objectiveNames.map((one) => h("option", { value: one, selected: one === axis(name, otherwise) }, objectiveTitle(one)))));
+  if (objectiveNames.length) show();
+  return [
+    title,
+    note(`${number(front.length)} of ${number(rows.length)} survive: in 5 % or more of the draws of what the objectives may truly be, no other was better in all of them at once. So one may survive behind the front that is seen here, and the front has more objectives than two axes.`),
+    objectiveNames.length > 0 && [h("div", { class: "controls" }, choice("x", "Across", 0), choice("y", "Upwards", 1)), host],
+    section("Who was in the filter", dataTable("pareto", [
+      entrantColumn((row) => (row.finalist ? chip("", "team races") : null)),
+      ...objectiveNames.map((name) => ({
+        key: name, head: objectiveTitle(name), first: objectiveUnit.get(name).goal === "max" ? "descending" : "ascending",
+        value: (row) => row[`= ${name}`], cell: (row) => number(row[`= ${name}`], 3),
+      })),
+      { key: "nondominated", head: "Non-dominated, %", title: "share of the draws in which no other was better in everything", value: (row) => row.nondominated_probability, cell: (row) => percent(row.nondominated_probability) },
+      { key: "survives", head: "Survives", value: (row) => row.survives, cell: (row) => (row.survives ? "yes" : "no") },
+      { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
+    ], rows, { sort: "-nondominated", text: (row) => nameOf(row.entrant), label: "Pareto filter" })),
+  ];
+}
+
+function front2d(rows, x, y) {
+  const points = rows
+    .map((row) => ({ ...row, name: nameOf(row.entrant), x: row[`= ${x}`], y: row[`= ${y}`] }))
+    .filter((row) => row.x !== null && row.x !== undefined && row.y !== null && row.y !== undefined);
+  const unseen = rows.length - points.length;
+  if (!points.length) return [empty("Nobody has both.")];
+  const kinds = [points.filter((p) => !p.survives), points.filter((p) => p.survives && !p.finalist), points.filter((p) => p.finalist)];
+  const labels = [...kinds[2], ...kinds[1]];
+  // The few that are far off lie on the edge, or the front would be a speck in a corner.
+  const range = (axis) => {
+    const values = points.map((p) => p[axis]);
+    const shown = labels.map((p) => p[axis]);
+    return [d3.min([d3.quantile(values, 0.05), ...shown]), d3.max([d3.quantile(values, 0.95), ...shown])];
+  };
+  const [across, upwards] = [range("x"), range("y")];
+  const beyond = points.filter((p) => p.x < across[0] || p.x > across[1] || p.y < upwards[0] || p.y > upwards[1]).length;
+  const describe = (p) => [p.name, ...objectiveNames.map((name) => `${objectiveTitle(name)} ${number(p[`= ${name}`], 3)}`), p.finalist ? "reached the team races" : p.survives ? "survives" : "left out"].join("\n");
+  const draw = (width, texts) => Plot.plot({
+    width, height: Math.round(Math.min(560, Math.max(340, width * 0.6))), marginLeft: 56, marginRight: 20, marginBottom: 44, inset: 10,
+    ariaLabel: `${objectiveTitle(x)} against ${objectiveTitle(y)}`,
+    x: { label: objectiveTitle(x), labelAnchor: "center", labelArrow: "none", nice: true, ticks: width / 90, domain: across, clamp: true },
+    y: { label: objectiveTitle(y), labelArrow: "none", grid: true, nice: true, domain: upwards, clamp: true },
+    marks: [
+      Plot.dot(kinds[0], { x: "x", y: "y", r: 2.2, fill: "var(--field)", fillOpacity: 0.6 }),
+      Plot.dot(kinds[1], { x: "x", y: "y", r: 4, fill: "var(--survivor)" }),
+      Plot.dot(kinds[2], { x: "x", y: "y", r: 5, fill: "var(--finalist)", symbol: "diamond" }),
+      ["start", "end"].map((anchor) => Plot.text(texts.filter((text) => text.anchor === anchor), {
+        x: "x", y: "y", text: "name", textAnchor: anchor, dx: anchor === "start" ? 9 : -9, fill: "currentColor", stroke: "var(--paper)", strokeWidth: 4,
+      })),
+      Plot.tip(points, Plot.pointer({ ...tip, x: "x", y: "y", title: describe })),
+    ],
+  });
+  return [
+    chart(null, (width) => {
+      const plot = draw(width, placed(draw(width, []), labels, width));
+      plot.addEventListener("click", () => { if (plot.value) location.hash = to("checkpoint", [entrants[plot.value.entrant].key]); });
+      return plot;
+    }),
+    h("p", { class: "key" }, h("i", { class: "field" }), "left out ", h("i", { class: "survivor" }), "survives ", h("i", { class: "finalist" }), "reached the team races. A click opens the checkpoint.",
+      beyond > 0 && ` ${number(beyond)} of the field lie on or near the edge, though they are farther off.`,
+      unseen > 0 && ` ${number(unseen)} without ${unseen === 1 ? "a value is" : "values are"} not drawn.`),
+  ];
+}
+
+// Labels beside their dots, the first come first; one that would cover another is left to the tip.
+function placed(plot, points, width) {
+  const [x, y] = [plot.scale("x"), plot.scale("y")];
+  const taken = points.map((p) => [x.apply(p.x) - 5, y.apply(p.y) - 5, 10, 10]);
+  const clear = (box) => taken.every(([left, top, w, height]) => box[0] > left + w || left > box[0] + box[2] || box[1] > top + height || top > box[1] + box[3]);
+  return points.flatMap((point) => {
+    const w = 6.6 * point.name.length;
+    const [px, py] = [x.apply(point.x), y.apply(point.y)];
+    for (const [anchor, left] of [["start", px + 9], ["end", px - 9 - w]]) {
+      const box = [left, py - 7, w, 14];
+      if (left > 56 && left + w < width && clear(box)) {
+        taken.push(box);
+        return [{ ...point, anchor }];
+      }
+    }
+    return [];
+  });
+}

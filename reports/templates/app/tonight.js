@@ -1,0 +1,104 @@
+// Tonight: who to send and why, what became of the field, and whether the run can be trusted.
+
+function tonight() {
+  const decided = summary.sent[0];
+  return [
+    h("p", { class: "over" }, data.title, data.underWay && [" · ", chip("barred", data.underWay)]),
+    h("h1", {}, data.verdict.headline),
+    h("div", { class: "why" }, data.verdict.sentences.map((sentence) => h("p", {}, sentence))),
+    h("p", { class: "next" },
+      decided && entrantOf.has(decided.entrant) && [link(to("checkpoint", [entrantOf.get(decided.entrant).key]), "Its card"), " "],
+      tables.ranking.length > 0 && [link(to("leaderboard"), "The leaderboard"), " "],
+      decisions.length > 0 && [link(to("committee"), "What the committee said"), " "],
+      link("ranking.xlsx", "The spreadsheet")),
+    funnel(),
+    h("div", { class: "halves" }, section("What changed", changes()), section("Run health", health())),
+    section("Races to look at", summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one)))) : empty("No race was recorded.")),
+    section("The run", facts([
+      ["Circuit", summary.circuit], ["Car", summary.car], ["Seed", String(summary.seed ?? ABSENT)],
+      ...Object.entries(summary.versions).map(([name, version]) => [name, version]),
+    ]), note("All tables of this report are also in the folder ", h("code", {}, "tables"), " as CSV and Parquet.")),
+  ];
+}
+
+function funnel() {
+  const raced = { pareto: "Pareto filter", battery: "n-athlon", tournament: "Team races", committee: "Committee" };
+  const view = { pareto: "pareto", battery: "n-athlon", tournament: "leaderboard", committee: "committee" };
+  return summary.stages.length > 0 && h("ol", { class: "funnel" }, summary.stages.map((stage) =>
+    h("li", {},
+      link(to(view[stage.name] ?? "tonight"), raced[stage.name] ?? plain(stage.name)),
+      h("span", { class: "counts" }, number(stage.in), h("span", { class: "arrow" }, "→"), number(stage.out)),
+      h("span", { class: "cost" }, stage.races ? `${count(stage.races, "race")}, ${duration(stage.wall_s)}` : "its ballots"))));
+}
+
+function health() {
+  const endings = new Map();
+  const faulty = new Map();
+  data.cars.ending.forEach((index, row) => {
+    const ending = data.endings[index];
+    endings.set(ending, (endings.get(ending) ?? 0) + 1);
+    if (["policy_raised", "illegal_action", "timed_out"].includes(ending)) {
+      faulty.set(data.cars.entrant[row], (faulty.get(data.cars.entrant[row]) ?? 0) + 1);
+    }
+  });
+  const of = (names) => names.filter((name) => endings.get(name)).map((name) => `${plain(name)} ${number(endings.get(name))}`).join(", ");
+  const worst = [...faulty].sort((a, b) => b[1] - a[1]).slice(0, 5);
+  const set = Object.entries(summary.tests_set_aside);
+  return [
+    facts([
+      ["Car runs", number(summary.car_runs)],
+      ["Ended by a policy's fault", [number(summary.faults), h("small", {}, of(["policy_raised", "illegal_action", "timed_out"]))]],
+      ["Void", [number(summary.void), h("small", {}, of(["simulator_fault", "interrupted"]))], "a fault of the simulator: its race counts for nobody"],
+      ["Files set aside", number(summary.excluded.length)],
+      ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), "the more negative, the more mirroring saved"],
+    ]),
+    worst.length > 0 && h("p", {}, "Most faults: ", worst.map(([entrant, faults], i) => [i > 0 && ", ", entrantLink(entrant), ` ${number(faults)}`])),
+    set.length > 0 && h("ul", {}, set.map(([test, reason]) => h("li", {}, `${plain(test)} was not held: ${reason}`))),
+    summary.excluded.length > 0 && h("details", { open: summary.excluded.length < 6 }, h("summary", {}, "Files set aside"),
+      h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),
+    data.notes.length > 0 && h("ul", {}, data.notes.map((text) => h("li", {}, text))),
+  ];
+}
+
+function changes() {
+  const before = data.previous;
+  if (!before) return empty("There is no earlier run in this store to compare with.");
+  const fresh = entrants.filter((one) => one.number < data.listed && !known.has(one.number));
+  const places = byEntrant(rowsOf(before.pool));
+  const pool = tables.pool.length ? tables.pool : tables.ranking;
+  const moved = pool
+    .filter((row) => places.has(row.entrant) && places.get(row.entrant).rank !== row.rank)
+    .map((row) => ({ ...row, before: places.get(row.entrant).rank }))
+    .sort((a, b) => a.rank - b.rank);
+  const arrived = pool.filter((row) => !places.has(row.entrant)).sort((a, b) => a.rank - b.rank);
+  const survive = fresh.filter((one) => paretoOf.get(one.number)?.survives).length;
+  const names = (people) => people.map((one) => one.name).join(", ") || "nobody";
+  return [
+    facts([
+      [`Sent in ${before.name}`, names(before.sent)],
+      ["Sent now", names(summary.sent)],
+      ["Newcomers", `${number(fresh.length)}, ${number(survive)} through the filter`],
+    ]),
+    arrived.length > 0 && h("p", {}, "New in the pool: ", arrived.slice(0, 8).map((row, i) => [i > 0 && ", ", entrantLink(row.entrant), ` (rank ${row.rank})`]),
+      arrived.length > 8 && `, and ${number(arrived.length - 8)} more`, "."),
+    !pool.length ? null : moved.length > 0
+      ? h("ul", { class: "moves" }, moved.slice(0, 10).map((row) => h("li", {},
+          h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${row.before} → ${row.rank}`)))
+      : h("p", {}, "Nobody who was in the pool before has another rank now."),
+    note("Ranks in the pool of all nights' team races: 1 + those proven better. Newcomers can push others down, and more races can part those who shared a rank."),
+  ];
+}
+
+// A race that was recorded: what is seen there, and its files.
+function replay({ match, race, why, player, recording, replay: rerun, missing: reason }) {
+  const there = raceByKey.get(`${match.slice(0, 12)}/${race}`);
+  const files = [[player, "watch it here"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]].filter(([file]) => file);
+  return [
+    there ? link(raceHref(there), `Race ${match.slice(0, 6)}/${race}`) : `Race ${match.slice(0, 6)}/${race}`, `: ${why}. `,
+    files.map(([file, text], i) => [i > 0 && " · ", link(fileHref(file), text)]),
+    reason && h("span", { class: "fault" }, `It could not be run again: ${reason}`),
+  ];
+}
+
+const quoted = (word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", `'"'"'`)}'`);
+const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, words.map(quoted).join(" ")));

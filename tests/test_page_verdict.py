@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from reports.selection import Selection
+from reports.verdict import verdict
+from tests.selections import PERSON, RULE, build, card, decided, ranked, with_tables
+
+CARDS = [card(i, f"e{i}") for i in range(6)]
+IDS = [one["entrant"] for one in CARDS]
+
+
+def night(
+    *rows: dict[str, Any], cards: list[dict[str, Any]] | None = None, seats: int = 1, **decision: Any
+) -> Selection:
+    """Finalists with a ranking, and a committee that sends the first of `cards`."""
+    asked = decided("selection", CARDS[: len(rows)] if cards is None else cards, seats, **decision)
+    return with_tables({"entrants": CARDS, "ranking": list(rows)}, committee=[asked])
+
+
+def test_only_one_that_nobody_is_proven_to_outscore() -> None:
+    told = verdict(night(ranked(IDS[0], 1, 22.0), ranked(IDS[1], 2, 17.0), ballots=(PERSON, RULE)))
+    assert told.headline == "Send e0"
+    assert told.sentences[0] == (
+        "The committee sends e0, approved on 2 of 2 ballots: ann, “calm in traffic <b>& fair</b>”; "
+        "rule:ranking, “passed the gates, in order of ranking points: all”."
+    )
+    assert told.sentences[1] == (
+        "It scored 22.0 points a race (95% interval 21.2–22.8) in 80 races: "
+        "it is the only one of 2 that no other is proven to outscore."
+    )
+    assert told.sentences[2] == (
+        "Its cars touched others 0.20 times a kilometre (0.15–0.26), 0.10 times by their own fault. "
+        "Nobody is barred for contacts."
+    )
+
+
+def test_shared_first_rank_leaves_the_order_open() -> None:
+    rows = [ranked(IDS[0], 1, 20.0), ranked(IDS[1], 1, 20.4), ranked(IDS[2], 3, 9.0)]
+    told = verdict(night(*rows))
+    assert told.sentences[1].endswith(
+        "nobody is proven to score more, but of e1 neither, so their order is open."
+    )
+    many = verdict(night(*(ranked(entrant, 1, 20.0) for entrant in IDS)))
+    assert "but of 5 others neither" in many.sentences[1]
+
+
+def test_sent_though_others_are_proven_better() -> None:
+    rows = [
+        ranked(IDS[0], 3, 20.0, faults=2),
+        ranked(IDS[1], 1, 30.0, barred=True),
+        ranked(IDS[2], 1, 29.0),
+    ]
+    told = verdict(night(*rows, cards=CARDS[:2]))
+    assert told.headline == "Send e0"
+    assert told.sentences[1].endswith(
+        "2 others are proven to score more; first is e1 (barred) and "
+        "e2 (races to compare with, and cannot be sent)."
+    )
+    assert told.sentences[2].endswith("2 car runs ended by its own fault. Barred for contacts: e1.")
+
+
+def test_nobody_fit() -> None:
+    rows = [ranked(IDS[0], 1, 20.0), ranked(IDS[1], 1, 19.0)]
+    told = verdict(night(*rows, seats=0))
+    assert told.headline == "Send nobody"
+    assert told.sentences[0].startswith("The committee found none of 2 finalists fit: rule:ranking, “passed")
+    assert told.sentences[1].startswith("The team races do not tell e0 and e1 apart")
+
+
+def test_waiting_for_people() -> None:
+    asked = night(ranked(IDS[0], 1, 20.0), ranked(IDS[1], 2, 15.0), open=True, waits_for=2)
+    told = verdict(asked)
+    assert told.headline == "The committee has not decided"
+    assert told.sentences[0].startswith("It waits for 2 ballots of its members; rule:ranking, “passed")
+    assert told.sentences[1].startswith("In the team races e0 is the only one")
+    again = verdict(night(ranked(IDS[0], 1, 20.0), open=True, waits_for=0))
+    assert again.sentences[0].startswith("It has put the question again")
+
+
+def test_single_finalist_and_unknown_contacts() -> None:
+    lost: dict[str, Any] = dict.fromkeys(
+        ("contacts_per_km", "contacts_low", "contacts_high", "at_fault_per_km")
+    )
+    alone = verdict(night(ranked(IDS[0], 1, 10.0, faults=320, **lost)))
+    assert alone.sentences[1].endswith("and met nobody, so nothing is proven.")
+    assert alone.sentences[2].startswith(
+        "Its contact rate is not known; 320 car runs ended by its own fault."
+    )
+    unraced = verdict(night(ranked(IDS[0], 1, None)))
+    assert unraced.sentences[1] == "It was the only finalist, so no race supports the choice."
+
+
+def test_before_the_committee_is_asked() -> None:
+    filtered = build(np.random.default_rng(4), 30, 0)
+    told = verdict(with_tables({}))
+    assert (told.headline, told.sentences) == ("Nobody to send yet", ("No stage has been scored.",))
+    tables = {name: table.to_dicts() for name, table in filtered.tables.items()}
+    battery = verdict(with_tables(tables))
+    survivors = int(filtered.tables["pareto"]["survives"].sum())
+    assert battery.sentences[0] == f"{survivors} of 30 entrants survived the Pareto filter."
+    assert battery.sentences[1].startswith("In the n-athlon coast-")
+    assert battery.sentences[2] == "No team race was scored."
+    nobody = verdict(with_tables(tables, committee=[decided("selection", [], 1)]))
+    assert nobody.headline == "Send nobody"
+
+
+def test_at_most_three_sentences() -> None:
+    for seed in range(4):
+        assert len(verdict(build(np.random.default_rng(seed))).sentences) <= 3
