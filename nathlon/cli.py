@@ -161,11 +161,12 @@ def report(
         str | None, typer.Option("--run", help="Name of the run; the last by default.")
     ] = None,
     out: Out = Path("runs/report"),
+    as_json: AsJson = False,
 ) -> None:
     """Make the report of a run again from its store."""
     from nathlon.commands.selection import report as run
 
-    run(store, run_name, out)
+    run(store, run_name, out, as_json)
 
 
 @app.command()
@@ -233,11 +234,12 @@ def race(
     ] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep the race as OUT/race.mcap.")] = False,
     out: Out = Path("runs/race"),
+    as_json: AsJson = False,
 ) -> None:
     """Run one race and print its result; the entrants fill the grid in turn, two of them as teams."""
     from nathlon.commands.racing import race as run
 
-    run(entrants, scenario, circuit, car, seed, qualifying, out if record else None)
+    run(entrants, scenario, circuit, car, seed, qualifying, out if record else None, as_json)
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -118,6 +119,15 @@ def test_a_recording_that_is_none(tmp_path: Path) -> None:
 def test_an_unknown_training_configuration(tmp_path: Path) -> None:
     refused(nathlon("train", "dreaming", cwd=tmp_path), "dreaming", "time_trial")
     refused(nathlon("train", "--resume", "--out", "nothing", cwd=tmp_path), "nothing", "no training run")
+
+
+def test_race_prints_json(tmp_path: Path) -> None:
+    pair = ("driver:pace=0.9", "driver:pace=0.8")
+    result = nathlon("race", *pair, "--scenario", "standing_start", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    rows = json.loads(result.stdout)
+    assert [row["place"] for row in rows] == list(range(1, 9))
+    assert {row["name"] for row in rows} == set(pair)
 
 
 def test_race_prints_a_result_and_records(tmp_path: Path) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import polars as pl
 from rich.box import SIMPLE
 from rich.table import Table
 
@@ -29,6 +31,7 @@ def race(
     seed: int,
     qualifying: bool,
     record: Path | None,
+    as_json: bool = False,
 ) -> None:
     """Run one race, print its result, and keep it if a folder is given.
 
@@ -39,7 +42,8 @@ def race(
     if qualifying:
         timed = qualify(entrants, circuit, car, seed)
         entrants = [entrant for entrant, _ in timed]
-        _print_qualifying(timed)
+        if not as_json:
+            _print_qualifying(timed)
     seats = tuple(Seat(slot % len(entrants), slot % 2 if len(entrants) == 2 else -1) for slot in range(cars))
     if len(entrants) > cars:
         raise InputError(f"scenario {scenario}: {len(entrants)} entrants, expected at most {cars}")
@@ -55,12 +59,18 @@ def race(
     )
     output = OutputFolder(record) if record else None
     policies_ = match_policies(match)
-    _print_race(match, entrants)
+    results = run_match(match, policies_).sort("place")
+    names = {entrant.id: entrant.name for entrant in entrants}
+    if as_json:
+        print(json.dumps([{"name": names[row["entrant"]], **row} for row in results.to_dicts()], indent=1))
+    else:
+        _print_race(match, results, names)
     if output:
         [log] = record_races(match, policies_, [0], [entrant.name for entrant in entrants])
         path = output.races / "race.mcap"
         write_recording(path, log)
-        say(f"Recording    {path}")
+        if not as_json:
+            say(f"Recording    {path}")
 
 
 def _print_qualifying(timed: Sequence[tuple[Entrant, float | None]]) -> None:
@@ -72,9 +82,7 @@ def _print_qualifying(timed: Sequence[tuple[Entrant, float | None]]) -> None:
     console.print(table)
 
 
-def _print_race(match: Match, entrants: Sequence[Entrant]) -> None:
-    names = {entrant.id: entrant.name for entrant in entrants}
-    results = run_match(match, match_policies(match)).sort("place")
+def _print_race(match: Match, results: pl.DataFrame, names: Mapping[str, str]) -> None:
     table = Table(title=f"{match.scenario} on {match.circuit}", box=SIMPLE)
     columns = ("Place", "Grid", "Entrant", "Time s", "Gap s", "Lap s", "Off s", "Contacts", "Fault", "Pen.")
     for column in columns:

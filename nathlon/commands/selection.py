@@ -36,7 +36,7 @@ def configured(
     return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
 
 
-def report(target: str, name: str | None, out: Path) -> None:
+def report(target: str, name: str | None, out: Path, as_json: bool) -> None:
     """Publish a run once more from its store."""
     with Store.open(target) as store:
         runs = [record.name for record in store.runs()]
@@ -48,7 +48,13 @@ def report(target: str, name: str | None, out: Path) -> None:
             )
         output = OutputFolder(out)
         selection = publish(store, name, output)
-    print_selection(selection, output)
+    if as_json:
+        print(json.dumps(dict(selection.summary), indent=1))
+    elif selection.under_way:
+        say(f"Run          {name}: {selection.under_way}")
+        say(f"Report       {output.report / 'index.html'}")
+    else:
+        print_selection(selection, output)
 
 
 def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
