@@ -233,7 +233,8 @@ while kills:
     if not night.exists():
         shutil.copytree(folder / "0", night)
     config = read_config(night / "nathlon.toml")
-    left, event = int(10 ** rng.uniform(0.3, rng.choice([1.5, 1.5, 2.3]))), rng.choice(["before_cursor_execute", "commit"])
+    left = int(10 ** rng.uniform(0.3, rng.choice([1.5, 1.5, 2.3])))
+    event = rng.choice(["before_cursor_execute", "commit"])
     child = os.fork()
     if child == 0:
         def count(*_):

@@ -13,8 +13,8 @@ from rich.table import Table
 import nathlon.committee as committee
 from arena.store import Store
 from nathlon.ballots import Ballot
-from nathlon.commands.committee_app import Place
 from nathlon.commands.console import console, say
+from nathlon.commands.place import Place
 from nathlon.committee import Decision, Minutes, describe
 from nathlon.committee_events import Compared, Entry, Opened, Reopened, Voted
 from nathlon.committee_rules import Question

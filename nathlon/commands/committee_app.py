@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import typer
+
+from nathlon.commands.place import Place
 
 committee = typer.Typer(help="Ask the committee, vote and decide.", no_args_is_help=True)
 
@@ -16,14 +17,6 @@ Question = Annotated[
 Member = Annotated[str, typer.Option(help="Your name, as in the configuration.")]
 Reason = Annotated[str, typer.Option(help="Why, in a sentence.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where the committee's record is: the store, and the name of the run, or the last one."""
-
-    store: str
-    run: str | None
 
 
 @committee.callback()
