@@ -181,11 +181,14 @@ def train(
     seed: Seed = 1,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the learner.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
+    origin: Annotated[
+        Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
+    ] = None,
 ) -> None:
     """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
     from nathlon.commands.training import train as run
 
-    run(config, out, seed, threads, resume)
+    run(config, out, seed, threads, resume, origin)
 
 
 @app.command()

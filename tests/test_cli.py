@@ -149,3 +149,8 @@ def test_race_prints_a_result_and_records(tmp_path: Path) -> None:
     shown = nathlon("replay", "kept/races/race.mcap", "--no-open", cwd=tmp_path)
     assert shown.returncode == 0, shown.stderr
     assert (tmp_path / "kept" / "races" / "race.rrd").stat().st_size > 10_000
+
+
+def test_a_resumed_run_does_not_start_from_another(tmp_path: Path) -> None:
+    result = nathlon("train", "--resume", "--from", "elsewhere", "--out", "runs", cwd=tmp_path)
+    refused(result, "--from", "expected for a new run")

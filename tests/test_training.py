@@ -86,6 +86,26 @@ def test_resume_goes_on_from_the_stop(tmp_path: Path) -> None:
     assert again.updates == SMALL.updates
 
 
+def test_a_run_may_start_from_the_networks_of_another(tmp_path: Path) -> None:
+    first = Trainer.start(tmp_path / "first", SMALL, seed=1)
+    train(first)
+    Trainer.start(tmp_path / "second", SMALL, seed=2, origin=tmp_path / "first")
+    second = Trainer.resume(tmp_path / "second")
+    theirs, ours = first.learner.state_dict(), second.learner.state_dict()
+    for name in ("policy", "critic", "target", "average"):
+        assert ours[name].equal(theirs[name]), name
+    assert second.updates == ours["step"] == 0
+    assert not ours["critic_square"].any()
+
+
+def test_a_run_cannot_start_from_networks_of_another_shape(tmp_path: Path) -> None:
+    train(Trainer.start(tmp_path / "first", SMALL, seed=1))
+    wider = changed(qrsac=SMALL.qrsac.model_dump() | {"hidden": [8, 9]})
+    with pytest.raises(InputError, match=r"first: cannot be started from: training state: tensor"):
+        Trainer.start(tmp_path / "second", wider, seed=1, origin=tmp_path / "first")
+    assert not (tmp_path / "second").exists()
+
+
 def changed(**changes: object) -> TrainingConfig:
     return TrainingConfig.model_validate(SMALL.model_dump() | changes)
 

@@ -14,16 +14,19 @@ from policies.training.config import CONFIGS, read_config
 from policies.training.log import Status
 from policies.training.trainer import Trainer
 from sim.data_file import find_data
+from sim.errors import InputError
 
 
-def train(config: str, out: Path, seed: int, threads: int | None, resume: bool) -> None:
+def train(config: str, out: Path, seed: int, threads: int | None, resume: bool, origin: Path | None) -> None:
     """Train to the end of a configuration, or until Ctrl-C."""
     logging.basicConfig(format="%(message)s")
-    trainer = (
-        Trainer.resume(out)
-        if resume
-        else Trainer.start(out, read_config(find_data(config, "training configuration", CONFIGS)), seed)
-    )
+    if resume and origin is not None:
+        raise InputError("--from: expected for a new run, not with --resume")
+    if resume:
+        trainer = Trainer.resume(out)
+    else:
+        path = find_data(config, "training configuration", CONFIGS)
+        trainer = Trainer.start(out, read_config(path), seed, origin)
     # Two threads of matrix products beside a busy process are slower than one.
     torch.set_num_threads(threads or max((os.cpu_count() or 1) - trainer.config.workers, 1))
     gigabytes = trainer.replay.nbytes / 1e9

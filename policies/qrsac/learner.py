@@ -48,6 +48,9 @@ class State(NamedTuple):
     step: Tensor
 
 
+NETWORKS = ("policy", "critic", "target", "average")
+
+
 class Noise(NamedTuple):
     """The random numbers of one update.
 
@@ -355,6 +358,23 @@ class QRSAC:
         Raises:
             InputError: naming the tensor that is missing, unknown or of another shape or type.
         """
+        self._check(tensors)
+        self._generator.set_state(tensors["generator"].cpu())
+        self._state = State(*(tensors[name].to(self._generator.device) for name in State._fields))
+
+    def load_networks(self, tensors: dict[str, Tensor]) -> None:
+        """Takes policy, critics and targets from what `state_dict` of a learner of the same shape returned.
+
+        Adam's moments, the count of updates and the generator stay as they are.
+
+        Raises:
+            InputError: naming the tensor that is missing, unknown or of another shape or type.
+        """
+        self._check(tensors)
+        networks = {name: tensors[name].to(self._generator.device) for name in NETWORKS}
+        self._state = self._state._replace(**networks)
+
+    def _check(self, tensors: dict[str, Tensor]) -> None:
         expected = self.state_dict()
         if set(tensors) != set(expected):
             name = sorted(set(tensors) ^ set(expected))[0]
@@ -368,5 +388,3 @@ class QRSAC:
                     f"training state: tensor {name!r} is {tuple(new.shape)} {new.dtype}, "
                     f"expected {tuple(old.shape)} {old.dtype}"
                 )
-        self._generator.set_state(tensors["generator"].cpu())
-        self._state = State(*(tensors[name].to(self._generator.device) for name in State._fields))

@@ -65,15 +65,21 @@ class Trainer:
         self._metrics: dict[str, torch.Tensor] = {}
 
     @classmethod
-    def start(cls, folder: Path, config: TrainingConfig, seed: int) -> Trainer:
+    def start(cls, folder: Path, config: TrainingConfig, seed: int, origin: Path | None = None) -> Trainer:
         """Begin a run in a new folder.
 
+        Args:
+            origin: folder of a run whose networks the new one starts with.
+
         Raises:
-            InputError: if the folder already holds a run or cannot be made, or memory is too small.
+            InputError: if the folder already holds a run or cannot be made, memory is too small, or the
+                origin holds no state of networks of the same shape.
         """
         if (folder / CONFIG_FILE).exists():
             raise InputError(f"{folder}: holds a training run already; resume it or choose another folder")
         trainer = cls(folder, config, seed)
+        if origin is not None:
+            trainer._load_networks(origin)
         try:
             (folder / CHECKPOINTS).mkdir(parents=True, exist_ok=True)
             _write_text(
@@ -81,6 +87,8 @@ class Trainer:
             )
         except OSError as error:
             raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+        if origin is not None:
+            trainer._save_state()
         return trainer
 
     @classmethod
@@ -103,6 +111,12 @@ class Trainer:
         if (folder / STATE_FILE).exists():
             trainer._load_state()
         return trainer
+
+    def _load_networks(self, origin: Path) -> None:
+        try:
+            self.learner.load_networks(load_state(origin).learner)
+        except InputError as error:
+            raise InputError(f"{origin}: cannot be started from: {error}") from None
 
     def _load_state(self) -> None:
         state = load_state(self.folder)
