@@ -9,7 +9,7 @@ import numpy as np
 from sim.car import CarParameters
 from sim.kernel import lean_inlined, lean_kernel
 from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
-from sim.physics.course import CourseParameters
+from sim.physics.course import CourseParameters, on_other_level
 from sim.state import CarRecord
 
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
@@ -89,7 +89,7 @@ def observe_car(
     """
     lists = OWN_SIZE + 9 * points
     see_self(field[index], values, p, course)
-    find_cars(field, index, ahead, nearest, distance)
+    find_cars(field, index, ahead, nearest, distance, course)
     see_cars(field, index, nearest, values[lists:])
     for k in range(OWN_SIZE):
         values[k] = (values[k] - mean[k]) * scale[k]
@@ -167,7 +167,14 @@ def see_course(
 
 
 @lean_inlined
-def find_cars(field: np.ndarray, index: int, ahead: int, nearest: np.ndarray, distance: np.ndarray) -> None:
+def find_cars(
+    field: np.ndarray,
+    index: int,
+    ahead: int,
+    nearest: np.ndarray,
+    distance: np.ndarray,
+    course: CourseParameters,
+) -> None:
     """Sort the cars in sight into two lists, nearest first.
 
     Args:
@@ -176,6 +183,7 @@ def find_cars(field: np.ndarray, index: int, ahead: int, nearest: np.ndarray, di
         ahead: length of the list of cars ahead.
         nearest: (ahead + behind,) set to indices of cars ahead, then of cars behind; -1 for none.
         distance: (ahead + behind,) scratch.
+        course: where bridges hide cars from each other.
     """
     car = field[index]
     nearest[:] = -1
@@ -187,7 +195,7 @@ def find_cars(field: np.ndarray, index: int, ahead: int, nearest: np.ndarray, di
         forward = dx * car.cos_yaw + dy * car.sin_yaw >= 0.0
         limit = AHEAD_M if forward else BEHIND_M
         apart = dx * dx + dy * dy
-        if apart >= limit * limit:
+        if apart >= limit * limit or on_other_level(car, field[j], course):
             continue
         first, end = (0, ahead) if forward else (ahead, len(nearest))
         place = end

@@ -16,6 +16,7 @@ from sim.track import (
     KERB_LEFT,
     KERB_RIGHT,
     LEFT,
+    LEVEL,
     RIGHT,
     RUNOFF_LEFT,
     RUNOFF_RIGHT,
@@ -99,6 +100,7 @@ class Ground:
         self._line = table[:, [X, Y]]
         self._widest = float(table[:, [WALL_LEFT, WALL_RIGHT]].max())
         self._zone = table[:, ZONE] > 0.0
+        self._bridge = table[:, LEVEL] > 0.0
         self._lines: list[tuple[Points, Points]] = []
         self._strips: list[Strip] = []
         everywhere = np.ones(len(table), np.bool_)
@@ -125,18 +127,24 @@ class Ground:
         surface.fill(BEYOND)
         self._draw_grid(surface, camera)
         near = np.hypot(*(self._line - camera.at).T) < camera.reach_m + self._widest
+        # The upper road of a bridge covers the lower one.
+        for rows in (near & ~self._bridge, near & self._bridge):
+            self._draw_rows(surface, camera, rows)
+        for number, square in enumerate(camera.pixels(self._start)):
+            pygame.draw.polygon(surface, START_LINE if number % 2 else TYRE, square.tolist())
+
+    def _draw_rows(self, surface: pygame.Surface, camera: Camera, rows: NDArray[np.bool_]) -> None:
+        """Draw some rows of the ground, over those that are there."""
         for strip in self._strips:
-            for first, last in _runs(near & strip.there, strip.colours):
-                along = np.arange(first, last + 2) % len(near)
+            for first, last in _runs(rows & strip.there, strip.colours):
+                along = np.arange(first, last + 2) % len(rows)
                 outline = np.concatenate([strip.left[along], strip.right[along[::-1]]])
                 pygame.draw.polygon(surface, strip.colours[first], camera.pixels(outline).tolist())
         for edges, walls in self._lines:
-            self._draw_line(surface, camera, edges, near & ~self._zone, EDGE_LINE, LINE_M)
-            self._draw_line(surface, camera, edges, near & self._zone, ZONE_LINE, 2.5 * LINE_M)
-            self._draw_line(surface, camera, walls, near, WALL_SHADE, 1.0)
-            self._draw_line(surface, camera, walls, near, WALL, 0.45)
-        for number, square in enumerate(camera.pixels(self._start)):
-            pygame.draw.polygon(surface, START_LINE if number % 2 else TYRE, square.tolist())
+            self._draw_line(surface, camera, edges, rows & ~self._zone, EDGE_LINE, LINE_M)
+            self._draw_line(surface, camera, edges, rows & self._zone, ZONE_LINE, 2.5 * LINE_M)
+            self._draw_line(surface, camera, walls, rows, WALL_SHADE, 1.0)
+            self._draw_line(surface, camera, walls, rows, WALL, 0.45)
 
     def _draw_grid(self, surface: pygame.Surface, camera: Camera) -> None:
         """Faint lines on the ground beyond the walls, by which motion is seen."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline
 
+from sim.crossing import LEAST_CLEARANCE_M, find_crossings, levels
 from sim.data_file import DATA, Section, find_data, read_toml
 from sim.errors import InputError
 
@@ -35,7 +36,7 @@ RIGHT_WIDTH, LEFT_WIDTH, BANK_ANGLE, RIGHT_WALL, LEFT_WALL = range(3, 8)
 # Columns of `Track.table`, so that what one look-up needs lies close together.
 X, Y, TANGENT_X, TANGENT_Y, CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT = range(9)
 SLOPE, BANK, CREST, TWIST, KERB_LEFT, KERB_RIGHT, RUNOFF_LEFT, RUNOFF_RIGHT, Z, SECTION, ZONE = range(9, 20)
-TABLE_WIDTH = 20
+LEVEL, TABLE_WIDTH = 20, 21
 
 SURFACES = ("tarmac", "kerb", "grass", "gravel")
 Runoff = Literal["tarmac", "grass", "gravel"]
@@ -121,7 +122,8 @@ class Track:
             x east, y north, z up. Position, unit tangent, curvature (1/m, + is left), distances from
             the centre line to edges and walls (m), slope dz/ds, bank dz/dn (n is left), their
             derivatives along the line (crest, twist, 1/m), widths of the kerbs (m), surfaces of the
-            run-off (indices of SURFACES), index of the section or -1, whether it is a penalty zone.
+            run-off (indices of SURFACES), index of the section or -1, whether it is a penalty zone, level
+            near a bridge (see `sim.crossing.levels`).
         edges: (n, 12) float32: x of left edge, centre line and right edge, a zero; y alike; z alike.
         length: of the centre line, m.
         spacing: of the rows, m.
@@ -280,6 +282,7 @@ def build_track(points: NDArray[np.float64], facts: CircuitFile) -> Track:
         table[_within(section, distance), SECTION] = index
     for zone in facts.penalty_zone:
         table[_within(zone, distance), ZONE] = 1.0
+    table[:, LEVEL] = levels(position, spacing)
 
     track = Track(
         name=facts.name,
@@ -311,6 +314,17 @@ def _check_on_lap(path: Path, facts: CircuitFile, track: Track) -> None:
         )
 
 
+def _check_bridges(path: Path, track: Track) -> None:
+    table = track.table
+    for first, second, _ in find_crossings(table[:, [X, Y]]):
+        between = abs(table[first, Z] - table[second, Z])
+        if between < LEAST_CLEARANCE_M:
+            raise InputError(
+                f"{path}: near x_m {table[first, X]:.0f}, y_m {table[first, Y]:.0f} the road crosses itself: "
+                f"z_m differs by {between:.1f} m, expected a bridge of at least {LEAST_CLEARANCE_M:g} m"
+            )
+
+
 def read_track(path: Path) -> Track:
     """Read and check a circuit file and its centre line.
 
@@ -318,8 +332,10 @@ def read_track(path: Path) -> Track:
         InputError: if a file cannot be read, or a field is missing, unknown or out of range.
     """
     facts = read_toml(path, CircuitFile, "circuit")
-    track = build_track(_read_centre_line(path.parent / facts.centre_line), facts)
+    centre_line = path.parent / facts.centre_line
+    track = build_track(_read_centre_line(centre_line), facts)
     _check_on_lap(path, facts, track)
+    _check_bridges(centre_line, track)
     return track
 
 

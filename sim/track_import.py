@@ -1,8 +1,8 @@
 """Circuits from the racetrack database of TUM (github.com/TUMFTM/racetrack-database).
 
 A file there holds the centre line of a real circuit and the widths to the edges, in driving order from
-the start line. It says nothing of heights, banking, kerbs or walls: the circuit made of it is level, and
-`sim.track_layout` adds the rest.
+the start line. It says nothing of heights, banking, kerbs or walls: the circuit made of it is level but for
+bridges where it crosses itself, and `sim.track_layout` adds the rest.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import os
 import re
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,16 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.sparse.linalg import spsolve
 
+from sim.crossing import bridge_heights
 from sim.errors import InputError
 from sim.track import COLUMNS, CircuitFile
-from sim.track_layout import Road, edges_cross, lay_out
+from sim.track_layout import FOLD, LEAST_ANGLE_DEGREES, Road, edges_cross, lay_out
 
 FIELDS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
 LEAST_POINTS, LARGEST_GAP_M = 20, 50.0
 LEAST_LENGTH_M, LARGEST_LENGTH_M = 500.0, 30_000.0
 LEAST_WIDTH_M, LEAST_RADIUS_M = 4.0, 6.0
+STEEPEST = 0.05
 SHARPEST_TURN = np.radians(120.0)
 TOML_ORDER = (
     *("name", "description", "centre_line", "runoff", "sectors_m", "kind", "side"),
@@ -40,6 +43,8 @@ SMOOTHED_M = 50.0
 """Waves of this length are halved by the smoothing, shorter ones vanish."""
 TOLERANCE_M, TOLERANCE_OVER_M = 0.2, 15.0
 """How far the smoothed line may lie beside the data, in the mean over a stretch."""
+TRIM_M = 2.0
+"""How far an inner edge may move."""
 
 
 def read_racetrack(path: Path) -> NDArray[np.float64]:
@@ -183,8 +188,21 @@ def _smoothed(road: Road) -> NDArray[np.float64]:
         weight[maximum_filter1d(off, road.rows(SMOOTHED_M / 2), mode="wrap")] *= 2.0
 
 
+def _trimmed(road: Road) -> Road:
+    """The road with its inner edges moved a little, to where they do not fold over in hairpins."""
+
+    def trim(width: NDArray[np.float64], inward: NDArray[np.float64]) -> NDArray[np.float64]:
+        # As sharp as anywhere between the points that are written.
+        sharpest = maximum_filter1d(np.maximum(inward, 1e-9), 2 * ROWS_PER_POINT + 1, mode="wrap")
+        return np.clip(FOLD / sharpest, width - TRIM_M, width)
+
+    return replace(road, left=trim(road.left, road.curvature), right=trim(road.right, -road.curvature))
+
+
 def smooth_road(path: Path, points: NDArray[np.float64]) -> Road:
     """The road of a file, smoothed as far as it stays within a mean of 0.2 m beside the data over 15 m.
+
+    In hairpins about as tight as half the road is wide, the inner edge moves by up to 2 m.
 
     Args:
         path: the file, for errors.
@@ -194,7 +212,7 @@ def smooth_road(path: Path, points: NDArray[np.float64]) -> Road:
         InputError: if no car could follow the road, or its edges cross.
     """
     raw = _road_through(points)
-    road = _road_through(np.column_stack([_smoothed(raw), raw.right, raw.left]))
+    road = _trimmed(_road_through(np.column_stack([_smoothed(raw), raw.right, raw.left])))
     sharpest = int(np.argmax(np.abs(road.curvature)))
     radius = 1.0 / max(abs(road.curvature[sharpest]), 1e-9)
     if radius < LEAST_RADIUS_M:
@@ -206,9 +224,22 @@ def smooth_road(path: Path, points: NDArray[np.float64]) -> Road:
     if crossing is not None:
         raise InputError(
             f"{path}: {_place(road, crossing)} the edges given by w_tr_right_m and w_tr_left_m cross, "
-            "expected a road that nowhere meets itself"
+            f"expected a road that meets itself only at bridges, at {LEAST_ANGLE_DEGREES:g} degrees or more"
         )
     return road
+
+
+def _heights(path: Path, road: Road) -> NDArray[np.float64]:
+    """Heights of the centre line, m, (n,)."""
+    height = bridge_heights(road.crossings, len(road.position), road.spacing)
+    slope = np.abs(np.roll(height, -1) - height) / road.spacing
+    steepest = int(np.argmax(slope))
+    if slope[steepest] > STEEPEST:
+        raise InputError(
+            f"{path}: {_place(road, steepest)} a bridge over the road itself would need a slope of "
+            f"{slope[steepest]:.0%}, expected at most {STEEPEST:.0%}"
+        )
+    return height
 
 
 def _place(road: Road, row: int) -> str:
@@ -238,8 +269,8 @@ def import_circuit(source: Path, name: str, folder: Path) -> Path:
         raise InputError(f"{target}: is there already, expected the name of a new folder")
     road = smooth_road(source, read_racetrack(source))
     facts, wall_right, wall_left = lay_out(road, name, "centre_line.csv")
-    level = np.zeros(len(road.position))
-    table = np.column_stack([road.position, level, road.right, road.left, level, wall_right, wall_left])
+    height, bank = _heights(source, road), np.zeros(len(road.position))
+    table = np.column_stack([road.position, height, road.right, road.left, bank, wall_right, wall_left])
     text = [",".join(f"{cell:.3f}" for cell in row) for row in table[::ROWS_PER_POINT]]
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -7,12 +7,14 @@ outside; run-off is widest outside and beyond a bend; walls of neighbouring part
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, minimum_filter1d, uniform_filter1d
 from scipy.spatial import KDTree
 
+from sim.crossing import Crossing, belong, find_crossings, meetings
 from sim.track import CircuitFile, Grid, Kerb, NamedSection, RunoffStretch, Side, Stretch
 
 FOLD = 0.8
@@ -24,6 +26,7 @@ CHICANE_GAP_M, CHICANE_M = 40.0, 200.0  # between its two bends, and in all
 STRAIGHT_M, STRAIGHT_PART_M = 250.0, 50.0
 KERB_M, EXIT_KERB_M = 1.2, 40.0
 RUNOFF_M, BEND_RUNOFF_M, BEYOND_BEND_M = 5.0, 18.0, 60.0
+LEAST_ANGLE_DEGREES = 30.0  # between the roads at a bridge
 TAPER_M = 40.0  # over which a wall moves outward
 GRAVEL_M = 8.0  # where there is as much space beside the road, it is a gravel trap
 PLACES, POLE_M, PLACE_SPACING_M, PLACE_LATERAL_M, HALF_CAR_M = 20, -12.0, 9.0, 2.6, 1.3
@@ -57,6 +60,11 @@ class Road:
     def normal(self) -> NDArray[np.float64]:
         """(n, 2), unit, to the left."""
         return np.stack([-self.tangent[:, 1], self.tangent[:, 0]], axis=1)
+
+    @cached_property
+    def crossings(self) -> list[Crossing]:
+        """Where the centre line crosses itself."""
+        return find_crossings(self.position)
 
     def edge(self, side: Side) -> NDArray[np.float64]:
         """The closed line of an edge, (n, 2)."""
@@ -264,10 +272,11 @@ def lay_out(
     straights = _straights(road, bends)
     right, left = place_walls(road, bends, "right"), place_walls(road, bends, "left")
     spaces: tuple[tuple[Side, NDArray[np.float64]], ...] = (("left", left), ("right", right))
-    corners = len(bends)
+    corners, bridges = len(bends), len(road.crossings)
+    profile = f", level but for {bridges} {'bridge' if bridges == 1 else 'bridges'}" if bridges else ", level"
     facts = CircuitFile(
         name=name,
-        description=f"{road.length / 1000:.1f} km, {corners} {'turn' if corners == 1 else 'turns'}, level",
+        description=f"{road.length / 1000:.1f} km, {corners} {'turn' if corners == 1 else 'turns'}{profile}",
         centre_line=centre_line,
         runoff="grass",
         sectors_m=(round(road.length / 3, 1), round(2 * road.length / 3, 1)),
@@ -281,24 +290,20 @@ def lay_out(
 
 
 def edges_cross(road: Road) -> int | None:
-    """The first row where an edge folds over or meets another part of an edge; none if none does."""
+    """The first row where an edge folds over or meets another part of an edge; none if none does.
+
+    Where the centre line crosses itself at a large angle is a bridge.
+    """
     inner = np.where(road.curvature > 0, road.left, road.right) * np.abs(road.curvature)
-    if (inner > FOLD).any():
+    if (inner > FOLD + 1e-9).any():
         return int(np.argmax(inner))
+    rows = len(road.position)
     starts = np.concatenate([road.edge("left"), road.edge("right")])
     ends = np.concatenate([np.roll(road.edge(side), -1, axis=0) for side in ("left", "right")])
-    steps = ends - starts
-    reach = float(np.hypot(*steps.T).max())
-    one, other = KDTree((starts + ends) / 2).query_pairs(reach, output_type="ndarray").T
-    apart = starts[other] - starts[one]
-    turn = _cross(steps[one], steps[other])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along_one = _cross(apart, steps[other]) / turn
-        along_other = _cross(apart, steps[one]) / turn
-    # Neighbours share a point: 1 on the one, 0 on the other.
-    inside = (along_one > 1e-9) & (along_one < 1 - 1e-9) & (along_other > 1e-9) & (along_other < 1 - 1e-9)
-    return int(one[inside].min() % len(road.position)) if inside.any() else None
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    pairs = meetings(starts, ends) % rows
+    widest = float(np.maximum(road.left, road.right).max())
+    for crossing in road.crossings:
+        if crossing.angle >= np.radians(LEAST_ANGLE_DEGREES):
+            reach = road.rows(3.0 * widest / np.sin(crossing.angle))
+            pairs = pairs[~belong(pairs, crossing, reach, rows)]
+    return int(pairs.min()) if len(pairs) else None

@@ -16,6 +16,7 @@ from sim.track import (
     KERB_LEFT,
     KERB_RIGHT,
     LEFT,
+    LEVEL,
     RIGHT,
     RUNOFF_LEFT,
     RUNOFF_RIGHT,
@@ -53,8 +54,11 @@ def draw_plan(axes: Axes, track: Track, inch: float) -> None:
         inch: metres in an inch of the picture, the measure of all that is not drawn to scale.
     """
     axes.set_axis_off()
-    _draw_ground(axes, track)
-    _draw_sector_line(axes, track)
+    # The upper road of a bridge covers the lower one.
+    bridge = track.table[:, LEVEL] > 0.0
+    for order, rows in ((1.0, ~bridge), (2.0, bridge)):
+        _draw_ground(axes, track, rows, order)
+        _draw_sector_line(axes, track, rows, order)
     _draw_grid(axes, track)
     names = _Names(axes, track, inch)
     names.avoid(_draw_start(axes, track, inch))
@@ -79,34 +83,39 @@ def _fill(axes: Axes, quads: NDArray[np.float64], colours: str | list[str], orde
     )
 
 
-def _draw_ground(axes: Axes, track: Track) -> None:
+def _draw_ground(axes: Axes, track: Track, rows: NDArray[np.bool_], order: float) -> None:
+    """Some rows of the ground; those of a higher order cover the others."""
     table = track.table
     for sign, edge, kerb, runoff, wall in (
         (1.0, LEFT, KERB_LEFT, RUNOFF_LEFT, WALL_LEFT),
         (-1.0, RIGHT, KERB_RIGHT, RUNOFF_RIGHT, WALL_RIGHT),
     ):
-        surfaces = [SURFACE[SURFACES[int(index)]] for index in table[:, runoff]]
-        _fill(axes, _ribbon(track, sign * table[:, edge], sign * table[:, wall]), surfaces, 1)
-        rows = np.flatnonzero(table[:, kerb] > 0.0)
-        if len(rows):
+        surfaces = [SURFACE[SURFACES[int(index)]] for index in table[rows, runoff]]
+        _fill(axes, _ribbon(track, sign * table[:, edge], sign * table[:, wall])[rows], surfaces, order + 0.1)
+        striped = np.flatnonzero(rows & (table[:, kerb] > 0.0))
+        if len(striped):
             quads = _ribbon(track, sign * table[:, edge], sign * (table[:, edge] + table[:, kerb]))
-            stripes = [SURFACE["kerb"] if row // 3 % 2 else "#ffffff" for row in rows]
-            _fill(axes, quads[rows], stripes, 3)
-    _fill(axes, _ribbon(track, table[:, LEFT], -table[:, RIGHT]), ROAD, 2)
-    zone = table[:, ZONE] > 0.0
+            stripes = [SURFACE["kerb"] if row // 3 % 2 else "#ffffff" for row in striped]
+            _fill(axes, quads[striped], stripes, order + 0.3)
+    _fill(axes, _ribbon(track, table[:, LEFT], -table[:, RIGHT])[rows], ROAD, order + 0.2)
+    zone = rows & (table[:, ZONE] > 0.0)
     if zone.any():
-        _fill(axes, _ribbon(track, 0.8 * table[:, LEFT], -0.8 * table[:, RIGHT])[zone], PENALTY, 2.5)
+        _fill(axes, _ribbon(track, 0.8 * table[:, LEFT], -0.8 * table[:, RIGHT])[zone], PENALTY, order + 0.25)
+    ends = rows | np.roll(rows, 1)
     for line in wall_lines(track):
-        axes.plot(*np.vstack([line, line[:1]]).T, color=WALL, linewidth=0.9, zorder=4)
+        wall_line = np.where(ends[:, None], line, np.nan)
+        axes.plot(*np.vstack([wall_line, wall_line[:1]]).T, color=WALL, linewidth=0.9, zorder=order + 0.4)
 
 
-def _draw_sector_line(axes: Axes, track: Track) -> None:
+def _draw_sector_line(axes: Axes, track: Track, rows: NDArray[np.bool_], order: float) -> None:
     """The centre line in the colours of the sectors."""
-    distance = np.arange(len(track.table)) * track.spacing
+    distance = np.flatnonzero(rows) * track.spacing
     line = track.table[:, [X, Y]]
-    steps = np.stack([line, np.roll(line, -1, axis=0)], axis=1)
+    steps = np.stack([line, np.roll(line, -1, axis=0)], axis=1)[rows]
     colours = [SECTORS[index - 1] for index in np.searchsorted(track.sectors, distance, side="right")]
-    axes.add_collection(LineCollection(list(steps), colors=colours, linewidths=1.6, zorder=5), autolim=False)
+    axes.add_collection(
+        LineCollection(list(steps), colors=colours, linewidths=1.6, zorder=order + 0.5), autolim=False
+    )
 
 
 def _draw_grid(axes: Axes, track: Track) -> None:

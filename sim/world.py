@@ -24,6 +24,7 @@ from sim.physics.course import (
     feel_road,
     locate,
     meet_walls,
+    on_other_level,
     set_heading_error,
     stand_on,
 )
@@ -149,7 +150,7 @@ def step_race(
         if ticks[0] % RENEWAL_SUBSTEPS == 0:
             for i in range(count):
                 set_direction(cars[i])
-            set_draught(cars, 2.0 * p.half_length)
+            set_draught(cars, 2.0 * p.half_length, course)
         for i in range(count):
             car = cars[i]
             if not car.driving:
@@ -177,7 +178,7 @@ def step_race(
             car.stationary_s = 0.0 if car.velocity_x > MOVING_M_S else car.stationary_s + DYNAMICS_DT
         for i in range(count):
             for j in range(i + 1, count):
-                if near(cars[i], cars[j], reach_squared):
+                if near(cars[i], cars[j], reach_squared) and not on_other_level(cars[i], cars[j], course):
                     meet(cars, i, j, now, touched, contacts, contact_count, p, course, rules)
         ticks[0] += 1
     for i in range(count):

@@ -245,9 +245,23 @@ def test_a_first_point_repeated_at_the_end_is_left_out(tmp_path: Path) -> None:
     np.testing.assert_array_equal(once.table, again.table)
 
 
-def figure_of_eight() -> NDArray[np.float64]:
+def test_the_inner_edge_of_a_hairpin_keeps_its_distance_from_the_middle_of_the_bend(tmp_path: Path) -> None:
+    # The edge is a circle of 1.2 m; the straights beside it lie 2.4 m apart.
+    track = imported(tmp_path, path_of(stadium(radius=10.0)), left=8.8)
+    at, table = along(track), track.table
+    bend = (at > 310.0) & (at < 320.0)
+    assert (table[bend, LEFT] * table[bend, CURVATURE]).max() < 0.88
+    assert (table[:, LEFT] >= 8.8 - 2.0).all()
+    straight = (at > 400.0) & (at < 850.0)
+    np.testing.assert_allclose(table[straight, LEFT], 8.8)
+    np.testing.assert_allclose(table[:, RIGHT], 5.0)
+    assert_walls_stand_clear(track)
+
+
+def flat_eight() -> NDArray[np.float64]:
+    """Its branches cross at 23 degrees."""
     angle = np.linspace(0.0, 2 * np.pi, 300, endpoint=False)
-    return 300.0 * np.stack([np.sin(angle), np.sin(2 * angle)], axis=1)
+    return np.stack([900.0 * np.sin(angle), 90.0 * np.sin(2 * angle)], axis=1)
 
 
 def pinched() -> NDArray[np.float64]:
@@ -263,7 +277,7 @@ def spiked() -> NDArray[np.float64]:
 
 
 SHAPES: dict[str, tuple[Callable[[], NDArray[np.float64]], float, str]] = {
-    "crosses itself": (figure_of_eight, 5.0, "cross"),
+    "crosses itself at a small angle": (flat_eight, 5.0, "cross, .* bridges, at 30 degrees or more"),
     "edge folds over in a bend": (lambda: path_of(stadium(radius=12.0)), 12.5, "cross"),
     "parts overlap": (pinched, 11.0, "cross"),
     "open": (lambda: path_of(stadium())[:-10], 5.0, "expected a closed line"),

@@ -20,6 +20,7 @@ from sim.track import (
     KERB_LEFT,
     KERB_RIGHT,
     LEFT,
+    LEVEL,
     RIGHT,
     RUNOFF_LEFT,
     RUNOFF_RIGHT,
@@ -98,6 +99,13 @@ def locate(car: CarRecord, course: CourseParameters) -> None:
     car.along = min(max(along, 0.0), course.spacing)
     car.lateral = aside - 0.5 * course.table[car.row, CURVATURE] * ahead * along
     car.progress = fused(float(car.row), course.spacing, car.wraps * course.length) + car.along
+
+
+@lean_inlined
+def on_other_level(a: CarRecord, b: CarRecord, course: CourseParameters) -> bool:
+    """Whether one of two cars is on a bridge or its ramps, and the other on the road below."""
+    level = course.table[a.row, LEVEL]
+    return level != 0.0 and course.table[b.row, LEVEL] == -level
 
 
 @lean_inlined

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from sim.kernel import lean_inlined
+from sim.physics.course import CourseParameters, on_other_level
 
 LENGTH = 45.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car
@@ -27,7 +28,7 @@ def wake(behind: float, beside: float) -> float:
 
 
 @lean_inlined
-def set_draught(cars: np.ndarray, car_length: float) -> None:
+def set_draught(cars: np.ndarray, car_length: float, course: CourseParameters) -> None:
     """Sum the wakes that each car of one race sits in, at most 1."""
     for i in range(len(cars)):
         follower = cars[i]
@@ -40,7 +41,7 @@ def set_draught(cars: np.ndarray, car_length: float) -> None:
                 continue
             dx = leader.x - follower.x
             dy = leader.y - follower.y
-            if dx * dx + dy * dy > (REACH + car_length) ** 2:
+            if dx * dx + dy * dy > (REACH + car_length) ** 2 or on_other_level(leader, follower, course):
                 continue
             behind = dx * leader.cos_yaw + dy * leader.sin_yaw - car_length
             total += wake(behind, dy * leader.cos_yaw - dx * leader.sin_yaw)
