@@ -104,18 +104,27 @@ class Match:
 
     def spec(self) -> dict[str, Any]:
         """All that decides the outcome, as plain JSON values."""
-        facts = asdict(self)
+        facts = asdict(self) | surroundings(self.scenario, self.circuit, self.car)
         del facts["sources"]
-        track = load_track(self.circuit)
-        facts["scenario_file"] = load_scenario(self.scenario).model_dump()
-        facts["rules_file"] = load_rules(load_scenario(self.scenario).rules).model_dump()
-        facts["car_file"] = load_car(self.car).model_dump()
-        facts["track"] = hashlib.sha256(track.table.tobytes()).hexdigest()
         facts["code"] = code_fingerprint()
         facts["numpy"] = version("numpy")
         facts["numba"] = version("numba")
         facts["onnxruntime"] = version("onnxruntime")
         return facts
+
+
+def surroundings(scenario: str, circuit: str, car: str) -> dict[str, Any]:
+    """What the files of a scenario, a circuit and a car say, as plain JSON values.
+
+    Raises:
+        InputError: if one is unknown or its file is wrong.
+    """
+    return {
+        "scenario_file": load_scenario(scenario).model_dump(),
+        "rules_file": load_rules(load_scenario(scenario).rules).model_dump(),
+        "car_file": load_car(car).model_dump(),
+        "track": hashlib.sha256(load_track(circuit).table.tobytes()).hexdigest(),
+    }
 
 
 @lru_cache

@@ -78,7 +78,7 @@ def against_itself(entrant: Entrant, pairs: int) -> Pairs:
     races = [
         Race(seed, tuple(Seat(side, side) for side in grid.sides), grid.mirrored)
         for seed in range(pairs)
-        for grid in made.grids
+        for grid in made.grids(2)
     ]
     names, sources = ("home", "away"), (entrant.source, entrant.source)
     match = Match("tournament", SHORT, SHORT, CIRCUIT, CAR, names, sources, tuple(races))

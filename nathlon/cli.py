@@ -119,11 +119,12 @@ def battery(
 @app.command()
 def init(
     path: Annotated[Path, typer.Argument(help="The file to write.")] = Path("nathlon.toml"),
+    as_json: AsJson = False,
 ) -> None:
     """Write a configuration for a selection every night."""
     from nathlon.commands.nightly import init as run
 
-    run(path)
+    run(path, as_json)
 
 
 @app.command()
@@ -184,11 +185,12 @@ def train(
     origin: Annotated[
         Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
     from nathlon.commands.training import train as run
 
-    run(config, out, seed, threads, resume, origin)
+    run(config, out, seed, threads, resume, origin, as_json)
 
 
 @app.command()
@@ -210,6 +212,7 @@ def ablate(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Threads of the learner, processes of the races.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Train variants of a configuration without parts of the method, and draw what the parts are worth.
 
@@ -217,7 +220,7 @@ def ablate(
     """
     from nathlon.commands.ablate import ablate as run
 
-    run(config, out, seeds, updates, variant or [], pairs, workers)
+    run(config, out, seeds, updates, variant or [], pairs, workers, as_json)
 
 
 @app.command()
@@ -271,35 +274,38 @@ def replay(
         bool, typer.Option("--recover", help="Save what can be read of a damaged recording.")
     ] = False,
     out: Out = Path("runs/replays"),
+    as_json: AsJson = False,
 ) -> None:
     """Look at a race: in Rerun's viewer, in the browser, as a page of its own, or as a video."""
     from nathlon.commands import replay as command
 
     if recover:
-        command.recover(Path(source))
+        command.recover(Path(source), as_json)
     else:
-        command.replay(source, race, car, out, show, web, html, video, start_s, end_s)
+        command.replay(source, race, car, out, show, web, html, video, start_s, end_s, as_json)
 
 
 @app.command()
 def export(
     checkpoint: Annotated[Path, typer.Argument(help="Checkpoint (.safetensors).")],
     onnx: Annotated[Path, typer.Option("--onnx", help="The ONNX file to write.")],
+    as_json: AsJson = False,
 ) -> None:
     """Write a checkpoint as an ONNX graph, which other programs can run and nathlon can race."""
     from nathlon.commands.export import export as run
 
-    run(checkpoint, onnx)
+    run(checkpoint, onnx, as_json)
 
 
 @app.command()
 def observation(
     course_points: Annotated[int, typer.Option(help="Points on each line of the course.")] = 60,
+    as_json: AsJson = False,
 ) -> None:
     """Print the layout of the observations that a policy gets."""
-    from sim.observation import ObservationSpec
+    from nathlon.commands.observation import observation as run
 
-    print(ObservationSpec(course_points=course_points).describe())
+    run(course_points, as_json)
 
 
 @track.command("import")
@@ -307,11 +313,12 @@ def import_track(
     file: Annotated[Path, typer.Argument(help="CSV file with x_m, y_m, w_tr_right_m, w_tr_left_m.")],
     name: Annotated[str, typer.Option(help="Name of the circuit: lowercase letters, digits, hyphens.")],
     out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
+    as_json: AsJson = False,
 ) -> None:
     """Make a circuit of a centre line from the TUM racetrack database, as the folder NAME."""
     from nathlon.commands.track import import_track as run
 
-    run(file, name, out)
+    run(file, name, out, as_json)
 
 
 @track.command("show")
@@ -320,11 +327,12 @@ def show_track(
     out: Annotated[
         Path | None, typer.Option("--out", help="The picture; NAME.png in this folder by default.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Draw the map of a circuit and list its sections."""
     from nathlon.commands.track import show_track as run
 
-    run(name, out)
+    run(name, out, as_json)
 
 
 def main() -> None:

@@ -108,6 +108,10 @@ class CommitteeSettings(Section):
     shortlist: Annotated[int, Field(ge=1)] = 6
     quorum: Annotated[int, Field(ge=0)] = 0
 
+    def seats(self, question: Question) -> int:
+        """How many are wanted, at most."""
+        return self.shortlist if question == "shortlist" else 1
+
     @model_validator(mode="after")
     def _complete(self) -> CommitteeSettings:
         for field, names in (("members", self.members), ("rule", [rule.name for rule in self.rule])):

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
+from arena.match import surroundings
 from nathlon.committee_rules import CommitteeSettings
 from nathlon.filter import FilterSettings
 from nathlon.n_athlon import BatterySettings
 from nathlon.race_off import TournamentSettings
+from nathlon.skill import load_skills
+from nathlon.trials import policy_id
 from policies.load import DRIVER
 from sim.data_file import Section, read_toml
 
@@ -63,9 +67,26 @@ class Config(Section):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what decides the outcome of a night."""
-        decisive = self.model_dump_json(exclude={"out", "workers", "store", "checkpoints"})
-        return hashlib.sha256(decisive.encode()).hexdigest()
+        """SHA-256 of what decides the outcome of a night, with the contents of the files that it names.
+
+        Raises:
+            InputError: if a file is missing or wrong.
+        """
+        decisive = self.model_dump(mode="json", exclude={"out", "workers", "store", "checkpoints"})
+        return hashlib.sha256(json.dumps([decisive, self._contents()]).encode()).hexdigest()
+
+    def _contents(self) -> list[Any]:
+        """What the files say that the configuration names, and the ids of the filter's opponents."""
+        skills = load_skills(self.battery.tests)
+        races = self.tournament.held(self.circuit, self.car).race
+        here = {self.pareto.scenario, self.pareto.time_trial, *(s for test in skills for s in test.scenarios)}
+        return [
+            [test.model_dump(mode="json") for test in skills],
+            [race.model_dump(mode="json") for race in races],
+            [surroundings(scenario, self.circuit, self.car) for scenario in sorted(here)],
+            [surroundings(race.raced, race.circuit, race.car) for race in races],
+            [policy_id(opponent, self.circuit, self.car) for opponent in self.pareto.opponents],
+        ]
 
 
 def read_config(path: Path) -> Config:

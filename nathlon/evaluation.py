@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
 
 from arena.entrant import Entrant
-from arena.pool import Pool
-from arena.store import Store
 from nathlon.config import Config
 from nathlon.field import Field
 from nathlon.output import OutputFolder
-from nathlon.pipeline import WAITING, select
+from nathlon.pipeline import select
 from nathlon.publish import publish
-from nathlon.run import OnMatch, Run
+from nathlon.run import WAITING, OnMatch
+from nathlon.single_run import single_run
 from reports.selection import Selection
 
 
@@ -28,20 +25,13 @@ def evaluate(
     Args:
         entrants: the candidates, all of one circuit and car.
         output: where everything goes.
-        config: how to select.
+        config: how to select, with the circuit and the car of the entrants.
         workers: processes.
         on_match: told about progress.
 
     Returns:
         what the report shows; None where people must vote first.
     """
-    config = config.model_copy(update={"circuit": entrants[0].circuit, "car": entrants[0].car})
-    plan = {"config": config.digest, "entrants": [entrant.id for entrant in entrants]}
-    name = f"selection-{hashlib.sha256(json.dumps(plan).encode()).hexdigest()[:12]}"
-    with Store(output.store) as store, Pool(workers) as pool:
-        store.begin_run(name, plan)
-        run = Run(store, name, (config.seed,), pool, on_match)
-        status = select(run, Field(tuple(entrants)), config)
-        selection = None if status == WAITING else publish(store, name, output)
-        store.end_run(name, status)
-    return selection
+    with single_run("selection", entrants, config, output.store, workers, on_match) as run:
+        run.status = select(run, Field(tuple(entrants)), config)
+        return None if run.status == WAITING else publish(run.store, run.name, output, run.pool)

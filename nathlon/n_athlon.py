@@ -144,7 +144,7 @@ def _check_opponents(tests: Sequence[Skill], circuit: str, car: str) -> None:
 def marking_matches(tests: Sequence[Skill], circuit: str, car: str) -> dict[str, Match]:
     """By test, the runs of the built-in driver that set its marks."""
     driver = enter(DRIVER, circuit, car)
-    alike = [skill.model_copy(update={"scenario": skill.marks_scenario or skill.scenario}) for skill in tests]
+    alike = [skill.model_copy(update={"scenario": skill.scenarios[1]}) for skill in tests]
     matches = skill_matches([driver], alike, MARKS_SEEDS, MARKS_RUNS)
     return {test: match for (test, _), match in matches.items()}
 

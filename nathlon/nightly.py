@@ -17,9 +17,9 @@ from arena.store import RunRecord, Store
 from nathlon.config import Config
 from nathlon.field import Exclusion, Field, newcomers
 from nathlon.output import OutputFolder
-from nathlon.pipeline import DONE, WAITING, select
+from nathlon.pipeline import select
 from nathlon.publish import publish
-from nathlon.run import CONFIDENCE, OnMatch, Run
+from nathlon.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
 from reports.selection import Selection
 from sim.errors import InputError
 from tournament.points import rank
@@ -79,8 +79,8 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         if select(run, field, config) == WAITING:
             store.end_run(night.name, WAITING)
             return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
-        store.put_table(night.name, "pool", _pool(store, night, run))
-        selection = publish(store, night.name, OutputFolder(Path(config.out) / night.name))
+        run.keep({"pool": _pool(store, night, run)})
+        selection = publish(store, night.name, OutputFolder(Path(config.out) / night.name), pool)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason})
         store.end_run(night.name, DONE)

@@ -15,19 +15,17 @@ import polars as pl
 
 from arena.entrant import Entrant, entrants_table
 from arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
-from nathlon.committee import Decision, Minutes, choose, shortlist
+from nathlon.committee import ask
 from nathlon.config import Config
+from nathlon.decision import Decision
 from nathlon.field import Field
 from nathlon.filter import run_filter
+from nathlon.minutes import Minutes
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.race_off import run_round_robin
-from nathlon.run import CONFIDENCE, Answer, Run
+from nathlon.run import CONFIDENCE, DONE, WAITING, Answer, Run
 from nathlon.summary import versions
 from tournament.points import pair_correlation
-
-DONE = "done"
-WAITING = "waiting"
-"""Status of a run that waits for people to vote."""
 
 
 def select(run: Run, field: Field, config: Config) -> str:
@@ -43,7 +41,7 @@ def select(run: Run, field: Field, config: Config) -> str:
     """
     minutes = Minutes(run.store, run.name)
     tables = {"entrants": entrants_table(field.entrants)}
-    _keep(run, tables)
+    run.keep(tables)
 
     filtered = run_filter(run, _together(field.newcomers, field.incumbents), config.pareto)
     incumbents = {entrant.id for entrant in field.incumbents}
@@ -51,9 +49,9 @@ def select(run: Run, field: Field, config: Config) -> str:
     tested = run_battery(run, _together(survivors, field.incumbents), config.battery)
     tables |= filtered.tables | tested.tables
     began = time.perf_counter()
-    listed = shortlist(minutes, survivors, tested.tables, tested.results, config.committee)
+    listed = ask(minutes, "shortlist", survivors, tested.tables, tested.results, config.committee)
     tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
-    _keep(run, tables)
+    run.keep(tables)
     if listed.result is None:
         return WAITING
     run.note("committee", len(survivors), len(_chosen(listed)), pl.DataFrame(schema=RESULTS), began)
@@ -61,10 +59,10 @@ def select(run: Run, field: Field, config: Config) -> str:
     finalists = _together([e for e in survivors if e.id in _chosen(listed)], field.incumbents)
     raced, _ = run_round_robin(run, _together(finalists, field.anchors), config.tournament)
     tables |= raced.tables
-    _keep(run, tables)
+    run.keep(tables)
     anchors = {entrant.id for entrant in field.anchors}
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
-    sent = choose(minutes, candidates, raced.tables, raced.results, config.committee)
+    sent = ask(minutes, "selection", candidates, raced.tables, raced.results, config.committee)
     run.store.put_fact(run.name, "summary", _summary(run, field, config, tables, tested, raced, sent))
     return WAITING if sent.result is None else DONE
 
@@ -75,11 +73,6 @@ def _together(*groups: Sequence[Entrant]) -> list[Entrant]:
 
 def _chosen(decision: Decision) -> list[str]:
     return [] if decision.result is None else list(decision.result.chosen)
-
-
-def _keep(run: Run, tables: dict[str, pl.DataFrame]) -> None:
-    for name, table in tables.items():
-        run.store.put_table(run.name, name, table)
 
 
 def _summary(

@@ -51,6 +51,16 @@ class TournamentSettings(Section):
     max_at_fault_per_km: Annotated[float, Field(gt=0)] | None = None
     event: str | None = None
 
+    def held(self, circuit: str, car: str) -> Event:
+        """The event, or one race on a circuit where there is none.
+
+        Raises:
+            InputError: if the event's file is wrong.
+        """
+        if self.event is not None:
+            return load_event(Path(self.event))
+        return Event(race=(EventRace(name=self.format, circuit=circuit, car=car, format=self.format),))
+
 
 @dataclass(frozen=True)
 class Fixture:
@@ -62,14 +72,19 @@ class Fixture:
 
     def match(self, units: slice) -> Match:
         """The match of some of its units."""
-        made, race = self.race.made, self.race
-        races = [
-            Race(seed, tuple(Seat(side, side if made.teams else -1) for side in grid.sides), grid.mirrored)
-            for seed in self.meeting.seeds[units]
-            for grid in made.grids
-        ]
+        race, races = self.race, [r for seed in self.meeting.seeds[units] for r in self._unit(seed)]
         ids, sources = zip(*((entrant.id, entrant.source) for entrant in self.entrants), strict=True)
         return Match("tournament", race.name, race.raced, race.circuit, race.car, ids, sources, tuple(races))
+
+    def _unit(self, seed: int) -> list[Race]:
+        """The races of a unit; in a free-for-all the entrants are on its grids in an order of its own."""
+        made, order = self.race.made, np.arange(len(self.entrants))
+        if not made.teams:
+            order = np.random.default_rng(seed).permutation(order)
+        return [
+            Race(seed, tuple(Seat(int(order[s]), s if made.teams else -1) for s in grid.sides), grid.mirrored)
+            for grid in made.grids(len(order))
+        ]
 
     @property
     def pairs(self) -> set[frozenset[str]]:
@@ -86,8 +101,7 @@ def run_round_robin(
     nothing else, so that a run that was stopped goes on as it would have.
 
     Raises:
-        InputError: if the event's file is wrong, an entrant cannot drive one of its races, or a
-            free-for-all has not as many entrants as sides.
+        InputError: if the event's file is wrong, or an entrant cannot drive one of its races.
     """
     began = time.perf_counter()
     event = _event(entrants, settings)
@@ -114,15 +128,10 @@ def tournament_matches(entrants: Sequence[Entrant], pairs: int, seeds: np.random
 
 
 def _event(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
-    """The event of the settings, or one race where the entrants are at home."""
-    if settings.event is not None:
-        return load_event(Path(settings.event))
+    """The event where the entrants are at home; one without races if there are none."""
     if not entrants:
         return Event.model_construct(race=())
-    race = EventRace(
-        name=settings.format, circuit=entrants[0].circuit, car=entrants[0].car, format=settings.format
-    )
-    return Event(race=(race,))
+    return settings.held(entrants[0].circuit, entrants[0].car)
 
 
 def plan(
@@ -137,7 +146,7 @@ def plan(
         seeds: of all units.
 
     Raises:
-        InputError: if an entrant cannot drive a race, or a free-for-all has not as many entrants as sides.
+        InputError: if an entrant cannot drive a race.
     """
     fixtures: list[Fixture] = []
     for race, stream in zip(event.race, seeds.spawn(len(event.race)), strict=True):
@@ -192,6 +201,6 @@ def _tables(
     return {
         "ranking": rank(results, rng("tournament"), confidence=confidence, weights=weights, gate=gate),
         "matchups": matchups(results, rng("tournament"), confidence=confidence, weights=weights),
-        "ratings": rate(results),
+        "ratings": rate(results, weights),
         "tournament_notes": notes(results, names, confidence, weights),
     }

@@ -6,7 +6,7 @@ import math
 import os
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,6 +22,10 @@ from arena.store import Store
 
 STAGES = ("pareto", "battery", "tournament")
 CONFIDENCE = 0.95
+
+DONE = "done"
+WAITING = "waiting"
+"""Status of a run that waits for people to vote."""
 
 CLAIM_S = 600.0
 """For which a process has a match to itself; it renews its claims well before."""
@@ -62,6 +66,7 @@ class Run:
         pool: where matches run.
         on_match: told about progress.
         stages: counts of the stages that have ended.
+        status: as what it ends.
     """
 
     store: Store
@@ -70,6 +75,7 @@ class Run:
     pool: Pool
     on_match: OnMatch
     stages: list[dict[str, Any]] = field(default_factory=list)
+    status: str = DONE
     _noted: float = field(default=-math.inf, init=False)
 
     def seeds(self, stage: str) -> np.random.SeedSequence:
@@ -130,6 +136,11 @@ class Run:
                     renewed = time.monotonic()
                 done += 1
                 self._say(stage, done, total)
+
+    def keep(self, tables: Mapping[str, pl.DataFrame]) -> None:
+        """Keep stage tables, by their names in `arena.results.TABLES`."""
+        for name, table in tables.items():
+            self.store.put_table(self.name, name, table)
 
     def note(self, stage: str, came: int, left: int, results: pl.DataFrame, began: float) -> None:
         """Keep a stage's counts for the summary; `began` is a reading of `time.perf_counter`, s."""

@@ -124,6 +124,11 @@ class Skill(Section):
         """The measure itself."""
         return MEASURES[self.measure]
 
+    @property
+    def scenarios(self) -> tuple[str, str]:
+        """What an entrant drives, and what the built-in driver drives to set the marks."""
+        return self.scenario, self.marks_scenario or self.scenario
+
     def slot(self, run: int) -> int:
         """The entrant's starting place in a run."""
         return self.slots[run % len(self.slots)]

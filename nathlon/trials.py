@@ -39,16 +39,20 @@ def against(
         scenario,
         entrant.circuit,
         entrant.car,
-        (entrant.id, *(_identity(driver, entrant) for driver in drivers)),
+        (entrant.id, *(policy_id(driver, entrant.circuit, entrant.car) for driver in drivers)),
         (entrant.source, *drivers),
         tuple(races),
     )
 
 
-def _identity(opponent: str, entrant: Entrant) -> str:
-    """The id of an opponent of an entrant; a built-in driver's is its name, known without making it."""
-    built_in = opponent.partition(":")[0] == DRIVER
-    return opponent if built_in else enter(opponent, entrant.circuit, entrant.car).id
+def policy_id(source: str, circuit: str, car: str) -> str:
+    """The id of a policy; a built-in driver's is its name, known without making it.
+
+    Raises:
+        InputError: if it cannot drive there.
+    """
+    built_in = source.partition(":")[0] == DRIVER
+    return source if built_in else enter(source, circuit, car).id
 
 
 def draw_seeds(seeds: np.random.SeedSequence, count: int) -> list[int]:

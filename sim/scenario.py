@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from sim.car import Car
 from sim.data_file import DATA, Section, find_data, read_toml
+from sim.errors import InputError
 from sim.reaction import Reaction
 from sim.rules import load_rules
 from sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
@@ -256,11 +257,26 @@ class Scenario(Section):
         return Start(distance, lateral, heading, speed, self._finish(track))
 
 
+LAPS = ":laps="
+"""Between the name of a scenario and the laps to drive in it, in place of its own."""
+
+
 @lru_cache
 def load_scenario(name: str) -> Scenario:
-    """A scenario by its shipped name, or by the path of a `.toml` file.
+    """A scenario by its shipped name, or by the path of a `.toml` file; `race:laps=4` with other laps.
+
+    With other laps its time changes in proportion.
 
     Raises:
-        InputError: if there is no such scenario or its file is wrong.
+        InputError: if there is no such scenario, its file is wrong, or it has no laps to change.
     """
-    return read_toml(find_data(name, "scenario", DATA / "scenarios"), Scenario, "scenario")
+    file, given, laps = name.partition(LAPS)
+    scenario = read_toml(find_data(file, "scenario", DATA / "scenarios"), Scenario, "scenario")
+    if not given:
+        return scenario
+    if not laps.isdecimal() or int(laps) < 1:
+        raise InputError(f"scenario {name!r}: laps is {laps!r}, expected a number from 1 on")
+    if scenario.laps is None:
+        raise InputError(f"scenario {name!r}: {file} is not driven in laps, expected one that is")
+    times = int(laps) / scenario.laps
+    return scenario.model_copy(update={"laps": int(laps), "time_s": scenario.time_s * times})

@@ -1,8 +1,7 @@
-"""The committee: evidence, automatic members, votes, decisions and their record, the commands."""
+"""The committee: evidence, automatic members, votes, decisions and their record."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -11,52 +10,31 @@ from typing import Any
 import polars as pl
 import pytest
 from pydantic import ValidationError
-from typer.testing import CliRunner
 
-from arena.entrant import Entrant
-from arena.results import BATTERY, RANKING
+from arena.results import RANKING
 from arena.store import Store
 from nathlon.ballots import Ballot
-from nathlon.commands.committee_app import committee
-from nathlon.committee import Decision, Minutes, choose, close, compare, reopen, shortlist, vote
+from nathlon.committee import ask as put
+from nathlon.committee import close, compare, reopen, vote
 from nathlon.committee_events import Closed, Opened, Voted
 from nathlon.committee_rules import CommitteeSettings, Gates, Rule, conduct, gather
+from nathlon.minutes import Minutes
 from sim.errors import InputError
+from tests.committees import (
+    ALONE,
+    NAMES,
+    PEOPLE,
+    RUN,
+    ask,
+    battery,
+    cast,
+    chosen,
+    entrant_id,
+    entrants,
+    ids,
+    results,
+)
 from tests.race_results import rows
-
-NAMES = ("amber", "birch", "cedar", "delta")
-POINTS = {"amber": 5000.0, "birch": 6000.0, "cedar": 4000.0, "delta": 3000.0}
-RUN = "night"
-ALONE = CommitteeSettings(shortlist=2)
-PEOPLE = CommitteeSettings(members=("ann", "bob", "cy"), quorum=2, shortlist=2)
-
-
-def entrant_id(name: str) -> str:
-    return f"{name}-0123456789"
-
-
-def ids(names: str) -> tuple[str, ...]:
-    """Entrant ids of candidates by their initials."""
-    return tuple(entrant_id(next(name for name in NAMES if name.startswith(letter))) for letter in names)
-
-
-def entrants(names: Sequence[str] = NAMES) -> list[Entrant]:
-    return [Entrant(entrant_id(n), n, f"{n}.safetensors", "x", "c", "k", None, None) for n in names]
-
-
-def battery(names: Sequence[str] = NAMES) -> pl.DataFrame:
-    points = [POINTS[name] for name in names]
-    return pl.DataFrame(
-        {
-            "entrant": [entrant_id(name) for name in names],
-            "points": points,
-            "points_low": [p - 700 for p in points],
-            "points_high": [p + 700 for p in points],
-            "rank": [1] * len(names),
-            "shortlisted": [False] * len(names),
-        },
-        schema=BATTERY,
-    )
 
 
 def ranking(points: dict[str, float | None], barred: Sequence[str] = ()) -> pl.DataFrame:
@@ -66,11 +44,6 @@ def ranking(points: dict[str, float | None], barred: Sequence[str] = ()) -> pl.D
         "barred": [name in barred for name in points],
     }
     return pl.DataFrame([pl.Series(n, facts.get(n, [None] * len(points)), t) for n, t in RANKING.items()])
-
-
-def results(**columns: Sequence[Any]) -> pl.DataFrame:
-    """One race of 10 km in 300 s for each candidate, with these columns by candidate."""
-    return rows({"entrant": [entrant_id(n) for n in NAMES], "race": range(4), **columns}, 4)
 
 
 @pytest.fixture
@@ -83,21 +56,6 @@ def store(tmp_path: Path) -> Iterator[Store]:
 @pytest.fixture
 def minutes(store: Store) -> Minutes:
     return Minutes(store, RUN)
-
-
-def ask(minutes: Minutes, settings: CommitteeSettings, **columns: Sequence[Any]) -> Decision:
-    return shortlist(minutes, entrants(), {"battery": battery()}, results(**columns), settings)
-
-
-def cast(minutes: Minutes, member: str, approve: str, rank: str = "") -> None:
-    decision = minutes.decisions()["shortlist"]
-    vote(minutes, decision, member, Ballot(ids(approve), ids(rank)), f"as {member} saw it")
-
-
-def chosen(decision: Decision) -> str:
-    """Initials of those chosen, in their order."""
-    assert decision.result is not None
-    return "".join(entrant[0] for entrant in decision.result.chosen)
 
 
 def test_conduct_is_counted_over_all_races_that_are_not_void() -> None:
@@ -157,14 +115,18 @@ def test_a_policy_that_fails_by_its_own_fault_is_not_shortlisted(minutes: Minute
 
 def test_the_selection_is_the_first_of_the_ranking_that_is_not_barred(minutes: Minutes) -> None:
     table = ranking({"amber": 21.0, "birch": 22.0, "cedar": 20.0}, barred=["birch"])
-    decision = choose(minutes, entrants(NAMES[:3]), {"ranking": table}, results(), CommitteeSettings())
+    decision = put(
+        minutes, "selection", entrants(NAMES[:3]), {"ranking": table}, results(), CommitteeSettings()
+    )
     assert chosen(decision) == "a"
     assert "birch (barred from the ranking)" in decision.ballots()["rule:ranking"].reason
 
 
 @pytest.mark.parametrize(("left", "expected"), [((), ""), (("cedar",), "c")])
 def test_few_finalists_are_no_trouble(minutes: Minutes, left: tuple[str, ...], expected: str) -> None:
-    decision = choose(minutes, entrants(left), {"ranking": ranking({})}, results(), CommitteeSettings())
+    decision = put(
+        minutes, "selection", entrants(left), {"ranking": ranking({})}, results(), CommitteeSettings()
+    )
     assert chosen(decision) == expected
 
 
@@ -368,93 +330,3 @@ def test_a_wrong_ballot_is_one_sentence(
 def test_wrong_settings_are_told(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         CommitteeSettings.model_validate(fields)
-
-
-class Terminal:
-    """The command line on one store."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __call__(self, *arguments: str, options: Sequence[str] = ()) -> str:
-        """What a command prints; raises what it raises."""
-        result = CliRunner().invoke(
-            committee, [*options, str(self._path), *arguments], catch_exceptions=False, standalone_mode=False
-        )
-        return result.stdout
-
-    def json(self, *arguments: str) -> Any:
-        """What a command prints as JSON."""
-        return json.loads(self(*arguments, "--json"))
-
-
-@pytest.fixture
-def terminal(minutes: Minutes, tmp_path: Path) -> Terminal:
-    """With a question that is open."""
-    ask(minutes, PEOPLE)
-    return Terminal(tmp_path / "store.sqlite")
-
-
-def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
-    (decision,) = terminal.json("show")
-    assert (decision["open"], decision["waits_for"], decision["ballots"]) == (True, 2, 1)
-    after = terminal.json("vote", "--member", "ann", "--rank", "cedar, delta", "--reason", "calm")
-    assert after["said"][-1]["approve"] == list(ids("cd"))
-    assert after["said"][-1]["evidence"] == decision["evidence"]["digest"]
-    terminal("vote", "--member", "bob", "--approve", "delta,cedar-012", "--rank", "delta", "--reason", "fast")
-    terminal(
-        "compare", "--member", "bob", "--better", "cedar", "--worse", "delta", "--reason", "on second sight"
-    )
-    closed = terminal.json("decide")
-    assert [s["name"] for s in closed["standings"] if s["chosen"]] == ["cedar", "delta"]
-    assert "open" in terminal("reopen", "--reason", "new videos")
-    shown = terminal("show")
-    for part in ("shortlist-", "birch", "bob prefers cedar to delta: on second sight", "Agreement"):
-        assert part in shown
-    assert [entry["event"] for entry in terminal.json("log")] == [
-        "opened",
-        "voted",
-        "voted",
-        "voted",
-        "compared",
-        "closed",
-        "reopened",
-    ]
-    assert "reopened: new videos" in terminal("log")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ("vote", "--member", "ann", "--rank", "elm", "--reason", "x"),
-            r"^'elm' is not a candidate, expected",
-        ),
-        (("vote", "--member", "eve", "--rank", "amber", "--reason", "x"), r"^'eve' is not on the committee"),
-        (("vote", "--member", "ann", "--rank", "amber", "--reason", ""), r"^reason is empty"),
-        (("decide",), r"waits for 2 more"),
-        (("reopen", "--reason", "x"), r"^no decision is closed"),
-        (("decide", "--question", "selection"), r"^the committee has not been asked for the selection$"),
-    ],
-)
-def test_a_wrong_command_is_one_sentence(
-    terminal: Terminal, arguments: tuple[str, ...], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        terminal(*arguments)
-
-
-def test_the_run_may_be_named(terminal: Terminal, store: Store) -> None:
-    store.begin_run("next", {})
-    assert "has not been asked" in terminal("show")
-    assert "shortlist-" in terminal("show", options=("--run", RUN))
-    with pytest.raises(InputError, match=r"no run 'noon', the last is 'next'$"):
-        terminal("show", options=("--run", "noon"))
-
-
-def test_only_an_existing_store_has_a_committee(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none.sqlite: no such store"):
-        Terminal(tmp_path / "none.sqlite")("show")
-    Store(tmp_path / "empty.sqlite").close()
-    with pytest.raises(InputError, match=r"empty.sqlite: holds no run"):
-        Terminal(tmp_path / "empty.sqlite")("show")

@@ -23,7 +23,7 @@ format = "10v10"
 name = "long"
 circuit = "grandes-landes"
 car = "prototype"
-scenario = "standing_start"
+scenario = "race:laps=4"
 weight = 2.0
 pairs = 4
 """
@@ -38,7 +38,7 @@ def written(folder: Path, text: str) -> Path:
 def test_an_event_of_three_circuits(tmp_path: Path) -> None:
     event = load_event(written(tmp_path, THREE))
     assert event.weights == {"seaside": 1.0, "grand prix": 1.0, "long": 2.0}
-    assert [race.raced for race in event.race] == ["race", "grand_prix", "standing_start"]
+    assert [race.raced for race in event.race] == ["race", "grand_prix", "race:laps=4"]
     assert [race.pairs for race in event.race] == [None, None, 4]
     assert [race.made.cars for race in event.race] == [8, 20, 8]
 
@@ -50,7 +50,8 @@ def test_an_event_of_three_circuits(tmp_path: Path) -> None:
         (('format = "10v10"', 'format = "5v5"'), "race.1.format"),
         (('name = "long"', 'name = "seaside"'), "two races are called 'seaside'"),
         (("pairs = 4", "pairs = 4\nhearts = 3"), "race.2.hearts"),
-        (('"standing_start"', '"race_1v1"'), "race 'long': scenario 'race_1v1' has 2 cars, expected 8"),
+        (('"race:laps=4"', '"race:laps=none"'), "laps is 'none', expected a number from 1 on"),
+        (('"race:laps=4"', '"race_1v1"'), "race 'long': scenario 'race_1v1' has 2 cars, expected 8"),
         (('"lindenring"', '"nordschleife"'), "nordschleife"),
     ],
 )

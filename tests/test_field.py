@@ -10,7 +10,7 @@ import pytest
 from arena.entrant import enter
 from nathlon.field import newcomers
 from sim.errors import InputError
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED
 
 PAIR = ("lindenring", "gt3")
 

@@ -14,7 +14,6 @@ from arena.statistics import holm, interval, p_values, precision, spread, standa
 from tests.race_results import rows, tournament
 from tournament.conduct import Gate, rates
 from tournament.evidence import Evidence, appearances
-from tournament.formats import FORMATS
 from tournament.points import EQUAL, TEAM_POINTS, better, matchups, pair_correlation, rank
 
 PACE = {"a": 0.0, "b": 0.5, "c": 1.0, "d": 1.5}
@@ -129,62 +128,6 @@ def test_an_event_of_equal_tests_is_one_tournament() -> None:
     np.testing.assert_allclose(whole["points_per_race"], event["points_per_race"])
     np.testing.assert_allclose(whole["points_low"], event["points_low"], atol=0.35)
     assert whole["rank"].to_list() == event["rank"].to_list()
-
-
-def free_for_all(pace: dict[str, float], blocks: int, rng: np.random.Generator) -> pl.DataFrame:
-    """Blocks of eight races of all against all; luck lasts for a block."""
-    names, grids = np.array(list(pace)), FORMATS["ffa8"].grids
-    shape = (blocks, len(grids), 8)
-    block, race, car = np.indices(shape)
-    side = np.array([grid.sides for grid in grids])[race, car]
-    luck = rng.standard_normal((blocks, 8))[block, side]
-    score = np.array(list(pace.values()))[side] + luck - 0.25 * car + rng.standard_normal(shape)
-    place = 1 + np.argsort(np.argsort(-score, axis=-1), axis=-1)
-    columns = {
-        "race": block * len(grids) + race,
-        "mirrored": race >= 4,
-        "car": car,
-        "slot": car + 1,
-        "entrant": names[side],
-        "place": place,
-        "points": np.array(TEAM_POINTS, dtype=float)[place - 1],
-    }
-    return rows({name: value.ravel() for name, value in columns.items()}, car.size)
-
-
-def test_a_free_for_all_scores_mean_points_and_resamples_blocks() -> None:
-    """With blocks of eight races the scores are plain means, their intervals those of block means."""
-    pace = {letter: 0.3 * index for index, letter in enumerate("abcdefgh")}
-    results = free_for_all(pace, 6, seeded())
-    ranking = rank(results, seeded(), resamples=20_000)
-    blocks = results.group_by("entrant", pl.col("race") // 8, maintain_order=True).agg(
-        pl.col("points").mean()
-    )
-    for row in ranking.iter_rows(named=True):
-        mine = blocks.filter(pl.col("entrant") == row["entrant"])["points"].to_numpy()
-        assert row["points_per_race"] == pytest.approx(mine.mean())
-        low, high = interval(
-            np.array([mine.mean()]), np.eye(1), spread(mine, np.array([6]), 20_000, seeded()), 0.95
-        )
-        assert (row["points_low"], row["points_high"]) == pytest.approx((low[0], high[0]), abs=0.15)
-        assert (row["pairs"], row["races"]) == (6, 48)
-    assert ranking["points_per_race"].mean() == pytest.approx(sum(TEAM_POINTS) / 8)
-    table = matchups(results, seeded())
-    assert table.height == 56
-    assert set(table["pairs"]) == {6}
-
-
-def test_in_a_free_for_all_equals_are_seldom_told_apart() -> None:
-    """Though its 28 differences of a block are not independent, and luck lasts for a block."""
-    rng = seeded()
-    equal = dict.fromkeys("abcdefgh", 0.0)
-    false = sum(better(Evidence(free_for_all(equal, 5, rng), EQUAL), 0.05).any() for _ in range(80))
-    assert false / 80 <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / 80)
-
-
-def test_a_block_that_lacks_a_race_is_set_aside() -> None:
-    results = free_for_all(dict.fromkeys("abcdefgh", 0.0), 4, seeded())
-    assert set(rank(results.filter(pl.col("race") != 9), seeded())["pairs"]) == {3}
 
 
 def test_the_gate_bars_whose_interval_lies_above_it_and_keeps_the_points() -> None:

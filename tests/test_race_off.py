@@ -17,7 +17,6 @@ from arena.results import MATCHUPS, RANKING, RATINGS, RESULTS, TOURNAMENT_NOTES
 from arena.store import Store
 from nathlon.race_off import TournamentSettings, leaders, plan, run_round_robin, tournament_matches
 from nathlon.run import Run
-from sim.errors import InputError
 from tournament.event import Event, EventRace
 from tournament.stopping import Stopping, settled
 
@@ -132,8 +131,21 @@ def test_a_free_for_all_is_one_match_without_teams() -> None:
     assert [race.seed for race in match.races] == [fixture.meeting.seeds[k] for k in (0, 1) for _ in range(8)]
     assert {seat.team for race in match.races for seat in race.seats} == {-1}
     assert len({seat.entrant for seat in match.races[0].seats}) == 8
-    with pytest.raises(InputError, match="7 entrants, expected 8"):
-        plan(event, entrants[:7], 3, np.random.SeedSequence(0))
+
+
+@pytest.mark.parametrize("entrants", [3, 12])
+def test_a_free_for_all_takes_any_number_of_entrants(entrants: int) -> None:
+    drivers = [enter(f"driver:pace={0.8 + k / 100}", "lindenring", "gt3") for k in range(entrants)]
+    event = Event(race=(EventRace(name="all", circuit="lindenring", car="gt3", format="ffa8"),))
+    [fixture] = plan(event, drivers, 2, np.random.SeedSequence(0))
+    match = fixture.match(slice(None))
+    assert {len(race.seats) for race in match.races} == {8}
+    for unit in (match.races[:entrants], match.races[entrants:]):
+        assert len({race.seed for race in unit}) == 1
+        starts = [(seat.entrant, place) for race in unit for place, seat in enumerate(race.seats)]
+        assert len(set(starts)) == len(starts) == 8 * entrants
+    order, other = ([seat.entrant for seat in match.races[k].seats] for k in (0, entrants))
+    assert order != other, "units differ in who starts next to whom"
 
 
 @pytest.mark.parametrize("entrants", [[], DRIVERS[:1]])

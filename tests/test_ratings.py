@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import choix
 import numpy as np
 import polars as pl
 import pytest
@@ -76,6 +75,47 @@ def test_plackett_luce_is_the_maximum_of_its_likelihood_with_many_cars_a_team() 
     assert best > 0.3
 
 
+def two_tests(weight: float) -> tuple[pl.DataFrame, dict[str, float]]:
+    """Four units that a wins and one of another race that b does, and how often that one counts."""
+    home = duels({("a", "b"): [1.0] * 4})
+    away = duels({("a", "b"): [-1.0]}).with_columns(match=pl.lit("away"), test=pl.lit("long"))
+    return pl.concat([home, away]), {"long": weight}
+
+
+def test_the_likelihood_of_a_unit_counts_as_often_as_its_race() -> None:
+    """Of two entrants both strengths have closed forms; the weights are made 1 on average."""
+    results, weights = two_tests(6.0)
+    gaps = dict(
+        rate(results, weights)
+        .unpivot(index="entrant")
+        .filter(pl.col("entrant") == "b")
+        .drop("entrant")
+        .iter_rows()
+    )
+    won, lost = 4 * 1 / 2, 6 / 2  # units by their weights, whose mean is 2
+    assert 2 * gaps["bradley_terry"] == pytest.approx(
+        np.log((lost + PRIOR / 2) / (won + PRIOR / 2)), abs=1e-4
+    )
+    assert 2 * gaps["plackett_luce"] == pytest.approx(np.log(lost / won), abs=0.01)
+    assert rate(results)["entrant"].to_list() == ["a", "b"]
+    assert rate(results, weights)["entrant"].to_list() == ["b", "a"]
+
+
+def test_a_race_that_counts_twice_is_one_that_was_raced_twice() -> None:
+    results, weights = two_tests(2.0)
+    again = results.filter(pl.col("test") == "long").with_columns(match=pl.lit("again"))
+    counted, raced = (
+        table.sort("entrant") for table in (rate(results, weights), rate(pl.concat([results, again])))
+    )
+    # Six units instead of five: only the small priors weigh less.
+    assert_frame_equal(counted, raced, abs_tol=0.05)
+
+
+def test_only_the_proportion_of_weights_matters() -> None:
+    results, weights = two_tests(2.0)
+    assert_frame_equal(rate(results, weights), rate(results, {"long": 14.0, "round_robin": 7.0}))
+
+
 def test_a_planted_order_is_recovered_and_does_not_depend_on_the_order_of_matches() -> None:
     results = tournament({"a": 0.0, "b": 0.5, "c": 1.0, "d": 1.5}, 30, seeded())
     ratings = rate(results)
@@ -123,19 +163,3 @@ def test_equals_with_one_score_each_seldom_seem_not_to_fit() -> None:
     rng = seeded()
     noted = sum(notes(tournament(dict.fromkeys("abcd", 0.0), 4, rng), NAMES).height for _ in range(40))
     assert noted / 40 <= 0.1
-
-
-def test_the_library_takes_repeated_items_as_cars_of_equal_strength() -> None:
-    """Three races a a b, one b a a: the probability that b is last is in closed form."""
-    strength = choix.ilsr_rankings(2, [(0, 0, 1)] * 3 + [(1, 0, 0)], alpha=0.0)
-    s = np.exp(strength[0] - strength[1])
-
-    def derivative(gap: float) -> float:
-        def log_likelihood(g: float) -> float:
-            a = np.exp(g)
-            first = np.log(a / (2 * a + 1)) + np.log(a / (a + 1))
-            return float(3 * first + np.log(1 / (2 * a + 1)))
-
-        return (log_likelihood(gap + 1e-5) - log_likelihood(gap - 1e-5)) / 2e-5
-
-    assert derivative(float(np.log(s))) == pytest.approx(0.0, abs=1e-4)

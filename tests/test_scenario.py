@@ -17,6 +17,7 @@ from sim.errors import InputError
 from sim.scenario import SAFE_LATERAL, Scenario, load_scenario
 from sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
 from sim.world import Start
+from tests.refusals import refusal
 
 TRACKS = {name: load_track(name) for name in ("grandes-landes", "lindenring", "porto-sereno")}
 TRACK = TRACKS["lindenring"]
@@ -326,10 +327,8 @@ def test_faulty_field_is_named(tmp_path: Path, old: str, new: str, complaint: st
     assert load_scenario(str(path)).cars == 2
     load_scenario.cache_clear()
     path.write_text(GOOD.replace(old, new))
-    with pytest.raises(InputError, match=complaint) as caught:
+    with refusal(path, complaint):
         load_scenario(str(path))
-    assert str(caught.value).startswith(f"{path}: ")
-    assert "\n" not in str(caught.value)
 
 
 def test_unknown_scenario_lists_the_known() -> None:
@@ -337,3 +336,27 @@ def test_unknown_scenario_lists_the_known() -> None:
         load_scenario("1v99")
     with pytest.raises(InputError, match=r"nowhere\.toml: cannot read the scenario file"):
         load_scenario("nowhere.toml")
+
+
+def test_laps_in_the_name_change_laps_and_time_and_nothing_else(tmp_path: Path) -> None:
+    race, longer = load_scenario("race"), load_scenario("race:laps=6")
+    assert (longer.laps, longer.time_s) == (6, 3 * race.time_s)
+    assert longer.model_copy(update={"laps": race.laps, "time_s": race.time_s}) == race
+    path = tmp_path / "mine.toml"
+    path.write_bytes((DATA / "scenarios" / "sprint.toml").read_bytes())
+    assert load_scenario(f"{path}:laps=3").laps == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("race:laps=0", "laps is '0', expected a number from 1 on"),
+        ("race:laps=", "laps is '', expected"),
+        ("race:laps=2.5", "laps is '2.5', expected"),
+        ("standing_start:laps=2", "standing_start is not driven in laps"),
+        ("chess:laps=2", "scenario 'chess' is unknown"),
+    ],
+)
+def test_laps_that_cannot_be_are_one_sentence(name: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        load_scenario(name)

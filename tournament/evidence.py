@@ -27,9 +27,10 @@ ENOUGH = 4
 def appearances(results: pl.DataFrame) -> pl.DataFrame:
     """Every entrant's side of every valid unit of some RESULTS, ordered by test, match, unit and entrant.
 
-    A unit is as many races of a match, one after the other, as entrants take part in it. `points` are
-    means over its races, `first` and `second` over those before and after the mirror; `contacts`,
-    `at_fault` and `km` are sums over the entrant's cars, and `field` says who took part.
+    A unit is as many races of a match, one after the other, as entrants take part in it, `races`; the entrant
+    started in `started` of them. `points` are means over the unit's races, `first` and `second` over those
+    before and after the mirror; `contacts`, `at_fault` and `km` are sums over the entrant's cars, and
+    `field` says who took part.
     """
     points, mirrored = pl.col("points"), pl.col("mirrored")
     races = pl.col("races")
@@ -46,6 +47,7 @@ def appearances(results: pl.DataFrame) -> pl.DataFrame:
         .agg(
             points.sum() / races.first(),
             pl.col("contacts").sum(),
+            started=pl.col("race").n_unique(),
             at_fault=pl.col("contacts_at_fault").sum(),
             km=pl.col("distance_m").sum() / 1000,
             first=points.filter(~mirrored).sum() * 2 / races.first(),

@@ -53,7 +53,7 @@ def rank(
         .agg(faults=pl.col("ending").is_in(POLICY_FAULTS).sum())
         .join(_scores(evidence, rng, resamples, confidence), on="entrant", how="left")
         .join(
-            evidence.seen.group_by("entrant").agg(pairs=pl.len(), races=pl.col("races").sum()),
+            evidence.seen.group_by("entrant").agg(pairs=pl.len(), races=pl.col("started").sum()),
             on="entrant",
             how="left",
         )

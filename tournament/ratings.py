@@ -1,8 +1,9 @@
 """Ratings beside the points, and what does not fit.
 
 Bradley and Terry's strengths use only who scored more in a unit, Plackett and Luce's only the finishing
-places; both are fitted to all units at once, so that their order does not matter. Where they disagree
-with the points, or the points with themselves, the committee should look before it chooses.
+places; both are fitted to all units at once, so that their order does not matter. Each unit counts as often
+as the points of its race do. Where they disagree with the points, or the points with themselves, the
+committee should look before it chooses.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import permutations
 
-import choix
 import evalica
 import numpy as np
 import polars as pl
-from scipy.special import fdtrc
+from scipy.optimize import minimize
+from scipy.special import fdtrc, logsumexp
 
 from arena.results import RATINGS, TOURNAMENT_NOTES
 from arena.statistics import Floats, holm
@@ -25,20 +26,24 @@ PRIOR = 0.5
 """Drawn units that every two entrants are given who met: nobody is infinitely better who won them all."""
 
 REGULAR = 0.01
-"""For Plackett and Luce's strengths, likewise: choix' `alpha`."""
+"""For Plackett and Luce's strengths, likewise: what half their square sum takes from the log-likelihood."""
 
 
-def rate(results: pl.DataFrame) -> pl.DataFrame:
+def rate(results: pl.DataFrame, weights: Mapping[str, float] = EQUAL) -> pl.DataFrame:
     """Turn the RESULTS of a tournament into RATINGS, by Bradley and Terry's strength, best first.
 
-    Every unit counts once, whatever its test's weight.
+    A unit's likelihood counts as often as its test: `weights`, as for `tournament.points.rank`, made 1 on
+    average over the units.
     """
-    evidence = Evidence(results, EQUAL)
+    evidence = Evidence(results, weights)
     if evidence.seen.is_empty():
         return pl.DataFrame(schema=RATINGS)
+    units = evidence.seen.select(UNIT).unique(maintain_order=True)
+    weight = pl.col("test").replace_strict(dict(weights), default=1.0, return_dtype=pl.Float64)
+    units = units.with_columns(weight=weight / weight.mean())
     strengths = {
-        "bradley_terry": _bradley_terry(evidence),
-        "plackett_luce": _plackett_luce(results, evidence),
+        "bradley_terry": _bradley_terry(evidence, units),
+        "plackett_luce": _plackett_luce(results, evidence, units),
     }
     columns: dict[str, object] = {"entrant": evidence.entrants}
     for name, strength in strengths.items():
@@ -51,33 +56,47 @@ def rate(results: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _bradley_terry(evidence: Evidence) -> Floats:
-    met = evidence.met
+def _bradley_terry(evidence: Evidence, units: pl.DataFrame) -> Floats:
+    met = evidence.met.join(units, on=UNIT, maintain_order="left")
     winner = {1.0: evalica.Winner.X, 0.0: evalica.Winner.Draw, -1.0: evalica.Winner.Y}
     prior = met.select("entrant", "opponent").unique(maintain_order=True)
     result = evalica.bradley_terry(
         [*met["entrant"], *prior["entrant"]],
         [*met["opponent"], *prior["opponent"]],
         [winner[sign] for sign in met["difference"].sign()] + [evalica.Winner.Draw] * prior.height,
-        weights=[1.0] * met.height + [PRIOR] * prior.height,
+        weights=[*met["weight"], *[PRIOR] * prior.height],
         limit=10_000,
     )
     strength = np.log(result.scores[evidence.entrants].to_numpy())
     return strength - strength.mean()
 
 
-def _plackett_luce(results: pl.DataFrame, evidence: Evidence) -> Floats:
-    races = (
+def _plackett_luce(results: pl.DataFrame, evidence: Evidence, units: pl.DataFrame) -> Floats:
+    """The strengths s of the greatest likelihood.
+
+    Of the cars still to come in, one of entrant i is next with probability exp(s_i) over the sum of exp(s)
+    of them all; the cars of an entrant are alike.
+    """
+    race = ("match", "race")
+    cars = (
         results.with_columns(unit=pl.col("race") // pl.col("entrant").n_unique().over("match"))
-        .join(evidence.seen.select(UNIT).unique(), on=UNIT, how="semi")
-        .sort("match", "race", "place")
-        .with_columns(pl.col("entrant").replace_strict(evidence.entrants, range(len(evidence.entrants))))
-        .group_by("match", "race", maintain_order=True)
-        .agg("entrant")
+        .join(units, on=UNIT)
+        .sort(*race, "place", descending=[False, False, True])
     )
-    strength = choix.ilsr_rankings(
-        len(evidence.entrants), races["entrant"].to_list(), alpha=REGULAR, max_iter=1000, tol=1e-6
-    )
+    own = np.stack([cars["entrant"] == entrant for entrant in evidence.entrants], 1).astype(np.float64)
+    # From the last car to the first: how many of each entrant are still to come in, this one among them.
+    to_come = cars.select(
+        (pl.col("entrant") == entrant).cum_sum().over(race).alias(entrant) for entrant in evidence.entrants
+    ).to_numpy()
+    weight = cars["weight"].to_numpy()
+
+    def cost(strength: Floats) -> tuple[float, Floats]:
+        total = logsumexp(strength, b=to_come, axis=1)
+        expected = to_come * np.exp(strength - total[:, None])
+        value = weight @ (total - own @ strength) + REGULAR / 2 * strength @ strength
+        return value, weight @ (expected - own) + REGULAR * strength
+
+    strength = minimize(cost, np.zeros(len(evidence.entrants)), jac=True, method="L-BFGS-B").x
     return np.asarray(strength - strength.mean())
 
 
@@ -105,7 +124,7 @@ def notes(
     alpha = 1 - confidence
     called = [names[entrant] for entrant in evidence.entrants]
     found = [
-        *_disagreements(evidence, rate(results), called, alpha),
+        *_disagreements(evidence, rate(results, weights), called, alpha),
         *_misfit(evidence, alpha),
         *_cycles(evidence, called, alpha),
     ]

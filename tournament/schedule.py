@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 
-from sim.errors import InputError
 from tournament.formats import Format
 
 
@@ -17,7 +16,7 @@ class Meeting:
     """Entrants that race each other.
 
     Attributes:
-        entrants: one for each side of the format.
+        entrants: one for each side.
         seeds: of its units of evidence; they fit in a signed 64-bit integer.
     """
 
@@ -30,20 +29,18 @@ def round_robin(
 ) -> list[Meeting]:
     """Every two entrants meet in `units` units of evidence, each with a seed of its own.
 
-    Of two sides every two entrants make a meeting, in the order of `entrants`; a free-for-all is one meeting
-    of all. The seeds of a meeting do not depend on `units`: fewer are the first of more.
+    In teams every two entrants make a meeting, in the order of `entrants`; a free-for-all is one meeting of
+    all. The seeds of a meeting do not depend on `units`: fewer are the first of more.
 
     Raises:
-        InputError: if a free-for-all has not as many entrants as sides.
         ValueError: if an entrant comes twice or `units` is below 1.
     """
     if len(set(entrants)) != len(entrants):
         raise ValueError("an entrant comes twice in the schedule")
     if units < 1:
         raise ValueError(f"a meeting needs at least 1 unit of races, not {units}")
-    if not made.teams and len(entrants) != made.sides:
-        raise InputError(f"format {made.name}: {len(entrants)} entrants, expected {made.sides}")
-    fields = list(combinations(entrants, made.sides))
+    sides = 2 if made.teams else max(2, len(entrants))
+    fields = list(combinations(entrants, sides))
     return [
         Meeting(field, tuple(int(seed >> np.uint64(1)) for seed in stream.generate_state(units, np.uint64)))
         for field, stream in zip(fields, seeds.spawn(len(fields)), strict=True)

@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from arena.store import Store
 from nathlon.ablation import DUELS, checkpoints, race_base
-from nathlon.commands.console import progress_bars, say, worker_count
+from nathlon.commands.console import progress_bars, tell, warn, worker_count
 from policies.training.ablation import VARIANTS, Run, claim, configurations, plan
 from policies.training.config import CONFIGS, TrainingConfig, read_config
 from policies.training.log import Status
@@ -31,6 +31,7 @@ def ablate(
     names: Sequence[str],
     pairs: int,
     workers: int | None,
+    as_json: bool = False,
 ) -> None:
     """Train all variants with all seeds, race them against the base if asked to, and draw the figure."""
     logging.basicConfig(format="%(message)s")
@@ -40,20 +41,19 @@ def ablate(
     claim(out, base)
     for name in names or VARIANTS:
         if name not in configs:
-            say(f"{name} is the configuration itself, and left out.")
+            warn(f"{name} is the configuration itself, and left out.")
     runs = plan(configs, seeds, out)
     try:
-        with progress_bars() as progress:
+        with progress_bars(as_json) as progress:
             diverged = _train(runs, out, progress)
             if pairs:
                 _publish(runs, out, _race(runs, out, pairs, worker_count(workers), progress))
             else:
                 _publish(runs, out)
     except KeyboardInterrupt:
-        say("Stopped. The same command goes on.")
+        warn("Stopped. The same command goes on.")
         raise SystemExit(130) from None
-    say(f"Figure       {out / 'ablation.svg'}")
-    say(f"Table        {out / 'ablation.csv'}")
+    tell({"runs": len(runs), "figure": out / "ablation.svg", "table": out / "ablation.csv"}, as_json)
     if diverged:
         raise InputError(
             f"{out}: {diverged} of {len(runs)} runs diverged; figure and table show what they did"
@@ -93,7 +93,7 @@ def _train(runs: Sequence[Run], out: Path, progress: Progress) -> int:
             try:
                 trainer.run(on_status)
             except Diverged as error:
-                say(str(error))
+                warn(str(error))
                 diverged += 1
             _publish(runs, out)
         progress.advance(overall)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,37 +10,27 @@ from typing import Any
 import polars as pl
 from rich.table import Table
 
-from arena.entrant import enter_all, find_checkpoints, trained_on
-from arena.pool import Pool
-from arena.store import Store
-from nathlon.commands.console import console, say, worker_count
-from nathlon.commands.selection import progress
+from nathlon.commands.console import console, print_json, say, worker_count
+from nathlon.commands.selection import entered, progress
 from nathlon.config import Config
 from nathlon.n_athlon import BatteryAnswer, run_battery
-from nathlon.run import Run
+from nathlon.single_run import single_run
 
 
 def battery(sources: Sequence[str], out: Path, config: Config, as_json: bool) -> None:
     """Put entrants through the n-athlon and print who has how many points."""
-    paths = [str(path) for path in find_checkpoints(map(Path, sources))]
-    entrants = enter_all(paths, *trained_on(paths))
-    ids = [entrant.id for entrant in entrants]
-    name = "battery-" + hashlib.sha256("\n".join([config.digest, *ids]).encode()).hexdigest()[:12]
+    entrants, config = entered(sources, config)
     path = out / "store.sqlite"
+    workers = worker_count(config.workers)
     with (
         progress(f"The same command goes on from {path}.", as_json, ("battery",)) as on_match,
-        Store(path) as store,
-        Pool(worker_count(config.workers)) as pool,
+        single_run("battery", entrants, config, path, workers, on_match) as run,
     ):
-        store.begin_run(name, {"entrants": ids})
-        run = Run(store, name, (config.seed,), pool, on_match)
         answer = run_battery(run, entrants, config.battery)
-        for table, frame in answer.tables.items():
-            store.put_table(name, table, frame)
-        store.end_run(name, "done")
+        run.keep(answer.tables)
     names = {entrant.id: entrant.name for entrant in entrants}
     if as_json:
-        print(json.dumps(_as_json(answer, names), indent=1))
+        print_json(_as_json(answer, names))
     else:
         _print(answer, names)
 

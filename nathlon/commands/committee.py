@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -13,11 +12,12 @@ from rich.table import Table
 import nathlon.committee as committee
 from arena.store import Store
 from nathlon.ballots import Ballot
-from nathlon.commands.console import console, say
+from nathlon.commands.console import console, print_json, say
 from nathlon.commands.place import Place
-from nathlon.committee import Decision, Minutes, describe
 from nathlon.committee_events import Compared, Entry, Opened, Reopened, Voted
 from nathlon.committee_rules import Question
+from nathlon.decision import Decision, describe
+from nathlon.minutes import Minutes
 from sim.errors import InputError
 
 SHORTEST_ID = 6
@@ -28,7 +28,7 @@ def show(place: Place, as_json: bool) -> None:
     with _minutes(place) as minutes:
         decisions = minutes.decisions().values()
     if as_json:
-        _print_json([describe(decision) for decision in decisions])
+        print_json([describe(decision) for decision in decisions])
         return
     if not decisions:
         say("The committee has not been asked anything.")
@@ -85,7 +85,7 @@ def log(place: Place, as_json: bool) -> None:
     with _minutes(place) as minutes:
         entries = minutes.entries()
     if as_json:
-        _print_json([entry.describe() for entry in entries])
+        print_json([entry.describe() for entry in entries])
         return
     names = {
         entrant: name
@@ -145,13 +145,9 @@ def _report(minutes: Minutes, decision: Decision, as_json: bool) -> None:
     """Print the decision as it stands now."""
     now = minutes.decisions()[decision.opened.question]
     if as_json:
-        _print_json(describe(now))
+        print_json(describe(now))
     else:
         _print(now)
-
-
-def _print_json(value: Any) -> None:
-    print(json.dumps(value, indent=1))
 
 
 def _print(decision: Decision) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Mapping
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -15,11 +18,31 @@ from rich.progress import (
 )
 
 console = Console()
+_aside = Console(stderr=True)
 
 
 def say(text: str) -> None:
     """Print a line as it is: paths stay whole, and nothing in them is markup."""
     console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def warn(text: str) -> None:
+    """Print a line that is no result to standard error, as it is."""
+    _aside.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def print_json(value: Any) -> None:
+    """Print plain values and paths as JSON."""
+    print(json.dumps(value, indent=1, default=str))
+
+
+def tell(results: Mapping[str, Any], as_json: bool) -> None:
+    """Print results: as JSON, or a line for each with its name before it."""
+    if as_json:
+        print_json(results)
+    else:
+        for name, value in results.items():
+            say(f"{name.capitalize():<12} {value}")
 
 
 def worker_count(asked: int | None) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from arena.store import Store
-from nathlon.commands.console import console, say, worker_count
+from nathlon.commands.console import console, print_json, say, tell, worker_count
 from nathlon.commands.selection import print_selection, progress
 from nathlon.config import TEMPLATE, read_config
 from nathlon.nightly import nightly as run_nightly
@@ -18,7 +17,7 @@ from nathlon.output import OutputFolder
 from sim.errors import InputError
 
 
-def init(path: Path) -> None:
+def init(path: Path, as_json: bool) -> None:
     """Write a configuration with every setting that people change."""
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -27,8 +26,7 @@ def init(path: Path) -> None:
         raise InputError(f"{path}: exists already, expected a new file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-    say(f"Configuration  {path}")
-    say(f"Each night     nathlon nightly --config {path}")
+    tell({"configuration": path, "command": f"nathlon nightly --config {path}"}, as_json)
 
 
 def nightly(path: Path, workers: int | None, as_json: bool) -> None:
@@ -38,7 +36,7 @@ def nightly(path: Path, workers: int | None, as_json: bool) -> None:
         night = run_nightly(config, worker_count(workers or config.workers), on_match)
     if as_json:
         facts: dict[str, Any] = {name: value for name, value in vars(night).items() if name != "selection"}
-        print(json.dumps(facts | {"summary": night.selection and dict(night.selection.summary)}, indent=1))
+        print_json(facts | {"summary": night.selection and dict(night.selection.summary)})
     elif night.selection and night.name:
         print_selection(night.selection, OutputFolder(Path(config.out) / night.name))
     if not as_json:
@@ -58,7 +56,7 @@ def status(path: Path, verify: bool, as_json: bool) -> None:
     for night in nights:
         del night["config"]
     if as_json:
-        print(json.dumps({"runs": nights, "disagreements": faults}, indent=1))
+        print_json({"runs": nights, "disagreements": faults})
         return
     table = Table()
     for column in ("Run", "Began (UTC)", "Status", "Entrants", "Filter", "Round robin", "Outcome"):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,16 +9,15 @@ from pathlib import Path
 import polars as pl
 from rich.table import Table
 
-from arena.entrant import Entrant, enter_all, entrants_table, find_checkpoints, trained_on
-from arena.pool import Pool
+from arena.entrant import Entrant, entrants_table
 from arena.results import PARETO
-from arena.store import Store
-from nathlon.commands.console import console, say, worker_count
-from nathlon.commands.selection import progress
+from nathlon.commands.console import console, print_json, say, worker_count
+from nathlon.commands.selection import entered, progress
 from nathlon.config import Config
 from nathlon.filter import run_filter
 from nathlon.objective import Objective
-from nathlon.run import Answer, Run
+from nathlon.run import Answer
+from nathlon.single_run import single_run
 
 
 def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
@@ -29,22 +26,15 @@ def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_js
     Raises:
         InputError: if a checkpoint cannot drive, or the configuration names what does not exist.
     """
-    sources = [str(path) for path in find_checkpoints(checkpoints)]
-    entrants = enter_all(sources, *trained_on(sources))
-    ids = [entrant.id for entrant in entrants]
-    name = "pareto-" + hashlib.sha256("\n".join([config.digest, *ids]).encode()).hexdigest()[:12]
+    entrants, config = entered(checkpoints, config)
     path = out / "store.sqlite"
+    workers = worker_count(config.workers)
     with (
         progress(f"The same command goes on from {path}.", as_json) as on_match,
-        Store(path) as store,
-        Pool(worker_count(config.workers)) as pool,
+        single_run("pareto", entrants, config, path, workers, on_match) as run,
     ):
-        store.begin_run(name, {"entrants": ids})
-        run = Run(store, name, (config.seed,), pool, on_match)
         answer = run_filter(run, entrants, config.pareto)
-        for table_name, table in {"entrants": entrants_table(entrants), **answer.tables}.items():
-            store.put_table(name, table_name, table)
-        store.end_run(name, "done")
+        run.keep({"entrants": entrants_table(entrants), **answer.tables})
     table = pareto_table(entrants, answer)
     files = {"csv": out / "pareto.csv", "parquet": out / "pareto.parquet"}
     _write(files["csv"], table.write_csv)
@@ -56,7 +46,7 @@ def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_js
             "front": front.to_dicts(),
             "files": {kind: str(path) for kind, path in files.items()},
         }
-        print(json.dumps(summary, indent=1))
+        print_json(summary)
         return
     _print_front(front, table.height, config.pareto.objective)
     for file in files.values():

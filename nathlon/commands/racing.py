@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from arena.qualifying import qualify
 from arena.recorder import record_races
 from arena.recording import write_recording
 from arena.runner import run_match
-from nathlon.commands.console import console, say
+from nathlon.commands.console import console, print_json, say
 from nathlon.output import OutputFolder
 from sim.errors import InputError
 from sim.scenario import load_scenario
@@ -62,11 +61,11 @@ def race(
     results = run_match(match, policies_).sort("place")
     names = {entrant.id: entrant.name for entrant in entrants}
     if as_json:
-        print(json.dumps([{"name": names[row["entrant"]], **row} for row in results.to_dicts()], indent=1))
+        print_json([{"name": names[row["entrant"]], **row} for row in results.to_dicts()])
     else:
         _print_race(match, results, names)
     if output:
-        [log] = record_races(match, policies_, [0], [entrant.name for entrant in entrants])
+        [log] = record_races(match, policies_, [0], [entrant.name for entrant in entrants]).logs
         path = output.races / "race.mcap"
         write_recording(path, log)
         if not as_json:

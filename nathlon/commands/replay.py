@@ -5,11 +5,12 @@ from __future__ import annotations
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from arena.race_log import RaceLog
 from arena.recording import read_recording, recover_recording, write_recording
 from arena.store import Store
-from nathlon.commands.console import say
+from nathlon.commands.console import print_json, say, tell, warn
 from nathlon.replays import record_stored_race
 from reports.player import write_player
 from reports.replay import labels, open_viewer, write_replay
@@ -29,6 +30,7 @@ def replay(
     video: Path | None,
     start_s: float | None,
     end_s: float | None,
+    as_json: bool = False,
 ) -> None:
     """Show a race: in Rerun's viewer, in the browser, or as the page or the video asked for.
 
@@ -41,36 +43,43 @@ def replay(
         web: in the browser.
         html, video: files to write in place of a Rerun replay.
         start_s, end_s: of the video, in the race.
+        as_json: print JSON.
     """
-    path = Path(source)
+    path, made = Path(source), dict[str, Any]()
     if race is not None:
         with Store.open(source) as store:
-            path = record_stored_race(store, race, out)
-        say(f"Recording    {path}")
+            path = made["recording"] = record_stored_race(store, race, out)
     log = read_recording(path)
     follow = None if car is None else car_index(log, car, path)
     if html:
-        _write("Page", html, lambda: write_player(log, html, follow))
+        made["page"] = _written(html, lambda: write_player(log, html, follow))
     if video:
-        _write("Video", video, lambda: write_video(log, video, follow, start_s, end_s))
+        made["video"] = _written(video, lambda: write_video(log, video, follow, start_s, end_s))
     if html or video:
+        tell(made, as_json)
         return
     rerun = path.with_suffix(".rrd")
-    _write("Replay", rerun, lambda: write_replay(log, rerun, follow))
+    made["replay"] = _written(rerun, lambda: write_replay(log, rerun, follow))
     if web:
-        _serve(rerun, show)
-    elif show:
+        _serve(rerun, made, show, as_json)
+        return
+    tell(made, as_json)
+    if show:
         open_viewer(rerun)
 
 
-def recover(recording: Path) -> None:
+def recover(recording: Path, as_json: bool = False) -> None:
     """Write what can be read of a damaged recording beside it."""
     found = recover_recording(recording)
     path = recording.with_suffix(f".recovered{recording.suffix}")
-    _write("Recording", path, lambda: write_recording(path, found.log))
     until_s = float(found.log.time_s[-1])
+    made = {"recording": _written(path, lambda: write_recording(path, found.log)), "messages": found.messages}
+    if as_json:
+        print_json({**made, "until_s": until_s, "whole": found.whole})
+        return
+    tell(made, as_json)
     lost = "nothing was missing" if found.whole else "what came after cannot be read"
-    say(f"{found.messages} messages, the race until {until_s:.1f} s; {lost}")
+    say(f"The race until {until_s:.1f} s; {lost}")
 
 
 def car_index(log: RaceLog, car: str, path: Path) -> int:
@@ -91,21 +100,23 @@ def car_index(log: RaceLog, car: str, path: Path) -> int:
     return min(named, key=lambda number: log.samples["place"][-1, number]) if len(log.time_s) else named[0]
 
 
-def _write(what: str, path: Path, write: Callable[[], object]) -> None:
+def _written(path: Path, write: Callable[[], object]) -> Path:
+    """The path, once it has been written."""
     try:
         write()
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-    say(f"{what:<12} {path}")
+    return path
 
 
-def _serve(rerun: Path, show: bool) -> None:
+def _serve(rerun: Path, made: dict[str, Any], show: bool, as_json: bool) -> None:
     """Serve a replay to browsers on this machine until Ctrl-C."""
     with WebViewer(rerun) as viewer:
-        say(f"Viewer       {viewer.url} (Ctrl-C ends it)")
+        tell({**made, "viewer": viewer.url}, as_json)
+        warn("Ctrl-C ends it.")
         if show:
             webbrowser.open(viewer.url)
         try:
             viewer.serve_forever()
         except KeyboardInterrupt:
-            say("Stopped.")
+            warn("Stopped.")

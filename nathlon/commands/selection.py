@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.table import Table
 
-from arena.entrant import enter_all, find_checkpoints, trained_on
+from arena.entrant import Entrant, enter_all, find_checkpoints, trained_on
+from arena.pool import Pool
 from arena.store import Store
-from nathlon.commands.console import console, progress_bars, say, worker_count
+from nathlon.commands.console import console, print_json, progress_bars, say, warn, worker_count
 from nathlon.config import Config, read_config
 from nathlon.evaluation import evaluate as run_evaluation
 from nathlon.output import OutputFolder
 from nathlon.publish import publish
-from nathlon.run import STAGES, OnMatch
+from nathlon.run import STAGES, WAITING, OnMatch
 from reports.selection import Selection
 from sim.errors import InputError
 
@@ -36,6 +36,17 @@ def configured(
     return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
 
 
+def entered(given: Iterable[str | Path], config: Config) -> tuple[list[Entrant], Config]:
+    """The entrants that checkpoints, folders and names give, and the configuration for where they drive.
+
+    Raises:
+        InputError: if one cannot drive, or there is none.
+    """
+    sources = [str(path) for path in find_checkpoints(map(Path, given))]
+    circuit, car = trained_on(sources)
+    return enter_all(sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})
+
+
 def report(target: str, name: str | None, out: Path, as_json: bool) -> None:
     """Publish a run once more from its store."""
     with Store.open(target) as store:
@@ -47,9 +58,10 @@ def report(target: str, name: str | None, out: Path, as_json: bool) -> None:
                 f"{store.name}: run is {name!r}, expected one of {', '.join(runs) or 'none yet'}"
             )
         output = OutputFolder(out)
-        selection = publish(store, name, output)
+        with Pool(worker_count(None)) as pool:
+            selection = publish(store, name, output, pool)
     if as_json:
-        print(json.dumps(dict(selection.summary), indent=1))
+        print_json(dict(selection.summary))
     elif selection.under_way:
         say(f"Run          {name}: {selection.under_way}")
         say(f"Report       {output.report / 'index.html'}")
@@ -59,13 +71,12 @@ def report(target: str, name: str | None, out: Path, as_json: bool) -> None:
 
 def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
     """Run the selection on checkpoints and say what came of it."""
-    sources = [str(path) for path in find_checkpoints(checkpoints)]
-    entrants = enter_all(sources, *trained_on(sources))
+    entrants, config = entered(checkpoints, config)
     output = OutputFolder(out)
     with progress(f"The same command goes on from {output.store}.", as_json) as on_match:
         selection = run_evaluation(entrants, output, config, worker_count(config.workers), on_match)
     if as_json:
-        print(json.dumps(selection and dict(selection.summary), indent=1))
+        print_json(dict(selection.summary) if selection else {"status": WAITING, "store": output.store})
     elif selection is None:
         say(f"The committee waits for its members: nathlon committee {output.store}")
     else:
@@ -74,17 +85,19 @@ def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bo
 
 @contextmanager
 def progress(stopped: str, quiet: bool, stages: Sequence[str] = STAGES) -> Iterator[OnMatch]:
-    """Bars for the stages, unless quiet; Ctrl-C says how to go on and exits with 130."""
+    """Bars for the stages that have begun, unless quiet; Ctrl-C says how to go on and exits with 130."""
     try:
         with progress_bars(quiet) as bars:
-            tasks = {stage: bars.add_task(stage, total=None, note="matches") for stage in stages}
+            tasks = {
+                stage: bars.add_task(stage, total=None, note="matches", visible=False) for stage in stages
+            }
 
             def on_match(stage: str, done: int, total: int) -> None:
-                bars.update(tasks[stage], completed=done, total=total)
+                bars.update(tasks[stage], completed=done, total=total, visible=True)
 
             yield on_match
     except KeyboardInterrupt:
-        say(f"Stopped. {stopped}")
+        warn(f"Stopped. {stopped}")
         raise SystemExit(130) from None
 
 

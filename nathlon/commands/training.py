@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from nathlon.commands.console import progress_bars, say
+from nathlon.commands.console import progress_bars, tell, warn
 from policies.training.config import CONFIGS, read_config
 from policies.training.log import Status
 from policies.training.trainer import Trainer
@@ -17,7 +17,15 @@ from sim.data_file import find_data
 from sim.errors import InputError
 
 
-def train(config: str, out: Path, seed: int, threads: int | None, resume: bool, origin: Path | None) -> None:
+def train(
+    config: str,
+    out: Path,
+    seed: int,
+    threads: int | None,
+    resume: bool,
+    origin: Path | None,
+    as_json: bool,
+) -> None:
     """Train to the end of a configuration, or until Ctrl-C."""
     logging.basicConfig(format="%(message)s")
     if resume and origin is not None:
@@ -30,9 +38,9 @@ def train(config: str, out: Path, seed: int, threads: int | None, resume: bool, 
     # Two threads of matrix products beside a busy process are slower than one.
     torch.set_num_threads(threads or max((os.cpu_count() or 1) - trainer.config.workers, 1))
     gigabytes = trainer.replay.nbytes / 1e9
-    say(f"Training in {out}; the replay tables may take {gigabytes:.1f} GB.")
+    warn(f"Training in {out}; the replay tables may take {gigabytes:.1f} GB.")
     try:
-        with progress_bars() as progress:
+        with progress_bars(as_json) as progress:
             task = progress.add_task("updates", total=trainer.config.updates, note="warming up")
 
             def on_status(status: Status) -> None:
@@ -42,6 +50,6 @@ def train(config: str, out: Path, seed: int, threads: int | None, resume: bool, 
 
             trainer.run(on_status)
     except KeyboardInterrupt:
-        say(f"Stopped at {trainer.updates} updates. Go on with: nathlon train --resume --out {out}")
+        warn(f"Stopped at {trainer.updates} updates. Go on with: nathlon train --resume --out {out}")
         raise SystemExit(130) from None
-    say(f"Done: {out / 'checkpoints'}")
+    tell({"updates": trainer.updates, "checkpoints": out / "checkpoints"}, as_json)

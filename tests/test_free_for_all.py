@@ -1,0 +1,89 @@
+"""Free-for-alls: what the points say where everybody races for themselves, eight or more or fewer."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+import pytest
+
+from arena.statistics import interval, spread
+from tests.race_results import rows
+from tournament.evidence import Evidence
+from tournament.formats import FORMATS
+from tournament.points import EQUAL, TEAM_POINTS, better, matchups, rank
+
+
+def seeded() -> np.random.Generator:
+    return np.random.default_rng(11)
+
+
+def free_for_all(pace: dict[str, float], blocks: int, rng: np.random.Generator) -> pl.DataFrame:
+    """Blocks of races of all against all; luck lasts for a block."""
+    names, grids = np.array(list(pace)), FORMATS["ffa8"].grids(len(pace))
+    shape = (blocks, len(grids), 8)
+    block, race, car = np.indices(shape)
+    side = np.array([grid.sides for grid in grids])[race, car]
+    luck = rng.standard_normal((blocks, len(pace)))[block, side]
+    score = np.array(list(pace.values()))[side] + luck - 0.25 * car + rng.standard_normal(shape)
+    place = 1 + np.argsort(np.argsort(-score, axis=-1), axis=-1)
+    columns = {
+        "race": block * len(grids) + race,
+        "mirrored": np.array([grid.mirrored for grid in grids])[race],
+        "car": car,
+        "slot": car + 1,
+        "entrant": names[side],
+        "place": place,
+        "points": np.array(TEAM_POINTS, dtype=float)[place - 1],
+    }
+    return rows({name: value.ravel() for name, value in columns.items()}, car.size)
+
+
+@pytest.mark.parametrize("entrants", [3, 5, 12])
+def test_a_free_for_all_of_more_or_fewer_than_eight_scores_what_its_cars_do(entrants: int) -> None:
+    """Eight starts in a unit of as many races as entrants: points of all one's cars, a race of the unit."""
+    pace = {letter: 0.5 * index for index, letter in enumerate("abcdefghijkl"[:entrants])}
+    results = free_for_all(pace, 10, seeded())
+    ranking = rank(results, seeded())
+    own = results.group_by("entrant").agg(pl.col("points").sum(), pl.col("race").n_unique())
+    for entrant, points, races in own.iter_rows():
+        row = ranking.row(by_predicate=pl.col("entrant") == entrant, named=True)
+        assert row["points_per_race"] == pytest.approx(points / (10 * entrants))
+        assert (row["pairs"], row["races"]) == (10, races)
+    assert results.group_by("entrant").len()["len"].unique().to_list() == [80]
+    assert ranking["entrant"][0] == max(pace, key=pace.__getitem__)
+    assert ranking["rank"][0] == 1 < ranking["rank"][-1]
+
+
+def test_a_free_for_all_scores_mean_points_and_resamples_blocks() -> None:
+    """With blocks of eight races the scores are plain means, their intervals those of block means."""
+    pace = {letter: 0.3 * index for index, letter in enumerate("abcdefgh")}
+    results = free_for_all(pace, 6, seeded())
+    ranking = rank(results, seeded(), resamples=20_000)
+    blocks = results.group_by("entrant", pl.col("race") // 8, maintain_order=True).agg(
+        pl.col("points").mean()
+    )
+    for row in ranking.iter_rows(named=True):
+        mine = blocks.filter(pl.col("entrant") == row["entrant"])["points"].to_numpy()
+        assert row["points_per_race"] == pytest.approx(mine.mean())
+        low, high = interval(
+            np.array([mine.mean()]), np.eye(1), spread(mine, np.array([6]), 20_000, seeded()), 0.95
+        )
+        assert (row["points_low"], row["points_high"]) == pytest.approx((low[0], high[0]), abs=0.15)
+        assert (row["pairs"], row["races"]) == (6, 48)
+    assert ranking["points_per_race"].mean() == pytest.approx(sum(TEAM_POINTS) / 8)
+    table = matchups(results, seeded())
+    assert table.height == 56
+    assert set(table["pairs"]) == {6}
+
+
+def test_in_a_free_for_all_equals_are_seldom_told_apart() -> None:
+    """Though its 28 differences of a block are not independent, and luck lasts for a block."""
+    rng = seeded()
+    equal = dict.fromkeys("abcdefgh", 0.0)
+    false = sum(better(Evidence(free_for_all(equal, 5, rng), EQUAL), 0.05).any() for _ in range(80))
+    assert false / 80 <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / 80)
+
+
+def test_a_block_that_lacks_a_race_is_set_aside() -> None:
+    results = free_for_all(dict.fromkeys("abcdefgh", 0.0), 4, seeded())
+    assert set(rank(results.filter(pl.col("race") != 9), seeded())["pairs"]) == {3}
