@@ -11,7 +11,6 @@ from typing import Any
 
 import polars as pl
 import pytest
-import torch
 from PIL import Image
 
 from arena.store import Store
@@ -22,7 +21,7 @@ from policies.training.config import TrainingConfig, read_config
 from policies.training.log import Status
 from reports.ablation import ABLATION, last_checkpoints, seed_band
 from sim.errors import InputError
-from tests.test_cli import nathlon, refused
+from tests.command_line import nathlon, refused
 
 TOML = """
 circuit = "lindenring"
@@ -58,16 +57,11 @@ n_step = 5
 [reward]
 passing = 0.5
 """
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 CHECKPOINTS = (2, 4, 6)
 CHOSEN = ("no-quantiles", "no-course-points")
 SEEDS = 2
-
-
-@pytest.fixture(scope="module", autouse=True)
-def uncompiled() -> Iterator[None]:
-    """Updates as they are written: compiling one for each variant takes longer than all that is tested."""
-    with torch.compiler.set_stance("force_eager"):
-        yield
 
 
 @pytest.fixture(scope="module")

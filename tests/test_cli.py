@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -12,34 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-import policies
 from policies.checkpoint import load_checkpoint, save_checkpoint
+from sim.data_file import DATA
 from sim.observation import ObservationSpec
-
-BUNDLED = sorted((Path(str(policies.__file__)).parent / "bundled" / "lindenring").glob("*.safetensors"))
-NATHLON = Path(sys.executable).parent / "nathlon"
-
-
-def nathlon(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run the console script."""
-    return subprocess.run(
-        [str(NATHLON), *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        check=False,
-    )
+from tests.checkpoints import BUNDLED
+from tests.command_line import Done, nathlon, refused
 
 
-def refused(result: subprocess.CompletedProcess[str], *said: str) -> None:
-    """Assert that the command refused its input with one sentence that says all of `said`."""
-    assert result.returncode == 2, result.stderr
-    assert "Traceback" not in result.stderr
-    lines = [line for line in result.stderr.splitlines() if line.strip()]
-    assert len(lines) == 1, result.stderr
-    for words in said:
-        assert words in lines[0]
+def test_the_console_script(tmp_path: Path) -> None:
+    script = Path(sys.executable).parent / "nathlon"
+    arguments = ("track", "show", "atlantis")
+    done = subprocess.run([script, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+    refused(Done(done.returncode, done.stdout, done.stderr), "atlantis", "lindenring")
 
 
 def test_help_names_every_command(tmp_path: Path) -> None:
@@ -98,7 +81,7 @@ def test_an_unknown_circuit_and_an_unknown_driver_setting(tmp_path: Path) -> Non
 
 
 def test_a_car_with_negative_mass(tmp_path: Path) -> None:
-    text = (Path(str(policies.__file__)).parents[1] / "sim/data/cars/gt3.toml").read_text()
+    text = (DATA / "cars" / "gt3.toml").read_text()
     (tmp_path / "light.toml").write_text(text.replace("mass_kg = 1370.0", "mass_kg = -1.0"))
     refused(nathlon("race", "driver", "--car", "light.toml", cwd=tmp_path), "light.toml", "mass_kg", "-1.0")
 

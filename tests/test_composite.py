@@ -25,7 +25,7 @@ from sim.errors import InputError
 from sim.observation import ObservationSpec
 from sim.scenario import load_scenario
 from sim.track import load_track
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED
 
 CIRCUIT, CAR = "lindenring", "gt3"
 TRACK = load_track(CIRCUIT)

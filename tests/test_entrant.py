@@ -14,7 +14,7 @@ from arena.entrant import enter_all, entrants_table, find_checkpoints, trained_o
 from policies.checkpoint import load_checkpoint
 from policies.onnx import export_onnx
 from sim.errors import InputError
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED
 
 
 @pytest.fixture

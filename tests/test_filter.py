@@ -19,9 +19,8 @@ from nathlon.filter import FilterSettings, Plan, run_filter
 from nathlon.objective import Objective
 from nathlon.pareto import STANDARD
 from nathlon.run import Answer, Run
-from policies.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import InputError
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED, save_faulty
 
 DASH = """
 name = "{name}"
@@ -69,7 +68,7 @@ def short(folder: Path) -> Config:
 @pytest.fixture(scope="module")
 def entrants(tmp_path_factory: pytest.TempPathFactory) -> list[Entrant]:
     faulty = tmp_path_factory.mktemp("faulty") / "faulty.safetensors"
-    faulty_checkpoint(faulty)
+    save_faulty(faulty)
     return enter_all([str(path) for path in [*BUNDLED[:2], BUNDLED[-1], faulty]], "lindenring", "gt3")
 
 
@@ -87,16 +86,6 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Config:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("run")
-
-
-def faulty_checkpoint(path: Path) -> None:
-    """A checkpoint of finite weights whose actions are not: its layers overflow."""
-    card = load_checkpoint(BUNDLED[0]).card.model_copy(update={"hidden": (8,) * 8})
-    rng = np.random.default_rng(0)
-    tensors = {
-        name: rng.choice(np.array([-6e4, 6e4], np.float32), shape) for name, shape in card.shapes.items()
-    }
-    save_checkpoint(path, tensors, card)
 
 
 def filtered(folder: Path, pool: Pool, entrants: list[Entrant], config: Config) -> tuple[Answer, int]:

@@ -13,6 +13,8 @@ from policies.training.log import CURVE, CURVE_FILE
 from policies.training.trainer import Trainer
 from sim.errors import InputError
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 TINY = TrainingConfig.model_validate(
     {
         "circuit": "lindenring",

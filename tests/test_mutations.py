@@ -24,7 +24,7 @@ from sim.car import read_car
 from sim.errors import InputError
 from sim.track import read_track
 from sim.track_import import import_circuit
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED
 from tests.test_sb3 import save
 
 DATA = Path(str(sim.__file__)).parent / "data"

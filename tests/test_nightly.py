@@ -17,7 +17,8 @@ from arena.results import TABLES
 from arena.store import Store
 from nathlon.config import TEMPLATE, Config, read_config
 from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly
-from tests.test_cli import BUNDLED, nathlon, refused
+from tests.checkpoints import BUNDLED
+from tests.command_line import nathlon, refused
 
 GOOD = [path for path in BUNDLED if path.stem in ("lindenring-s1-032k", "lindenring-s1-040k")]
 WEAK = next(path for path in BUNDLED if path.stem == "lindenring-s1-028k")

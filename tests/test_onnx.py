@@ -24,7 +24,7 @@ from policies.load import load_policy
 from policies.onnx import OnnxPolicy, export_onnx
 from sim.errors import InputError
 from sim.observation import ObservationSpec
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED
 
 SIZE = ObservationSpec(course_points=2).size
 

@@ -24,9 +24,8 @@ from nathlon.n_athlon import BatterySettings, skill_matches
 from nathlon.output import OutputFolder
 from nathlon.race_off import TournamentSettings, tournament_matches
 from nathlon.skill import load_skills
-from policies.checkpoint import load_checkpoint, save_checkpoint
 from sim.errors import InputError
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED, save_faulty
 
 CONFIG = Config(
     seed=5,
@@ -37,21 +36,10 @@ CONFIG = Config(
 )
 
 
-def spoilt(path: Path) -> None:
-    """A checkpoint of finite weights whose actions are not: the layers overflow to inf - inf."""
-    policy = load_checkpoint(BUNDLED[0])
-    rng = np.random.default_rng(0)
-    card = policy.card.model_copy(update={"hidden": (8,) * 8})
-    tensors = {
-        name: (6e4 * rng.choice([-1.0, 1.0], shape)).astype(np.float32) for name, shape in card.shapes.items()
-    }
-    save_checkpoint(path, tensors, card)
-
-
 @pytest.fixture(scope="module")
 def entrants(tmp_path_factory: pytest.TempPathFactory) -> list[Entrant]:
     faulty = tmp_path_factory.mktemp("faulty") / "faulty.safetensors"
-    spoilt(faulty)
+    save_faulty(faulty)
     chosen = [BUNDLED[0], BUNDLED[len(BUNDLED) // 2], BUNDLED[-1]]
     return enter_all([str(path) for path in [*chosen, faulty]], "lindenring", "gt3")
 

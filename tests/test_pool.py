@@ -24,7 +24,7 @@ from arena.runner import run_match, run_together
 from arena.watch import NOBODY, Asked, Patience, Watch
 from nathlon.trials import against
 from sim.track import load_track
-from tests.test_cli import BUNDLED
+from tests.checkpoints import BUNDLED
 
 SLOW = "driver:pace=0.85"
 EARLY = "driver:early=30"

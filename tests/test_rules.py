@@ -9,6 +9,7 @@ import pytest
 from sim.data_file import DATA
 from sim.errors import InputError
 from sim.rules import load_rules, rule_parameters
+from tests.refusals import refusal
 
 SPORTING = (DATA / "rules" / "sporting.toml").read_text("utf-8")
 
@@ -50,9 +51,8 @@ def test_faulty_field_is_named(tmp_path: Path, old: str, new: str, complaint: st
     path = tmp_path / "rules.toml"
     assert old in SPORTING
     path.write_text(SPORTING.replace(old, new))
-    with pytest.raises(InputError, match=complaint) as caught:
+    with refusal(path, complaint):
         load_rules(str(path))
-    assert str(caught.value).startswith(f"{path}: ")
 
 
 def test_unknown_rules_list_the_known() -> None:
