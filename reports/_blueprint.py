@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from arena.race_log import Outline, RaceLog
@@ -11,22 +14,30 @@ TIMELINE = "race_time"
 TRAIL_S = 4.0
 MARK_S = 6.0
 SERIES_S = 20.0
+SKY = (150, 185, 215)
 
 
 def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     """The race from behind one car, the map, the stewards' list and how that car was driven."""
     name = f"{followed} {log.names[followed]}"
-    marks_s = {f"world/incidents/{incident.kind}": MARK_S for incident in log.incidents}
+    marks = [f"world/incidents/{incident.kind}" for incident in log.incidents]
+    names, dots = (
+        [f"- world/cars/{car}/{part}" for car in range(len(log.names))] for part in ("name", "dot")
+    )
     chase = _space(
         f"Behind {name}",
         rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/chase"),
-        [f"- world/cars/{followed}/name", "- world/incidents/**"],
-        {},
+        [f"- world/cars/{followed}/name", "- world/incidents/**", *dots],
     )
     above = _space(
-        f"Around {name}", rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/above"), [], marks_s
+        f"Around {name}",
+        rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/above"),
+        dots,
+        marks,
     )
-    whole = _space("Whole circuit", _above(log.outline), [], marks_s)
+    # There the names of marks would stand in a heap.
+    nameless = rr.Points3D.from_fields(show_labels=False)
+    whole = _space("Whole circuit", _above(log.outline), names, marks, nameless)
     shown_s = {f"map/trails/{car}": TRAIL_S for car in range(len(log.names))}
     shown_s |= {f"map/incidents/{incident.kind}": MARK_S for incident in log.incidents}
     circuit = rrb.Spatial2DView(
@@ -37,14 +48,25 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
         overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
     )
     pedals = [f"$origin/{share}/{followed}" for share in ("throttle", "brake", "slipstream")]
+    recent = rr.TimeRange(
+        start=rr.TimeRangeBoundary.cursor_relative(seconds=-SERIES_S),
+        end=rr.TimeRangeBoundary.cursor_relative(),
+    )
+    whole_race = rr.TimeRange(
+        start=rr.TimeRangeBoundary.absolute(seconds=0.0),
+        end=rr.TimeRangeBoundary.absolute(seconds=float(log.time_s[-1]) if len(log.time_s) else 0.0),
+    )
     series = rrb.Vertical(
-        _series("Speed (km/h), all cars; incidents", ["$origin/speed/**", "$origin/incidents/**"]),
-        _series(f"Throttle, brake and slipstream of {name}", pedals, (-0.02, 1.02), legend=True),
-        _series(f"Steering of {name} (left +)", [f"$origin/steering/{followed}"], (-1.0, 1.0)),
-        rrb.Tabs(
-            _series("Places", ["$origin/place/**"], (-len(log.names) - 0.5, -0.5)),
-            _series("Gap to the leader (m)", ["$origin/gap/**"]),
+        _series("Speed (km/h), all cars; incidents", ["$origin/speed/**", "$origin/incidents/**"], recent),
+        _series(f"Throttle, brake and slipstream of {name}", pedals, recent, (-0.02, 1.02), legend=True),
+        _series(f"Steering of {name} (left +)", [f"$origin/steering/{followed}"], recent, (-1.0, 1.0)),
+        _series(
+            "Places (the first on top) and incidents, whole race",
+            ["$origin/place/**", "$origin/standings/**"],
+            whole_race,
+            (-len(log.names) - 0.5, -0.5),
         ),
+        _series("Gap to the first (s), whole race", ["$origin/gap/**"], whole_race),
     )
     lists = rrb.Tabs(
         rrb.TextLogView(
@@ -58,7 +80,7 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
         rrb.Horizontal(
             rrb.Vertical(
                 rrb.Tabs(chase, above, whole, active_tab=0),
-                rrb.Horizontal(circuit, lists, column_shares=[1, 1]),
+                rrb.Horizontal(circuit, lists, column_shares=[4, 7]),
                 row_shares=[3, 2],
             ),
             series,
@@ -72,16 +94,20 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
 
 
 def _space(
-    name: str, eye: rrb.EyeControls3D, without: list[str], shown_s: dict[str, float]
+    name: str,
+    eye: rrb.EyeControls3D,
+    without: list[str],
+    marks: Sequence[str] = (),
+    *look: rrb.VisualizableArchetype,
 ) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
         origin="world",
         name=name,
         contents=["$origin/**", *without],
         eye_controls=eye,
-        background=[150, 185, 215],
+        background=SKY,
         line_grid=False,
-        overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
+        overrides={mark: [_last(MARK_S), *look] for mark in marks},
     )
 
 
@@ -95,13 +121,17 @@ def _above(outline: Outline) -> rrb.EyeControls3D:
 
 
 def _series(
-    name: str, contents: list[str], span: tuple[float, float] | None = None, legend: bool = False
+    name: str,
+    contents: list[str],
+    shown: rr.TimeRange,
+    span: tuple[float, float] | None = None,
+    legend: bool = False,
 ) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin="series",
         name=name,
         contents=contents,
-        time_ranges=_last(SERIES_S),
+        axis_x=rrb.TimeAxis(view_range=shown),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(visible=legend),
     )

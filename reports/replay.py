@@ -11,10 +11,10 @@ import numpy as np
 import rerun as rr
 
 from arena.foxglove_scene import TEAM_COLOURS
-from arena.race_log import NOTICES, Incident, RaceLog, orientation, progress
+from arena.race_log import NOTICES, Incident, RaceLog, orientation
 from reports._blueprint import TIMELINE, blueprint
 from reports._circuit import log_circuit, log_map, north_up
-from reports._motion import POSE, poses
+from reports._motion import POSE, gaps, poses
 from reports.car_model import car_model
 from sim.errors import InputError
 
@@ -24,12 +24,22 @@ FRAMES_PER_TICK = 3
 CAMERAS = {"chase": ((-10.0, 0.0, 3.4), 9.0), "above": ((-42.0, 0.0, 26.0), 30.0)}
 """Those that go with the followed car: place in its frame, metres, and degrees that they look down."""
 
-MARK_COLOUR = (235, 60, 70)
+MARK_COLOURS = {
+    "contact": (235, 60, 70),
+    "wall": (225, 70, 200),
+    "off_course": (205, 165, 85),
+    "penalty": (245, 180, 50),
+    "served": (100, 200, 110),
+    "ending": (165, 170, 175),
+}
+"""Of incidents by kind."""
 MARK_M = 2.5
 """Height above the road."""
 DRAUGHT_COLOUR = (150, 215, 255)
-DRAUGHT_M = 14.0
-"""Length of the streak ahead of a car in full slipstream."""
+DRAUGHT_M = 12.0
+"""Length of the streaks ahead of a car in full slipstream."""
+DRAUGHT_SEEN = 0.05
+"""Share of the full slipstream from which it is drawn."""
 
 
 def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
@@ -143,19 +153,24 @@ def _log_body(
     stream.log(f"world/cars/{car}/body", body, static=True)
     name = rr.Points3D([[0, 0, 1.9]], radii=0.0, colors=colour, labels=label, show_labels=True)
     stream.log(f"world/cars/{car}/name", name, static=True)
+    # For where the whole circuit is seen, and cars are too small.
+    dot = rr.Points3D([[0, 0, 1.9]], radii=-5.0, colors=colour)
+    stream.log(f"world/cars/{car}/dot", dot, static=True)
 
 
 def _log_draught(stream: rr.RecordingStream, log: RaceLog, car: int) -> None:
-    """A streak ahead of the car, the longer the deeper it sits in the wakes of others."""
-    nose = np.array([log.car_length_m / 2, 0.0, 0.5])
-    reach = DRAUGHT_M * log.samples["slipstream"][:, car].astype(np.float64)
-    tips = nose + reach[:, None] * np.array([1.0, 0.0, 0.0])
-    strokes = rr.LineStrips3D.columns(
-        strips=list(np.stack([np.broadcast_to(nose, tips.shape), tips], axis=1))
-    )
-    look = rr.LineStrips3D.from_fields(radii=0.12, colors=DRAUGHT_COLOUR)
+    """Streaks of air ahead of the car, the longer the deeper it sits in the wakes of others."""
+    side, nose_m = 0.4 * log.car_width_m, log.car_length_m / 2
+    roots = np.array([[nose_m, y, z] for y in (-side, 0.0, side) for z in (0.5, 1.1)])
+    share = log.samples["slipstream"][:, car].astype(np.float64)
+    drawn = share > DRAUGHT_SEEN
+    reach = DRAUGHT_M * share[drawn, None, None] * np.array([1.0, 0.0, 0.0])
+    strips = np.stack([np.broadcast_to(roots, (len(reach), *roots.shape)), roots + reach], axis=2)
+    streaks = rr.LineStrips3D.columns(strips=list(strips.reshape(-1, 2, 3)))
+    look = rr.LineStrips3D.from_fields(radii=0.025, colors=DRAUGHT_COLOUR)
     stream.log(f"world/cars/{car}/draught", look, static=True)
-    stream.send_columns(f"world/cars/{car}/draught", [rr.TimeColumn(TIMELINE, duration=log.time_s)], strokes)
+    index = [rr.TimeColumn(TIMELINE, duration=log.time_s)]
+    stream.send_columns(f"world/cars/{car}/draught", index, streaks.partition(len(roots) * drawn))
 
 
 def _log_trail(stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple[int, int, int]) -> None:
@@ -187,9 +202,7 @@ def _log_cameras(stream: rr.RecordingStream, followed: int) -> None:
 
 
 def _log_series(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
-    index = [rr.TimeColumn(TIMELINE, duration=log.time_s)]
-    along_m = progress(log)
-    leader_m = along_m.max(axis=1, initial=-np.inf)
+    gap_s = gaps(log)
     for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
         sample = log.samples[:, car]
         speed = np.hypot(sample["velocity_x_m_s"], sample["velocity_y_m_s"])
@@ -200,34 +213,50 @@ def _log_series(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None
             "steering": (sample["steering"], (200, 200, 120), "steering"),
             "slipstream": (sample["slipstream"], DRAUGHT_COLOUR, "slipstream"),
             "place": (-sample["place"].astype(float), colour, label),
-            "gap": (along_m[:, car] - leader_m, colour, label),
+            "gap": (-gap_s[:, car], colour, label),
         }
         for name, (values, line_colour, line_name) in series.items():
             entity = f"series/{name}/{car}"
+            known = np.isfinite(values) & (sample["driving"] | (name == "place"))
             look = rr.SeriesLines(colors=line_colour, names=line_name, widths=2.5 if car == followed else 1.0)
             stream.log(entity, look, static=True)
-            stream.send_columns(entity, index, rr.Scalars.columns(scalars=values))
+            index = [rr.TimeColumn(TIMELINE, duration=log.time_s[known])]
+            stream.send_columns(entity, index, rr.Scalars.columns(scalars=values[known]))
 
 
 def _log_incidents(stream: rr.RecordingStream, log: RaceLog) -> None:
+    """What the stewards noted: as text, and as marks in the scene, on the map and on speeds and places."""
     for kind in sorted({incident.kind for incident in log.incidents}):
-        incidents = [incident for incident in log.incidents if incident.kind == kind]
-        index = [rr.TimeColumn(TIMELINE, duration=[incident.time_s for incident in incidents])]
+        incidents, colour = [i for i in log.incidents if i.kind == kind], MARK_COLOURS[kind]
+        time_s = np.array([incident.time_s for incident in incidents])
+        index = [rr.TimeColumn(TIMELINE, duration=time_s)]
         level = rr.TextLogLevel.INFO if kind in NOTICES else rr.TextLogLevel.WARN
-        texts = rr.TextLog.columns(text=[i.text for i in incidents], level=[level] * len(incidents))
-        stream.send_columns(f"incidents/{kind}", index, texts)
+        texts = rr.TextLog.columns(
+            text=[incident.text for incident in incidents],
+            level=[level] * len(incidents),
+            color=[colour] * len(incidents),
+        )
+        # The list has no room for more digits.
+        tenths = [rr.TimeColumn(TIMELINE, duration=np.round(time_s, 1))]
+        stream.send_columns(f"incidents/{kind}", tenths, texts)
+
         found = [_car_of(incident, log) for incident in incidents]
         places = np.array([[car["x_m"], car["y_m"], car["z_m"] + MARK_M] for car in found])
-        flat = rr.Points2D.from_fields(radii=-8.0, colors=MARK_COLOUR, labels=kind, draw_order=40.0)
+        flat = rr.Points2D.from_fields(
+            radii=-5.0, colors=colour, labels=kind, show_labels=False, draw_order=40.0
+        )
         stream.log(f"map/incidents/{kind}", flat, static=True)
         stream.send_columns(f"map/incidents/{kind}", index, rr.Points2D.columns(positions=north_up(places)))
-        mark = rr.Points3D.from_fields(radii=-6.0, colors=MARK_COLOUR, labels=kind)
+        mark = rr.Points3D.from_fields(radii=-6.0, colors=colour, labels=kind)
         stream.log(f"world/incidents/{kind}", mark, static=True)
         stream.send_columns(f"world/incidents/{kind}", index, rr.Points3D.columns(positions=places))
+
         speeds = [3.6 * float(np.hypot(car["velocity_x_m_s"], car["velocity_y_m_s"])) for car in found]
-        look = rr.SeriesPoints(colors=MARK_COLOUR, names=kind, markers="diamond", marker_sizes=5.0)
-        stream.log(f"series/incidents/{kind}", look, static=True)
-        stream.send_columns(f"series/incidents/{kind}", index, rr.Scalars.columns(scalars=speeds))
+        standings = [-float(car["place"]) for car in found]
+        for name, values in (("incidents", speeds), ("standings", standings)):
+            look = rr.SeriesPoints(colors=colour, names=kind, markers="diamond", marker_sizes=5.0)
+            stream.log(f"series/{name}/{kind}", look, static=True)
+            stream.send_columns(f"series/{name}/{kind}", index, rr.Scalars.columns(scalars=values))
 
 
 def _car_of(incident: Incident, log: RaceLog) -> np.void:

@@ -12,28 +12,28 @@ import pygame
 from numpy.typing import NDArray
 
 from arena.circuit_mesh import surfaces
-from arena.race_log import NOTICES, RaceLog, progress
+from arena.race_log import NOTICES, RaceLog
 from reports._motion import poses
+from reports._video_panels import Panels, brief
 from reports.car_model import car_model
-from reports.replay import car_colours, labels, winner
+from reports.replay import car_colours, winner
 from sim.errors import InputError
-from sim.render_panels import clock, short, write
+from sim.render_panels import write
 from sim.render_scene import Camera
 
 SIZE, FINE, RATE = (1280, 720), 2, 30
 """Pixels of a picture, how much larger it is drawn, and pictures a second."""
 WIDTH_M = 90.0
-BEYOND, EDGE, ZONE, WALL, INK, FAINT, PLATE = (
+BEYOND, EDGE, ZONE, WALL, INK, ALARM = (
     (38, 46, 42),
     (225, 226, 222),
     (242, 177, 52),
     (205, 208, 212),
     (240, 241, 238),
-    (168, 174, 178),
-    (18, 21, 24, 205),
+    (255, 70, 80),
 )
-NEWS_S, TRAIL_S = 4.0, 1.5
-ROW, MARGIN = 22, 14
+TRAIL_S, ALARM_S, ALARM_M = 1.5, 1.2, 4.0
+"""Lengths of a trail and of a ring around cars that the stewards look at, and its radius."""
 
 
 def write_video(
@@ -83,16 +83,18 @@ def pictures(log: RaceLog, followed: int, time_s: NDArray[np.float64]) -> Iterat
     """A picture (height, width, 3) of red, green and blue at each of these times of the race."""
     scene = _Scene(log)
     at = poses(log, time_s)
-    panels = _Panels(log, followed)
+    panels = Panels(log, followed, SIZE)
     large = pygame.Surface((SIZE[0] * FINE, SIZE[1] * FINE))
     camera = Camera(large.get_size(), WIDTH_M)
     for number, now in enumerate(time_s.tolist()):
         places = {name: values[number] for name, values in at.items()}
         tick = int(np.searchsorted(log.time_s, now, side="right")) - 1
-        camera.at = np.array([places["x_m"][followed], places["y_m"][followed]])
+        cars = np.stack([places["x_m"], places["y_m"]], axis=1)
+        camera.at = cars[followed]
         scene.draw(large, camera, places, tick, followed)
+        scene.draw_alarms(large, camera, cars, now)
         picture = pygame.transform.smoothscale(large, SIZE)
-        panels.draw(picture, tick, now)
+        panels.draw(picture, tick, now, cars)
         yield np.ascontiguousarray(pygame.surfarray.array3d(picture).swapaxes(0, 1))
 
 
@@ -122,7 +124,7 @@ class _Scene:
         ]
         self._lines += [(line[:, :2], outline.zone, ZONE, 0.5) for line in (outline.left, outline.right)]
         self._start = np.stack([outline.left[0, :2], outline.right[0, :2]])
-        self._names = labels(log)
+        self._names = brief(log.names)
         self._colour_of = car_colours(log.teams)
         self._models = [_from_above(log, colour) for colour in self._colour_of]
 
@@ -155,6 +157,8 @@ class _Scene:
             self._draw_trail(surface, camera, places, tick, car)
         for car in cars:
             self._draw_car(surface, camera, places, car)
+        for car in cars:
+            self._draw_name(surface, camera, places, car)
 
     def _draw_trail(
         self,
@@ -180,10 +184,22 @@ class _Scene:
         pixels = camera.pixels(corners @ np.array([[cos, sin], [-sin, cos]]) + at)
         for quad, colour in zip(pixels.tolist(), colours.tolist(), strict=True):
             pygame.draw.polygon(surface, colour, quad)
-        x, y = camera.pixels(at)
-        name = short(self._names[car])
-        write(surface, name, (x + 2, y - 40), 34, (0, 0, 0), "midbottom")
-        write(surface, name, (x, y - 42), 34, INK, "midbottom")
+
+    def _draw_name(
+        self, surface: pygame.Surface, camera: Camera, places: dict[str, NDArray[np.float64]], car: int
+    ) -> None:
+        x, y = camera.pixels(np.array([places["x_m"][car], places["y_m"][car]]))
+        write(surface, self._names[car], (x + 2, y - 74), 36, (0, 0, 0), "midbottom")
+        write(surface, self._names[car], (x, y - 76), 36, INK, "midbottom")
+
+    def draw_alarms(
+        self, surface: pygame.Surface, camera: Camera, cars: NDArray[np.float64], now: float
+    ) -> None:
+        """Draw a ring around each of the cars (C, 2) about which the stewards have just said something."""
+        for incident in self._log.incidents:
+            if incident.kind not in NOTICES and 0.0 <= now - incident.time_s < ALARM_S:
+                for x, y in camera.pixels(cars[list(incident.cars)]).tolist():
+                    pygame.draw.circle(surface, ALARM, (x, y), ALARM_M * camera.scale, 6)
 
 
 def _from_above(log: RaceLog, colour: tuple[int, int, int]) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
@@ -193,57 +209,3 @@ def _from_above(log: RaceLog, colour: tuple[int, int, int]) -> tuple[NDArray[np.
     flat = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])[:, 2] > 0.0
     order = np.flatnonzero(flat)[np.argsort(quads[flat][..., 2].max(axis=1), kind="stable")]
     return quads[order][..., :2], colours.reshape(-1, 4, 3)[order, 0]
-
-
-class _Panels:
-    """Time, the order with gaps, the followed car's speed and pedals, and what the stewards say."""
-
-    def __init__(self, log: RaceLog, followed: int) -> None:
-        self._log, self._followed = log, followed
-        self._names, self._colours = labels(log), car_colours(log.teams)
-        self._behind_m = progress(log)
-        self._incidents = [incident for incident in log.incidents if incident.kind not in NOTICES]
-
-    def draw(self, picture: pygame.Surface, tick: int, now: float) -> None:
-        """Draw all panels over a picture."""
-        cars = self._log.samples[tick]
-        self._draw_order(picture, cars, tick)
-        car = cars[self._followed]
-        _plate(picture, (MARGIN, MARGIN, 210, 64))
-        write(picture, self._log.circuit, (MARGIN + 10, MARGIN + 8), 20, FAINT, "topleft")
-        write(picture, clock(now), (MARGIN + 10, MARGIN + 27), 38, INK, "topleft")
-        write(picture, f"lap {car['lap'] + 1}", (MARGIN + 200, MARGIN + 8), 20, FAINT, "topright")
-        bottom = SIZE[1] - MARGIN
-        _plate(picture, (MARGIN, bottom - 74, 210, 74))
-        speed = 3.6 * float(np.hypot(car["velocity_x_m_s"], car["velocity_y_m_s"]))
-        write(picture, f"{speed:.0f} km/h", (MARGIN + 10, bottom - 66), 38, INK, "topleft")
-        write(picture, f"{car['gear']}", (MARGIN + 200, bottom - 66), 38, INK, "topright")
-        for row, (name, colour) in enumerate((("throttle", (96, 200, 110)), ("brake", (232, 74, 66)))):
-            box = pygame.Rect(MARGIN + 10, bottom - 28 + 10 * row, 190, 6)
-            pygame.draw.rect(picture, (60, 64, 68), box)
-            pygame.draw.rect(picture, colour, (*box.topleft, round(190 * float(car[name])), 6))
-        news = [i.text for i in self._incidents if 0.0 <= now - i.time_s < NEWS_S]
-        for row, text in enumerate(reversed(news[-3:])):
-            y = bottom - 26 - 30 * row
-            _plate(picture, (MARGIN + 224, y, SIZE[0] - 2 * MARGIN - 224, 26))
-            write(picture, text[:120], (MARGIN + 234, y + 13), 21, INK, "midleft")
-
-    def _draw_order(self, picture: pygame.Surface, cars: NDArray[np.void], tick: int) -> None:
-        left = SIZE[0] - MARGIN - 250
-        _plate(picture, (left, MARGIN, 250, ROW * len(cars) + 12))
-        order = np.argsort(cars["place"], kind="stable").tolist()
-        for row, car in enumerate(order):
-            y = MARGIN + 6 + row * ROW + ROW // 2
-            colour = INK if car == self._followed else FAINT
-            write(picture, f"{cars['place'][car]}", (left + 24, y), 20, colour, "midright")
-            pygame.draw.rect(picture, self._colours[car], (left + 31, y - 6, 6, 12))
-            write(picture, short(self._names[car]), (left + 44, y), 20, colour, "midleft")
-            gap_m = self._behind_m[tick, order[0]] - self._behind_m[tick, car]
-            text = "out" if not cars["driving"][car] else f"+{gap_m:.0f} m" if row else ""
-            write(picture, text, (left + 240, y), 20, colour, "midright")
-
-
-def _plate(picture: pygame.Surface, box: tuple[int, int, int, int]) -> None:
-    plate = pygame.Surface(box[2:], pygame.SRCALPHA)
-    plate.fill(PLATE)
-    picture.blit(plate, box[:2])

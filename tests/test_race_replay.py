@@ -16,10 +16,12 @@ from arena.foxglove_scene import TEAM_COLOURS
 from arena.race_log import RaceLog
 from arena.recording import read_recording, write_recording
 from reports._countryside import countryside
+from reports._motion import gaps
 from reports.car_model import car_model
 from reports.replay import (
     DRAUGHT_M,
     FRAMES_PER_TICK,
+    MARK_COLOURS,
     car_colours,
     open_viewer,
     race_sheet,
@@ -70,6 +72,7 @@ def test_rerun_verifies_the_file_and_finds_all_entities(replay: Path, log: RaceL
         wanted += [
             f"/series/{name}/{car}" for name in ("speed", "throttle", "brake", "steering", "place", "gap")
         ]
+    wanted += [f"/{what}/contact" for what in ("world/incidents", "series/incidents", "series/standings")]
     for entity in wanted:
         assert f"\n{entity}: " in stats, entity
     assert [path.name for path in replay.parent.iterdir()] == ["race.rrd"]
@@ -111,10 +114,12 @@ def test_north_is_up_on_the_map(replay: Path, log: RaceLog) -> None:
 def test_series_and_incidents_are_those_of_the_log(replay: Path, log: RaceLog) -> None:
     found = entities(replay)
     speed = [row[0] for row in found["/series/speed/2"]["Scalars:scalars"].to_pylist()]
-    np.testing.assert_allclose(speed, 3.6 * log.samples["velocity_x_m_s"][:, 2], rtol=1e-6)
+    driven = log.samples[log.samples["driving"][:, 2], 2]
+    assert 0 < len(driven) < len(log.time_s)
+    np.testing.assert_allclose(speed, 3.6 * driven["velocity_x_m_s"], rtol=1e-6)
     place = [row[0] for row in found["/series/place/2"]["Scalars:scalars"].to_pylist()]
     np.testing.assert_array_equal(place, -log.samples["place"][:, 2])
-    assert found["/incidents/contact"]["TextLog:text"].to_pylist() == [["Car 1 touches car 0 from behind."]]
+    assert found["/incidents/contact"]["TextLog:text"].to_pylist() == [[log.incidents[0].text]]
     assert found["/incidents/ending"]["race_time"].to_numpy() == np.timedelta64(10, "s")
     mark = found["/map/incidents/ending"]["Points2D:positions"].to_pylist()[0][0]
     stopped = log.samples[-1, 2]
@@ -123,9 +128,15 @@ def test_series_and_incidents_are_those_of_the_log(replay: Path, log: RaceLog) -
 
 def test_slipstream_zones_and_incidents_are_drawn(replay: Path, log: RaceLog) -> None:
     found = entities(replay)
-    streak = np.array(found["/world/cars/1/draught"]["LineStrips3D:strips"].to_pylist()[5][0])
-    assert streak[0].tolist() == pytest.approx([2.3, 0.0, 0.5])
-    assert streak[1, 0] - streak[0, 0] == pytest.approx(DRAUGHT_M * 0.4)
+    strips = found["/world/cars/1/draught"]["LineStrips3D:strips"].to_pylist()
+    assert [len(drawn) for drawn in strips] == [6] * len(log.time_s)
+    roots, tips = np.array(strips[5])[:, 0], np.array(strips[5])[:, 1]
+    np.testing.assert_allclose(tips - roots, [[DRAUGHT_M * 0.4, 0.0, 0.0]] * 6, atol=1e-5)
+    np.testing.assert_allclose(roots[:, 0], log.car_length_m / 2)
+    assert (np.abs(roots[:, 1]) < log.car_width_m / 2).all()
+    alone = found["/world/cars/0/draught"]["LineStrips3D:strips"].to_pylist()
+    assert [len(drawn) for drawn in alone] == [0] * len(log.time_s)
+
     drawn = np.array(found["/map/circuit/zones"]["LineStrips2D:strips"].to_pylist()[0])
     rows = np.flatnonzero(log.outline.zone)
     np.testing.assert_allclose(drawn[:, 0], log.outline.centre[rows, :2] * [1.0, -1.0], rtol=1e-6)
@@ -136,13 +147,30 @@ def test_slipstream_zones_and_incidents_are_drawn(replay: Path, log: RaceLog) ->
     np.testing.assert_allclose(mark[:2], [touched["x_m"], touched["y_m"]], rtol=1e-5)
     speed = found["/series/incidents/contact"]["Scalars:scalars"].to_pylist()[0][0]
     assert speed == pytest.approx(3.6 * touched["velocity_x_m_s"], rel=1e-5)
+    standing = found["/series/standings/contact"]["Scalars:scalars"].to_pylist()[0][0]
+    assert standing == -touched["place"]
+    colour = found["/incidents/contact"]["TextLog:color"].to_pylist()[0][0]
+    assert colour == int.from_bytes([*MARK_COLOURS["contact"], 255])
 
 
-def test_gaps_count_from_the_grid(replay: Path, log: RaceLog) -> None:
-    gaps = [row[0] for row in entities(replay)["/series/gap/2"]["Scalars:scalars"].to_pylist()]
-    assert gaps[0] == pytest.approx(-18.0, abs=0.1)
-    distance = log.samples["distance_m"]
-    np.testing.assert_allclose(gaps, distance[:, 2] - distance.max(axis=1), atol=0.1)
+def test_a_gap_is_the_time_since_the_first_was_there(replay: Path, log: RaceLog) -> None:
+    columns = entities(replay)["/series/gap/1"]
+    gap_s = -np.array([row[0] for row in columns["Scalars:scalars"].to_pylist()])
+    time_s = columns["race_time"].to_numpy() / np.timedelta64(1, "s")
+    # Nobody overtakes here, and car 1 starts 9 m behind car 0.
+    first, second = (log.samples["distance_m"][:, car] for car in (0, 1))
+    there = np.interp(second, first, log.time_s)
+    known = second >= first[0]
+    np.testing.assert_allclose(time_s, log.time_s[known])
+    np.testing.assert_allclose(gap_s, (log.time_s - there)[known], atol=0.02)
+    assert gap_s.min() > 0.0
+
+
+def test_gaps_are_known_while_a_car_drives(log: RaceLog) -> None:
+    found = gaps(log)
+    assert (found[:, 0] == 0.0).all()
+    assert np.isnan(found[~log.samples["driving"]]).all()
+    assert np.isnan(found[0, 1:]).all()
 
 
 def test_the_camera_follows_the_winner_or_the_car_asked_for(

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from arena.foxglove_scene import TEAM_COLOURS
 from arena.race_log import RaceLog
-from reports.video import RATE, SIZE, pictures, write_video
+from reports._video_panels import MAP, MARGIN, brief
+from reports.video import ALARM, RATE, SIZE, pictures, write_video
 from sim.errors import InputError
 from tests.race_logs import oval_race
 
@@ -44,6 +45,36 @@ def test_the_followed_car_stands_in_the_middle(log: RaceLog, car: int) -> None:
     middle = picture[SIZE[1] // 2 - 30 : SIZE[1] // 2 + 30, SIZE[0] // 2 - 30 : SIZE[0] // 2 + 30]
     colour = np.array(TEAM_COLOURS[log.teams[car]])
     assert (np.abs(middle.astype(int) - colour).max(axis=2) < 12).sum() > 40
+
+
+def test_cars_in_contact_are_ringed(log: RaceLog) -> None:
+    contact_s = log.incidents[0].time_s
+    before, after = pictures(log, 1, np.array([contact_s - 0.2, contact_s + 0.2]))
+    ring = [(np.abs(picture.astype(int) - ALARM).max(axis=2) < 12).sum() for picture in (before, after)]
+    assert ring[0] == 0
+    assert ring[1] > 200
+
+
+def test_the_map_shows_where_the_cars_are(log: RaceLog) -> None:
+    early, late = pictures(log, 0, np.array([0.1, 9.0]))
+    corner = (slice(-MARGIN - MAP[1], -MARGIN), slice(-MARGIN - MAP[0], -MARGIN))
+    blue = [
+        np.argwhere(np.abs(picture[corner].astype(int) - TEAM_COLOURS[0]).max(axis=2) < 12).mean(axis=0)
+        for picture in (early, late)
+    ]
+    # From the middle of the south straight into the bend in the east.
+    np.testing.assert_allclose(blue[0][1], MAP[0] / 2, atol=4)
+    assert blue[1][1] > MAP[0] * 0.8
+    assert blue[1][0] < blue[0][0]
+
+
+def test_names_leave_out_how_all_of_them_begin() -> None:
+    assert brief(["lindenring-s1-020k", "lindenring-s1-024k"]) == ["0 020k", "1 024k"]
+    assert brief(["driver:pace=0.95", "driver:pace=0.9", "driver:pace=1"]) == ["0 0.95", "1 0.9", "2 1"]
+    assert brief(["a-b", "a-b"]) == ["0 a-b", "1 a-b"]
+    assert brief(["a-b", "a-b-c", ""]) == ["0 a-b", "1 a-b-c", "2 "]
+    [long, _] = brief(["a-very-long-name-of-a-checkpoint-040k", "driver"])
+    assert long == "0 a-very-l…oint-040k"
 
 
 def test_there_is_no_clip_of_nothing(tmp_path: Path, log: RaceLog) -> None:
