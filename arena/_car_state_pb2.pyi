@@ -69,16 +69,34 @@ class CarStates(_message.Message):
     def __init__(self, time_s: _Optional[float] = ..., cars: _Optional[_Iterable[_Union[CarState, _Mapping]]] = ...) -> None: ...
 
 class Incident(_message.Message):
-    __slots__ = ("time_s", "kind", "cars", "text")
+    __slots__ = ("time_s", "kind", "cars", "text", "fault", "closing_m_s", "penalty_s")
     TIME_S_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     CARS_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
+    FAULT_FIELD_NUMBER: _ClassVar[int]
+    CLOSING_M_S_FIELD_NUMBER: _ClassVar[int]
+    PENALTY_S_FIELD_NUMBER: _ClassVar[int]
     time_s: float
     kind: str
     cars: _containers.RepeatedScalarFieldContainer[int]
     text: str
-    def __init__(self, time_s: _Optional[float] = ..., kind: _Optional[str] = ..., cars: _Optional[_Iterable[int]] = ..., text: _Optional[str] = ...) -> None: ...
+    fault: int
+    closing_m_s: float
+    penalty_s: float
+    def __init__(self, time_s: _Optional[float] = ..., kind: _Optional[str] = ..., cars: _Optional[_Iterable[int]] = ..., text: _Optional[str] = ..., fault: _Optional[int] = ..., closing_m_s: _Optional[float] = ..., penalty_s: _Optional[float] = ...) -> None: ...
+
+class Stretch(_message.Message):
+    __slots__ = ("name", "kind", "start_m", "end_m")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    START_M_FIELD_NUMBER: _ClassVar[int]
+    END_M_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    kind: str
+    start_m: float
+    end_m: float
+    def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., start_m: _Optional[float] = ..., end_m: _Optional[float] = ...) -> None: ...
 
 class Polyline(_message.Message):
     __slots__ = ("x_m", "y_m", "z_m")
@@ -91,7 +109,7 @@ class Polyline(_message.Message):
     def __init__(self, x_m: _Optional[_Iterable[float]] = ..., y_m: _Optional[_Iterable[float]] = ..., z_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Race(_message.Message):
-    __slots__ = ("circuit", "car", "scenario", "seed", "match", "race", "version", "names", "teams", "car_length_m", "car_width_m", "left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right", "runoff_left", "runoff_right", "zone")
+    __slots__ = ("circuit", "car", "scenario", "seed", "match", "race", "version", "names", "teams", "car_length_m", "car_width_m", "left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right", "runoff_left", "runoff_right", "zone", "sections")
     CIRCUIT_FIELD_NUMBER: _ClassVar[int]
     CAR_FIELD_NUMBER: _ClassVar[int]
     SCENARIO_FIELD_NUMBER: _ClassVar[int]
@@ -113,6 +131,7 @@ class Race(_message.Message):
     RUNOFF_LEFT_FIELD_NUMBER: _ClassVar[int]
     RUNOFF_RIGHT_FIELD_NUMBER: _ClassVar[int]
     ZONE_FIELD_NUMBER: _ClassVar[int]
+    SECTIONS_FIELD_NUMBER: _ClassVar[int]
     circuit: str
     car: str
     scenario: str
@@ -134,4 +153,5 @@ class Race(_message.Message):
     runoff_left: _containers.RepeatedScalarFieldContainer[int]
     runoff_right: _containers.RepeatedScalarFieldContainer[int]
     zone: _containers.RepeatedScalarFieldContainer[bool]
-    def __init__(self, circuit: _Optional[str] = ..., car: _Optional[str] = ..., scenario: _Optional[str] = ..., seed: _Optional[int] = ..., match: _Optional[str] = ..., race: _Optional[int] = ..., version: _Optional[str] = ..., names: _Optional[_Iterable[str]] = ..., teams: _Optional[_Iterable[int]] = ..., car_length_m: _Optional[float] = ..., car_width_m: _Optional[float] = ..., left: _Optional[_Union[Polyline, _Mapping]] = ..., centre: _Optional[_Union[Polyline, _Mapping]] = ..., right: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_left: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_right: _Optional[_Union[Polyline, _Mapping]] = ..., wall_left: _Optional[_Union[Polyline, _Mapping]] = ..., wall_right: _Optional[_Union[Polyline, _Mapping]] = ..., runoff_left: _Optional[_Iterable[int]] = ..., runoff_right: _Optional[_Iterable[int]] = ..., zone: _Optional[_Iterable[bool]] = ...) -> None: ...
+    sections: _containers.RepeatedCompositeFieldContainer[Stretch]
+    def __init__(self, circuit: _Optional[str] = ..., car: _Optional[str] = ..., scenario: _Optional[str] = ..., seed: _Optional[int] = ..., match: _Optional[str] = ..., race: _Optional[int] = ..., version: _Optional[str] = ..., names: _Optional[_Iterable[str]] = ..., teams: _Optional[_Iterable[int]] = ..., car_length_m: _Optional[float] = ..., car_width_m: _Optional[float] = ..., left: _Optional[_Union[Polyline, _Mapping]] = ..., centre: _Optional[_Union[Polyline, _Mapping]] = ..., right: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_left: _Optional[_Union[Polyline, _Mapping]] = ..., kerb_right: _Optional[_Union[Polyline, _Mapping]] = ..., wall_left: _Optional[_Union[Polyline, _Mapping]] = ..., wall_right: _Optional[_Union[Polyline, _Mapping]] = ..., runoff_left: _Optional[_Iterable[int]] = ..., runoff_right: _Optional[_Iterable[int]] = ..., zone: _Optional[_Iterable[bool]] = ..., sections: _Optional[_Iterable[_Union[Stretch, _Mapping]]] = ...) -> None: ...

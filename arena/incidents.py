@@ -73,7 +73,15 @@ class IncidentWatch:
         else:
             place = f"in {where[0]}" if where else self._metres(cars[first])
         text = f"{what} at {contact['closing']:.1f} m/s {place}{_sentence(contact['penalty_s'])}"
-        return Incident(float(contact["time"]), "contact", (first, second), text)
+        return Incident(
+            float(contact["time"]),
+            "contact",
+            (first, second),
+            text,
+            int(contact["fault"]),
+            float(contact["closing"]),
+            float(contact["penalty_s"]),
+        )
 
     def _mishaps(self, cars: NDArray[np.void], now: float) -> Iterator[Incident]:
         for flag, (kind, verb) in FLAGS.items():
@@ -93,10 +101,11 @@ class IncidentWatch:
             text = (
                 f"{self._names[car]} cuts the course {self._where(cars[car])}{_sentence(cutting.penalty_s)}"
             )
-            yield Incident(now, "penalty", (car,), text)
+            yield Incident(now, "penalty", (car,), text, penalty_s=cutting.penalty_s)
         for car in np.flatnonzero(strayed > 0).tolist():
             what = f"has left the course {cars['warnings'][car]} times, now {self._where(cars[car])}"
-            yield Incident(now, "penalty", (car,), f"{self._names[car]} {what}{_sentence(limits.penalty_s)}")
+            text = f"{self._names[car]} {what}{_sentence(limits.penalty_s)}"
+            yield Incident(now, "penalty", (car,), text, penalty_s=limits.penalty_s)
         for car in np.flatnonzero((self._before["penalty_s"] > 0.0) & (cars["penalty_s"] == 0.0)).tolist():
             yield Incident(now, "served", (car,), f"{self._names[car]} has served its penalties")
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from multiprocessing import connection, parent_process
 from types import TracebackType
+from typing import NamedTuple
 
 import polars as pl
 
@@ -21,6 +22,7 @@ from arena.classification import void
 from arena.entrant import enter
 from arena.grouping import group
 from arena.match import Match
+from arena.recorder import Recorded, record_races
 from arena.runner import LineUp, run_together
 from arena.team import Absent
 from arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, Asked, Watch
@@ -58,16 +60,32 @@ def _seat(match: Match, entrant: int) -> Policy:
     return _policy(match.sources[entrant], match.entrants[entrant], match.circuit, match.car)
 
 
+class Wanted(NamedTuple):
+    """Races of a match that one wants to look at.
+
+    Attributes:
+        match: the match.
+        races: their indices in it.
+        names: of its entrants, as reports show them.
+    """
+
+    match: Match
+    races: tuple[int, ...]
+    names: tuple[str, ...]
+
+
 @dataclass(frozen=True)
 class _Job:
     """A match to run.
 
     Attributes:
+        wanted: what is to be recorded of it; None if nothing is.
         absent: endings of the entrants that are not asked, having stopped a worker before.
         alone: whether it runs by itself in a fresh worker, having lost one for an unknown reason.
     """
 
     match: Match
+    wanted: Wanted | None = None
     absent: Mapping[int, str] = field(default_factory=dict)
     alone: bool = False
 
@@ -113,22 +131,42 @@ class Pool:
         Raises:
             InputError: when all others have run, if a policy cannot be loaded or is another one by now.
         """
-        queue = deque([_Job(match) for match in those] for those in group(matches, self.workers))
         refused: list[InputError] = []
+        groups = [[_Job(match) for match in those] for those in group(matches, self.workers)]
+        with closing(self._work(groups)) as ended:
+            for match, answer in ended:
+                if isinstance(answer, InputError):
+                    refused.append(answer)
+                else:
+                    yield match, answer.results
+        if refused:
+            raise refused[0]
+
+    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+        """Run matches again, watched as in `run`, and yield each with the logs of its wanted races.
+
+        In place of the logs there is an InputError where a policy cannot be loaded or is another one by now.
+        A void match leaves no logs.
+        """
+        with closing(self._work([[_Job(each.match, each)] for each in wanted])) as ended:
+            yield from ended
+
+    def _work(
+        self, groups: Iterable[list[_Job]]
+    ) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+        queue = deque(groups)
         try:
             while queue or any(self._processes.values()):
                 self._hand_out(queue)
                 # A worker that ends its matches is given others before these results are dealt with.
-                results = list(self._collect(queue, refused))
+                ended = list(self._collect(queue))
                 self._hand_out(queue)
-                yield from results
+                yield from ended
         finally:
             # Only those that are at work when the run is given up.
             for worker in [worker for worker, jobs in self._processes.items() if jobs]:
                 worker.kill()
                 del self._processes[worker]
-        if refused:
-            raise refused[0]
 
     def _hand_out(self, queue: deque[list[_Job]]) -> None:
         """Give the first in the queue to workers that are idle, and start those that are missing."""
@@ -148,9 +186,7 @@ class Pool:
     def _start(self) -> None:
         self._processes[Worker(_serve, self._answer_s, self._first_answer_s)] = {}
 
-    def _collect(
-        self, queue: deque[list[_Job]], refused: list[InputError]
-    ) -> Iterator[tuple[Match, pl.DataFrame]]:
+    def _collect(self, queue: deque[list[_Job]]) -> Iterator[tuple[Match, Recorded | InputError]]:
         """Wait for news; results as they come, and into the queue what a lost worker leaves."""
         connection.wait(
             [sign for worker in self._processes for sign in worker.signs],
@@ -164,12 +200,8 @@ class Pool:
             for message in worker.news():
                 if isinstance(message, RuntimeError):
                     raise message
-                number, results = message
-                match = jobs.pop(number).match
-                if isinstance(results, InputError):
-                    refused.append(results)
-                else:
-                    yield match, results
+                number, answer = message
+                yield jobs.pop(number).match, answer
             if lost:
                 del self._processes[worker]
                 if not worker.began:
@@ -179,7 +211,7 @@ class Pool:
                     late = killed and worker.patience.over
                     groups, given_up = _again(jobs, worker.watch.asked, late)
                     queue.extend(groups)
-                    yield from ((match, void(match)) for match in given_up)
+                    yield from ((match, Recorded(void(match), [])) for match in given_up)
 
 
 def _again(jobs: Mapping[int, _Job], asked: Asked, late: bool) -> tuple[list[list[_Job]], list[Match]]:
@@ -214,7 +246,7 @@ def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match,
 
 
 def _serve(pipe: connection.Connection, watch: Watch) -> None:
-    """Run what comes through the pipe, and send (number, results or InputError) of each match."""
+    """Run what comes through the pipe, and send (number, Recorded or InputError) of each match."""
     # Ctrl-C is for the parent to handle; it then ends its workers at once, for a match that is not
     # finished is not stored.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -244,18 +276,21 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _run(jobs: Iterable[_Job], watch: Watch) -> Iterator[tuple[int, pl.DataFrame | InputError]]:
+def _run(jobs: Iterable[_Job], watch: Watch) -> Iterator[tuple[int, Recorded | InputError]]:
     line_ups: dict[int, LineUp] = {}
     for number, job in enumerate(jobs):
         try:
-            line_ups[number] = (
-                job.match,
-                [_present(job, number, entrant, watch) for entrant in range(len(job.match.entrants))],
-            )
+            policies = [_present(job, number, entrant, watch) for entrant in range(len(job.match.entrants))]
         except InputError as error:
             yield number, error
+            continue
+        if job.wanted:
+            yield number, record_races(job.match, policies, job.wanted.races, job.wanted.names, watch)
+        else:
+            line_ups[number] = job.match, policies
     if line_ups:
-        yield from run_together(line_ups, watch)
+        for number, results in run_together(line_ups, watch):
+            yield number, Recorded(results, [])
 
 
 def _present(job: _Job, number: int, entrant: int, watch: Watch) -> Policy | Absent:

@@ -50,6 +50,19 @@ class Incident:
     kind: str  # contact, wall, off_course, penalty, served, ending
     cars: tuple[int, ...]  # indices of the cars concerned
     text: str  # one sentence for a person
+    fault: int = -1  # index of the car to blame for a contact; -1 for nobody
+    closing_m_s: float = 0.0  # at which two cars met
+    penalty_s: float = 0.0  # given for it
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of the lap that has a name, in metres along the centre line."""
+
+    name: str
+    kind: str  # corner, chicane, straight
+    start_m: float
+    end_m: float
 
 
 @dataclass(frozen=True)
@@ -89,6 +102,7 @@ class RaceLog:
     car_length_m: float
     car_width_m: float
     outline: Outline
+    sections: tuple[Stretch, ...]
     time_s: NDArray[np.float64]  # (T,)
     samples: NDArray[np.void]  # (T, C) CAR_SAMPLE
     incidents: tuple[Incident, ...]
@@ -103,6 +117,21 @@ def orientation(
     return quaternions.reshape(*yaw.shape, 4)
 
 
+def lap_length(outline: Outline) -> float:
+    """Length of the centre line on the map, m."""
+    return float(_along(outline)[-1])
+
+
+def origin(log: RaceLog) -> float:
+    """Where on the lap `progress` starts from 0: m beyond the line, negative before it.
+
+    It is where the car stood that was first in the first sample.
+    """
+    starts, lap_m = _starts(log), lap_length(log.outline)
+    first = float(starts[np.argmin(log.samples[0]["place"])]) if len(starts) else 0.0
+    return first - lap_m * round(first / lap_m)
+
+
 def progress(log: RaceLog) -> NDArray[np.float64]:
     """How far each car has come along the centre line, (T, C), metres, so that any two can be compared.
 
@@ -111,15 +140,25 @@ def progress(log: RaceLog) -> NDArray[np.float64]:
     distance = log.samples["distance_m"]
     if not len(distance):
         return distance
-    centre = log.outline.centre
-    along = np.cumsum(np.linalg.norm(np.diff(centre, axis=0, append=centre[:1]), axis=1))
-    lap_m = float(along[-1])
-    first = log.samples[0]
-    ahead = np.roll(centre, -1, axis=0) - centre
-    offset = np.stack([first["x_m"], first["y_m"]], axis=1)[:, None] - centre[None, :, :2]
-    row = np.argmin((offset**2).sum(axis=2), axis=1)
-    beyond = (offset[np.arange(len(row)), row] * ahead[row, :2]).sum(axis=1)
-    start = along[row - 1] * (row > 0) + beyond / np.linalg.norm(ahead[row], axis=1)
-    start -= start[np.argmin(first["place"])]
+    lap_m = lap_length(log.outline)
+    start = _starts(log) - origin(log)
     start -= lap_m * np.round(start / lap_m)
     return np.asarray(distance - distance[0] + start)
+
+
+def _along(outline: Outline) -> NDArray[np.float64]:
+    """From the first row of the outline to the row after each, m."""
+    centre = outline.centre[:, :2]
+    return np.cumsum(np.linalg.norm(np.diff(centre, axis=0, append=centre[:1]), axis=1))
+
+
+def _starts(log: RaceLog) -> NDArray[np.float64]:
+    """Where on the lap each car stands in the first sample, (C,) metres; empty without samples."""
+    if not len(log.samples):
+        return np.zeros(0)
+    centre, first, along = log.outline.centre[:, :2], log.samples[0], _along(log.outline)
+    ahead = np.roll(centre, -1, axis=0) - centre
+    offset = np.stack([first["x_m"], first["y_m"]], axis=1)[:, None] - centre
+    row = np.argmin((offset**2).sum(axis=2), axis=1)
+    beyond = (offset[np.arange(len(row)), row] * ahead[row]).sum(axis=1)
+    return np.asarray(along[row - 1] * (row > 0) + beyond / np.linalg.norm(ahead[row], axis=1))

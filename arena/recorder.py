@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import NamedTuple
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from arena.incidents import IncidentWatch
 from arena.match import Match
-from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
-from arena.runner import run_match
+from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog, Stretch
+from arena.runner import run_together
+from arena.team import Absent
+from arena.watch import Watch
 from policies.policy import Policy
 from sim.car import load_car
 from sim.rules import load_rules
@@ -54,9 +58,25 @@ FLAGS = ("off_course", "wall_contact", "car_contact")
 """Fields of both that tell of the time since the last sample or step."""
 
 
+class Recorded(NamedTuple):
+    """A match that was run to be looked at.
+
+    Attributes:
+        results: schema RESULTS.
+        logs: of the races that were kept.
+    """
+
+    results: pl.DataFrame
+    logs: list[RaceLog]
+
+
 def record_races(
-    match: Match, policies: Sequence[Policy], races: Sequence[int], names: Sequence[str]
-) -> list[RaceLog]:
+    match: Match,
+    policies: Sequence[Policy | Absent],
+    races: Sequence[int],
+    names: Sequence[str],
+    watch: Watch | None = None,
+) -> Recorded:
     """Run a match again and keep some of its races, at its own rate of actions or 10 to 20 samples a second.
 
     Args:
@@ -64,21 +84,22 @@ def record_races(
         policies: one for each of its entrants.
         races: indices of the races to keep; the logs are in their order.
         names: of the match's entrants, as reports show them.
+        watch: told who is asked.
     """
     recorders = [
         _Recorder(match, race, [names[seat.entrant] for seat in match.races[race].seats]) for race in races
     ]
 
-    def watch(world: World) -> None:
+    def observe(world: World) -> None:
         for recorder in recorders:
             recorder(world)
 
-    results = run_match(match, policies, watch)
+    [(_, results)] = run_together({0: (match, policies)}, watch or Watch(), observe)
     logs = []
     for race, recorder in zip(races, recorders, strict=True):
         rows = results.filter(results["race"] == race).sort("car")
         logs.append(recorder.log(list(rows["ending"]), rows["driven_s"].to_list()))
-    return logs
+    return Recorded(results, logs)
 
 
 class _Recorder:
@@ -146,6 +167,10 @@ class _Recorder:
             car_length_m=body.length_m,
             car_width_m=body.width_m,
             outline=outline(self._track),
+            sections=tuple(
+                Stretch(section.name, section.kind, section.start_m, section.end_m)
+                for section in self._track.sections
+            ),
             time_s=np.array(self._time),
             samples=np.stack(self._samples),
             incidents=tuple(sorted(incidents, key=lambda incident: incident.time_s)),

@@ -32,7 +32,7 @@ from zstandard import ZstdError
 
 from arena import _car_state_pb2 as pb
 from arena.foxglove_scene import scene
-from arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, orientation
+from arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
 from sim.errors import InputError
 from sim.track import SURFACES
 
@@ -169,11 +169,12 @@ def _race_message(log: RaceLog) -> pb.Race:
             values.extend(points[:, axis].tolist())
     for name in OUTLINE_ROWS:
         getattr(message, name).extend(getattr(log.outline, name).tolist())
+    message.sections.extend(pb.Stretch(**vars(section)) for section in log.sections)
     return message
 
 
 def _incident_message(incident: Incident) -> pb.Incident:
-    return pb.Incident(time_s=incident.time_s, kind=incident.kind, cars=incident.cars, text=incident.text)
+    return pb.Incident(**vars(incident))
 
 
 def _log_message(incident: Incident) -> Log:
@@ -275,9 +276,13 @@ def _race_log(messages: list[Message]) -> RaceLog:
         names=tuple(race.names),
         teams=tuple(race.teams),
         outline=_outline(race),
+        sections=tuple(Stretch(s.name, s.kind, s.start_m, s.end_m) for s in race.sections),
         time_s=np.array([tick.time_s for tick in ticks], np.float64),
         samples=samples,
-        incidents=tuple(Incident(i.time_s, i.kind, tuple(i.cars), i.text) for i in incidents),
+        incidents=tuple(
+            Incident(i.time_s, i.kind, tuple(i.cars), i.text, i.fault, i.closing_m_s, i.penalty_s)
+            for i in incidents
+        ),
     )
 
 

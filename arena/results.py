@@ -160,6 +160,48 @@ RATINGS = pl.Schema(
 TOURNAMENT_NOTES = pl.Schema({"note": pl.String})
 """Sentences on what does not fit: ratings against points, lack of fit, cycles."""
 
+LAPS = pl.Schema(
+    {
+        "entrant": pl.String,
+        "distance_m": pl.Float64,  # along the centre line from the line, as in COURSE
+        "time_s": pl.Float64,  # since the line was crossed; in the last row the lap's
+        "x_m": pl.Float64,  # centre of the car, world frame
+        "y_m": pl.Float64,
+        "speed_m_s": pl.Float64,
+        "pedals": pl.Float64,  # throttle less brake
+    }
+)
+"""A flying lap of each entrant that reaches the team races."""
+
+COURSE = pl.Schema(
+    {
+        "distance_m": pl.Float64,  # along the centre line from the line, to the line again
+        "section": pl.String,  # name; empty outside of all
+        "left_x_m": pl.Float64,  # edges of the road, world frame
+        "left_y_m": pl.Float64,
+        "right_x_m": pl.Float64,
+        "right_y_m": pl.Float64,
+        "time_s": pl.Float64,  # of the built-in driver's line at the speeds that it aims at
+        "x_m": pl.Float64,
+        "y_m": pl.Float64,
+        "speed_m_s": pl.Float64,
+    }
+)
+"""The circuit that the laps were driven on."""
+
+CURVES = pl.Schema(
+    {
+        "checkpoints": pl.String,  # what the paths of the run's checkpoints begin with
+        "updates": pl.Int64,
+        "transitions": pl.Int64,
+        "lap_s": pl.Float64,  # null where not all laps were completed
+        "off_course_share": pl.Float64,
+        "mean_q": pl.Float64,
+        "entropy": pl.Float64,
+    }
+)
+"""How the training runs went that the entrants come from."""
+
 TABLES: dict[str, pl.Schema] = {
     "entrants": ENTRANTS,
     "pareto": PARETO,
@@ -171,5 +213,8 @@ TABLES: dict[str, pl.Schema] = {
     "matchups": MATCHUPS,
     "ratings": RATINGS,
     "tournament_notes": TOURNAMENT_NOTES,
+    "laps": LAPS,
+    "course": COURSE,
+    "curves": CURVES,
 }
 """The stage tables by name; results are kept by match and stand apart."""

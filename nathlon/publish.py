@@ -6,9 +6,13 @@ from typing import Any
 
 import polars as pl
 
+from arena.pool import Pool
 from arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
 from arena.store import RunRecord, Store
-from nathlon.committee import Minutes, describe
+from nathlon.curves import keep_curves
+from nathlon.decision import describe
+from nathlon.laps import keep_laps
+from nathlon.minutes import Minutes
 from nathlon.output import OutputFolder
 from nathlon.replays import record_replays
 from nathlon.run import CONFIDENCE
@@ -21,16 +25,20 @@ from reports.tables import write_tables
 Json = dict[str, Any]
 
 
-def publish(store: Store, run: str, output: OutputFolder) -> Selection:
-    """Write page, spreadsheet, tables and summary, and record the races to look at.
+def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selection:
+    """Write page, spreadsheet, tables and summary, and have the pool record the races to look at.
 
-    Of a run that has not come to its end, all is written as far as it has come.
+    Of a run that has not come to its end, all is written as far as it has come. Races whose recordings are
+    there are not run again.
     """
+    keep_laps(store, run, pool)
+    keep_curves(store, run)
     tables = {name: store.table(run, name) for name in TABLES}
     results = store.results_of_run(run)
     races = results.filter(pl.col("stage") == "tournament")
     summary, under_way = _summary(store, run, tables, results)
-    summary = summary | record_replays(store, races, tables, output)
+    replays = record_replays(store, races, tables, output, pool)
+    summary = summary | replays.summary
     selection = Selection(
         f"{run} · {summary['circuit']} · {summary['car']}",
         tables,
@@ -39,6 +47,7 @@ def publish(store: Store, run: str, output: OutputFolder) -> Selection:
         store.name,
         under_way,
         _previous(store, run),
+        replays.logs,
     )
     write_page(selection, output.report)
     write_spreadsheet(selection, output.report / "ranking.xlsx")

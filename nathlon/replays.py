@@ -4,65 +4,133 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import polars as pl
 
 from arena.match import Match
-from arena.pool import match_policies
+from arena.pool import Pool, Wanted
 from arena.race_log import RaceLog
-from arena.recorder import record_races
-from arena.recording import write_recording
+from arena.recorder import Recorded
+from arena.recording import read_recording, write_recording
 from arena.store import Store
-from nathlon.decider import notable_races
+from nathlon.clips import clips
+from nathlon.decider import Notable, notable_races
 from nathlon.output import OutputFolder
 from reports.player import write_player
 from reports.replay import write_replay
 from sim.errors import InputError
 
+FINAL = "final"
+"""What the files of the deciding race are called; those of others are called after match and race."""
+OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
+"""Why a race is not shown: its policies or this machine do not compute the same as then."""
+
+
+class Replays(NamedTuple):
+    """What there is to look at.
+
+    Attributes:
+        summary: `replays`, each with `match`, `race`, `why`, `recording`, `player` and `replay` (paths from
+            the report's folder, or None), `clips` (each with `start_s`, `end_s`, `car`, `why`) and `missing`:
+            why it could not be run again, or None; and `recording` and `replay` of the deciding race.
+        logs: of the races that are recorded.
+    """
+
+    summary: dict[str, Any]
+    logs: tuple[RaceLog, ...]
+
 
 def record_replays(
-    store: Store, results: pl.DataFrame, tables: Mapping[str, pl.DataFrame], output: OutputFolder
-) -> dict[str, Any]:
-    """Run the notable races of a tournament again, and say where their files are from the report's folder.
+    store: Store,
+    results: pl.DataFrame,
+    tables: Mapping[str, pl.DataFrame],
+    output: OutputFolder,
+    pool: Pool,
+) -> Replays:
+    """Run the notable races of a tournament again, but for those whose recordings are there already.
 
     Every race leaves a recording (.mcap) and a page that plays it (.html); the deciding one, as `final`, also
     a Rerun replay (.rrd), which `nathlon replay` makes of any other.
-
-    Returns:
-        `replays`, each with `match`, `race`, `why`, `recording`, `player` and `replay` (paths or None), and
-        `missing`: why it could not be run again, or None; and `recording` and `replay` of the deciding race.
     """
-    replays = [
-        {**race._asdict(), "recording": None, "player": None, "replay": None, "missing": None}
-        for race in notable_races(results, tables["ranking"])
+    notable = notable_races(results, tables["ranking"])
+    names = [FINAL, *(f"{one.match[:10]}-{one.race}" for one in notable[1:])]
+    kept = [
+        _kept(output.races / f"{name}.mcap", one, results) for name, one in zip(names, notable, strict=False)
     ]
-    for key in dict.fromkeys(replay["match"] for replay in replays):
-        wanted = [replay for replay in replays if replay["match"] == key]
+    lost = [one for one, log in zip(notable, kept, strict=True) if log is None]
+    again, missing = _run_again(store, lost, tables["entrants"], pool)
+    replays, logs = [], []
+    for one, name, old in zip(notable, names, kept, strict=False):
+        entry = one._asdict() | {"recording": None, "player": None, "replay": None, "clips": []}
+        log = old or again.get((one.match, one.race))
+        if log is not None:
+            entry |= _files(log, output, name, fresh=old is None)
+            entry["clips"] = [clip._asdict() for clip in clips(log)]
+            logs.append(log)
+        replays.append(entry | {"missing": missing.get(one.match) if log is None else None})
+    first = replays[0] if replays else {"recording": None, "replay": None}
+    summary = {"replays": replays, "recording": first["recording"], "replay": first["replay"]}
+    return Replays(summary, tuple(logs))
+
+
+def _kept(path: Path, race: Notable, results: pl.DataFrame) -> RaceLog | None:
+    """The race in a file, if it is this one and came out like this."""
+    if not path.exists():
+        return None
+    try:
+        log = read_recording(path)
+    except InputError:
+        return None
+    if (log.match, log.race) != (race.match, race.race):
+        return None
+    raced = results.filter((pl.col("match") == race.match) & (pl.col("race") == race.race)).sort("car")
+    came = log.samples["distance_m"][-1]
+    return log if np.allclose(came, raced["distance_m"].to_numpy(), rtol=0.0, atol=1e-6) else None
+
+
+def _run_again(
+    store: Store, races: Sequence[Notable], entrants: pl.DataFrame, pool: Pool
+) -> tuple[dict[tuple[str, int], RaceLog], dict[str, str]]:
+    """Logs by match and race, and by match why there are none."""
+    wanted, missing = [], {}
+    for key in dict.fromkeys(race.match for race in races):
         try:
-            match = _match(store, key, tables["entrants"])
-            logs = _record(match, [replay["race"] for replay in wanted], tables["entrants"])
+            match = _match(store, key, entrants)
         except InputError as error:
             # The program or a checkpoint is another one by now; the report needs neither.
-            for replay in wanted:
-                replay["missing"] = str(error)
+            missing[key] = str(error)
             continue
-        for replay, log in zip(wanted, logs, strict=True):
-            replay |= _files(log, output, final=replay is replays[0])
-    first = replays[0] if replays else {"recording": None, "replay": None}
-    return {"replays": replays, "recording": first["recording"], "replay": first["replay"]}
+        wanted.append(_wanted(match, [race.race for race in races if race.match == key], entrants))
+    logs: dict[tuple[str, int], RaceLog] = {}
+    for match, answer in pool.record(wanted):
+        if isinstance(answer, InputError):
+            missing[match.key] = str(answer)
+        elif not _as_run(match, answer, store):
+            missing[match.key] = OTHERWISE
+        else:
+            logs |= {(log.match, log.race): log for log in answer.logs}
+    return logs, missing
 
 
-def _files(log: RaceLog, output: OutputFolder, final: bool) -> dict[str, str]:
-    """Write what a race leaves, and say where."""
-    name = "final" if final else f"{log.match[:10]}-{log.race}"
+def _as_run(match: Match, answer: Recorded, store: Store) -> bool:
+    """Whether a match that was run again came out as it is stored, and its races were kept."""
+    results = answer.results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
+    return bool(answer.logs) and results.equals(store.results_of([match.key]))
+
+
+def _files(log: RaceLog, output: OutputFolder, name: str, fresh: bool) -> dict[str, str]:
+    """Write what a race leaves, and say where; a recording that is not fresh is there."""
     recording, player = output.races / f"{name}.mcap", output.replays / f"{name}.html"
-    write_recording(recording, log)
+    if fresh:
+        write_recording(recording, log)
     write_player(log, player)
     written = {"recording": f"../races/{recording.name}", "player": f"../replays/{player.name}"}
-    if final:
+    if name == FINAL:
         replay = output.replays / f"{name}.rrd"
-        write_replay(log, replay)
+        if fresh or not replay.exists():
+            write_replay(log, replay)
         written["replay"] = f"../replays/{replay.name}"
     return written
 
@@ -93,7 +161,13 @@ def record_stored_race(store: Store, address: str, folder: Path) -> Path:
             f"{store.name}: race is {number!r} of match {key[:10]}, expected KEY:RACE with a race "
             f"from 0 to {races - 1}"
         )
-    [log] = _record(match, [int(number)], entrants)
+    with Pool(1) as pool:
+        [(_, answer)] = pool.record([_wanted(match, [int(number)], entrants)])
+    if isinstance(answer, InputError):
+        raise answer
+    if not _as_run(match, answer, store):
+        raise InputError(f"{store.name}: race {number} of match {key[:10]}: {OTHERWISE}")
+    [log] = answer.logs
     try:
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / f"{key[:10]}-{number}.mcap"
@@ -120,8 +194,6 @@ def _match(store: Store, key: str, entrants: pl.DataFrame) -> Match:
     return Match.from_spec(store.spec(key), dict(entrants.select("entrant", "source").iter_rows()))
 
 
-def _record(match: Match, races: Sequence[int], entrants: pl.DataFrame) -> list[RaceLog]:
+def _wanted(match: Match, races: Sequence[int], entrants: pl.DataFrame) -> Wanted:
     names = dict(entrants.select("entrant", "name").iter_rows())
-    return record_races(
-        match, match_policies(match), races, [names.get(entrant, entrant) for entrant in match.entrants]
-    )
+    return Wanted(match, tuple(races), tuple(names.get(entrant, entrant) for entrant in match.entrants))

@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from reports.payload import payload
+from reports.player import player_script, player_style
 from reports.selection import Selection
 from reports.verdict import verdict
 
@@ -26,12 +27,16 @@ APP = (
     "pareto",
     "n_athlon",
     "matchups",
+    "race_laps",
+    "race_charts",
+    "race_passes",
     "race",
+    "lap",
     "checkpoint",
     "committee",
     "app",
 )
-"""Scripts in templates/app, in the order in which they are written into the page."""
+"""Scripts in templates/app, in the order in which they are written into the page, after the player's."""
 
 
 def write_page(selection: Selection, folder: Path) -> Path:
@@ -57,8 +62,9 @@ def render(selection: Selection) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style = (HERE / "templates" / "page.css").read_text("utf-8")
-    app = "\n".join((HERE / "templates" / "app" / f"{name}.js").read_text("utf-8") for name in APP)
+    style = (HERE / "templates" / "page.css").read_text("utf-8") + player_style()
+    views = "\n".join((HERE / "templates" / "app" / f"{name}.js").read_text("utf-8") for name in APP)
+    app = f'"use strict";\n\n{player_script()}\n{views}'
     scripts = [_licensed("d3.min.js", "d3"), _licensed("plot.umd.min.js", "plot"), app]
     return environment.get_template("page.html").render(
         title=selection.title,

@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 
 from arena.results import ENDINGS, RESULTS, TABLES
+from reports.race_data import circuit_data, race_data
 from reports.selection import Previous, Selection
 from reports.verdict import verdict
 
@@ -24,6 +25,7 @@ def payload(selection: Selection) -> dict[str, Any]:
 
     Tables are objects of columns. `entrants` are numbered as they stand, those of the table of this name
     first (`listed` of them), then whoever else raced; `races` name their match and their first car by number.
+    `recordings` are races that were recorded, all on the one `circuit`.
     """
     entrants = _entrants(selection)
     numbers = pl.Enum(entrants["entrant"])
@@ -45,6 +47,8 @@ def payload(selection: Selection) -> dict[str, Any]:
         "cars": _columns(cars),
         "store": selection.store,
         "previous": _previous(selection.previous, numbers),
+        "circuit": circuit_data(selection.logs[0]) if selection.logs else None,
+        "recordings": [race_data(log) for log in selection.logs],
     }
 
 

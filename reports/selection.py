@@ -8,6 +8,8 @@ from typing import Any
 
 import polars as pl
 
+from arena.race_log import RaceLog
+
 
 @dataclass(frozen=True)
 class Previous:
@@ -38,13 +40,14 @@ class Selection:
     `circuit`, `car`, `seed`, `versions`, `marks` (of a test: `base`, `reference`), `tests_set_aside` (reasons
     by test), `excluded` (each with `source`, `reason`), `pair_correlation` (or None), `confidence` (0.95),
     `car_runs`, `faults`, `void`, and `replays`: races to look at, the deciding one first, each with `match`,
-    `race`, `why`, the paths `player`, `recording` and `replay` relative to the report's folder (or None), and
-    `missing`, why it was not run again (or None).
+    `race`, `why`, the paths `player`, `recording` and `replay` relative to the report's folder (or None),
+    `clips` (each with `start_s`, `end_s`, `car`, `why`) and `missing`, why it was not run again (or None).
 
     Attributes:
         title: of the report.
         store: where the run is kept, as one names it to a command.
         under_way: how far the run has come, in words; None if it has ended.
+        logs: of the races to look at that are recorded.
     """
 
     title: str
@@ -54,6 +57,7 @@ class Selection:
     store: str
     under_way: str | None = None
     previous: Previous | None = None
+    logs: tuple[RaceLog, ...] = ()
 
     def named(self, table: str) -> pl.DataFrame:
         """A stage table with each entrant's card (`name`, `step`, ...) beside it; NaN becomes null."""

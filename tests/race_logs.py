@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
+from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog, Stretch
 from sim.track import SURFACES
 
 STRAIGHT_M = 400.0
@@ -100,7 +100,15 @@ def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog
     samples["driving"] = driving
 
     incidents = (
-        Incident(duration_s / 3, "contact", tuple(range(min(2, cars))), "Car 1 touches car 0 from behind."),
+        Incident(
+            duration_s / 3,
+            "contact",
+            tuple(range(min(2, cars))),
+            "Car 1 runs into car 0 from behind.",
+            fault=1,
+            closing_m_s=4.25,
+            penalty_s=3.0,
+        ),
         Incident(duration_s / 2, "ending", (cars - 1,), f"Car {cars - 1} is stuck."),
     )
     return RaceLog(
@@ -116,6 +124,10 @@ def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog
         car_length_m=4.6,
         car_width_m=1.95,
         outline=oval_outline(),
+        sections=(
+            Stretch("first bend", "corner", STRAIGHT_M / 2, LAP_M / 2 - STRAIGHT_M / 2),
+            Stretch("back straight", "straight", LAP_M / 2 - STRAIGHT_M / 2, LAP_M / 2 + STRAIGHT_M / 2),
+        ),
         time_s=time_s,
         samples=samples,
         incidents=incidents,

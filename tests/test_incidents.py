@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -62,7 +64,10 @@ def test_contacts(
     if fault >= 0:
         world.state[0, fault]["penalties"] += 1
     watch.see(world)
-    assert watch.incidents == [Incident(7.25, "contact", (int(text[0]), 1 - int(text[0])), text)]
+    cars = (int(text[0]), 1 - int(text[0]))
+    [incident] = watch.incidents
+    assert incident.closing_m_s == pytest.approx(4.2)
+    assert replace(incident, closing_m_s=4.2) == Incident(7.25, "contact", cars, text, fault, 4.2, penalty_s)
 
 
 def test_penalties_for_leaving_the_course(world: World, watch: IncidentWatch) -> None:
@@ -77,6 +82,7 @@ def test_penalties_for_leaving_the_course(world: World, watch: IncidentWatch) ->
         "0 ann has left the course 6 times, now in Haarnadel: 1 s penalty",
     ]
     assert {incident.kind for incident in watch.incidents} == {"penalty"}
+    assert [incident.penalty_s for incident in watch.incidents] == [1.0, 2.0, 1.0]
     ann["penalty_s"] = 0.0
     watch.see(world)
     watch.see(world)

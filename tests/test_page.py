@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import re
-import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,137 +7,19 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser
 
 from reports.page import render, write_page
 from reports.selection import Selection
-from tests.selections import PERSON, TESTS, build, card, night_before, ranked, with_tables
+from tests.opened_page import Opened, full_night, views
+from tests.selections import PERSON, TESTS, build, card, ranked, with_tables
 
-CHROMIUM = shutil.which("chromium")
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=document.title='owned'>"
-REPLAY = {
-    "why": "the closest race",
-    "race": 1,
-    "player": "../replays/final.html",
-    "recording": "javascript:alert(1);'$(x).mcap",
-    "replay": None,
-    "missing": None,
-}
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.skip("chromium is not installed")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
 def full() -> Selection:
-    """A night with everything: a person on the committee, a night before, a race that was recorded."""
-    selection = build(np.random.default_rng(0), entrants=250, finalists=6)
-    replay = {"match": selection.results["match"][0], **REPLAY}
-    return replace(
-        selection,
-        summary={**selection.summary, "replays": [replay]},
-        previous=night_before(selection),
-    )
-
-
-class Opened:
-    """A page opened from the disk, with all that it asked for or complained of."""
-
-    def __init__(
-        self, browser: Browser, selection: Selection, folder: Path, address: str = "", **context: Any
-    ) -> None:
-        self.own = write_page(selection, folder).as_uri()
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
-        self.page: Page = browser.new_page(**context)
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("console", lambda message: self.complaints.append(message.text))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.add_init_script(
-            "document.addEventListener('securitypolicyviolation',"
-            " e => console.error('violation', e.violatedDirective))"
-        )
-        self.page.goto(self.own + address)
-
-    def go(self, address: str) -> None:
-        """To a view, and wait until its charts are drawn."""
-        self.page.evaluate("address => { location.hash = address; }", address)
-        self.page.wait_for_url(f"**{address}")
-        self.until("[...document.querySelectorAll('figure')].every(figure => figure.querySelector('svg'))")
-
-    def until(self, condition: str) -> None:
-        """Wait for it frame by frame; Playwright's own way needs `eval`, which the page's policy forbids."""
-        self.page.evaluate(
-            f"async () => {{ while (!({condition})) await new Promise(requestAnimationFrame); }}"
-        )
-
-    def column(self, table: str, index: int) -> list[str]:
-        cells = self.page.locator(f"#{table} tbody tr > :nth-child({index})")
-        return [text.strip() for text in cells.all_inner_texts()]
-
-    def names(self, table: str) -> list[str]:
-        links = self.page.locator(f"#{table} tbody th a")
-        return [text.strip() for text in links.all_inner_texts()]
-
-    def assert_quiet(self) -> None:
-        assert [url for url in self.requests if url.partition("#")[0] not in (self.own, "data:,")] == []
-        assert self.complaints == []
-        self.page.close()
-
-
-def key(selection: Selection, place: int) -> str:
-    """How addresses call the entrant at a place of the ranking."""
-    return str(selection.tables["ranking"]["entrant"][place][:12])
-
-
-def views(selection: Selection) -> list[str]:
-    two = f"{key(selection, 0)}/{key(selection, 1)}"
-    race = f"{selection.results['match'][0][:12]}/1"
-    return [
-        *(f"#/{view}" for view in ("tonight", "leaderboard", "pareto", "n-athlon", "matchups", "committee")),
-        "#/matchups?of=contacts",
-        f"#/compare/{two}",
-        f"#/matchup/{two}",
-        f"#/race/{race}",
-        f"#/checkpoint/{key(selection, 0)}",
-    ]
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_every_view_is_quiet_and_accessible(
-    browser: Browser, tmp_path: Path, full: Selection, scheme: str
-) -> None:
-    opened = Opened(browser, full, tmp_path, color_scheme=scheme)
-    axe = Axe()
-    titles = set()
-    for address in views(full):
-        opened.go(address)
-        titles.add(opened.page.title())
-        found = axe.run(opened.page).response["violations"]
-        serious = [
-            (fault["id"], fault["nodes"][0]["html"])
-            for fault in found
-            if fault["impact"] in ("serious", "critical")
-        ]
-        assert serious == [], address
-    assert len(titles) == len(views(full)) - 1  # contacts and points are one view
-    opened.assert_quiet()
-
-
-def test_no_view_is_wider_than_a_phone(browser: Browser, tmp_path: Path, full: Selection) -> None:
-    opened = Opened(browser, full, tmp_path, viewport={"width": 390, "height": 800})
-    for address in views(full):
-        opened.go(address)
-        assert opened.page.evaluate("document.documentElement.scrollWidth") == 390, address
-    opened.assert_quiet()
+    return full_night()
 
 
 def test_tonight_tells_the_decision_and_what_changed(
@@ -212,7 +91,7 @@ def test_links_lead_from_the_leaderboard_to_a_race(browser: Browser, tmp_path: P
     page.locator("#leaderboard").get_by_role("link", name=first["name"]).click()
     assert page.locator("h1").inner_text() == first["name"]
     races = full.results.filter(pl.col("entrant") == first["entrant"])
-    assert len(opened.column("own-races", 1)) == races.height == 40
+    assert len(opened.column("own-races", 1)) == races.height == 41
     page.locator("#own-races a").last.click()
     assert page.locator("h1").inner_text() == f"Race 1 of match {match[:12]}"
     race = full.results.filter((pl.col("match") == match) & (pl.col("race") == 0))
@@ -353,30 +232,6 @@ def test_without_scripts_the_verdict_is_there(browser: Browser, tmp_path: Path, 
     assert opened.page.locator("h1").inner_text().startswith("Send coast-")
     assert "ranking.xlsx" in opened.page.locator("main").inner_text()
     opened.page.close()
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_heat_map_is_legible(browser: Browser, tmp_path: Path, full: Selection, scheme: str) -> None:
-    """Text on every shade has the contrast of WCAG 2 level AA."""
-    opened = Opened(browser, full, tmp_path, "#/matchups", color_scheme=scheme)
-    pairs = opened.page.evaluate(
-        "[...document.querySelectorAll('.cell')].map(e => {"
-        " const own = getComputedStyle(e); return [own.color, own.backgroundColor]})"
-    )
-    assert len(pairs) == 30
-    assert min(_contrast(text, ground) for text, ground in {tuple(pair) for pair in pairs}) >= 4.5
-    opened.assert_quiet()
-
-
-def _contrast(text: str, ground: str) -> float:
-    light, dark = sorted((_luminance(text), _luminance(ground)), reverse=True)
-    return (light + 0.05) / (dark + 0.05)
-
-
-def _luminance(colour: str) -> float:
-    channels = [int(value) / 255 for value in re.findall(r"\d+", colour)[:3]]
-    red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels)
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
 def test_same_selection_same_bytes_and_small_enough() -> None:

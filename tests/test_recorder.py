@@ -59,7 +59,7 @@ def match(tmp_path_factory: pytest.TempPathFactory) -> Match:
 
 @pytest.fixture(scope="module")
 def log(match: Match) -> RaceLog:
-    return record_races(match, POLICIES, [1], NAMES)[0]
+    return record_races(match, POLICIES, [1], NAMES).logs[0]
 
 
 def test_it_holds_the_race_from_start_to_the_last_ending(log: RaceLog, match: Match) -> None:
@@ -132,7 +132,7 @@ def test_at_any_rate_of_actions_it_samples_often_enough_and_misses_nothing(
 ) -> None:
     """The second of two cars runs into the first, once."""
     facts = {"time_s": "5.0", "origin": '"Lange Gerade"', "action_hz": f"{action_hz}.0", "start": CHASE}
-    [log] = record_races(match_on(tmp_path, 2, facts), [Steady(0.0), Steady(1.0)], [0], NAMES)
+    [log] = record_races(match_on(tmp_path, 2, facts), [Steady(0.0), Steady(1.0)], [0], NAMES).logs
     np.testing.assert_allclose(np.diff(log.time_s)[:-1], sample_s)
     assert log.time_s[-1] == pytest.approx(5.0, abs=0.1)
     (contact,) = (incident for incident in log.incidents if incident.kind == "contact")
@@ -153,7 +153,7 @@ def test_a_finish_is_told_when_the_line_is_crossed_whatever_the_penalties(tmp_pa
     facts = {"time_s": "60.0", "origin": '"Lange Gerade"', "start": CHASE}
     match = match_on(tmp_path, 2, facts | {"finish_m": str(begin + 400.0 - end)})
     policies: list[Policy] = [Steady(0.0), Steady(1.0)]
-    [log] = record_races(match, policies, [0], NAMES)
+    [log] = record_races(match, policies, [0], NAMES).logs
     results = run_match(match, policies).sort("car")
     (told,) = (incident for incident in log.incidents if incident.kind == "ending" and incident.cars == (1,))
     assert (

@@ -11,7 +11,7 @@ import pytest
 
 from arena.entrant import enter, entrants_table
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.pool import Pool, match_policies
 from arena.recording import read_recording, write_recording
 from arena.results import RANKING, RESULTS
 from arena.runner import run_match
@@ -153,26 +153,61 @@ def test_a_race_that_is_not_there_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_selection_keeps_its_notable_races(
-    store_path: Path, match: Match, results: pl.DataFrame, tmp_path: Path
-) -> None:
-    tables = {"ranking": ranking("driver:pace=0.95", "driver:pace=0.9")}
-    output = OutputFolder(tmp_path)
+@pytest.fixture
+def tables(store_path: Path) -> dict[str, pl.DataFrame]:
     with Store.open(store_path) as store:
-        tables["entrants"] = store.table("night-0001", "entrants")
-        summary = record_replays(store, results, tables, output)
-        assert 1 <= len(summary["replays"]) <= 2
-        assert summary["recording"] == summary["replays"][0]["recording"] == "../races/final.mcap"
-        assert summary["replay"] == "../replays/final.rrd"
-        for entry in summary["replays"]:
-            log = read_recording(output.report / entry["recording"])
-            assert (log.match, log.race, entry["missing"]) == (match.key, entry["race"], None)
-            assert (output.report / entry["player"]).read_text().startswith("<!doctype html>")
+        entrants = store.table("night-0001", "entrants")
+    return {"ranking": ranking("driver:pace=0.95", "driver:pace=0.9"), "entrants": entrants}
 
-        gone = tables["entrants"].with_columns(source=pl.lit("gone.safetensors"))
-        without = record_replays(store, results, tables | {"entrants": gone}, output)
-    assert without["replay"] is None
-    assert "gone.safetensors" in without["replays"][0]["missing"]
+
+def test_a_selection_keeps_its_notable_races(
+    store_path: Path, match: Match, results: pl.DataFrame, tables: dict[str, pl.DataFrame], tmp_path: Path
+) -> None:
+    output = OutputFolder(tmp_path)
+    with Store.open(store_path) as store, Pool(1) as pool:
+        summary, logs = record_replays(store, results, tables, output, pool)
+    assert 1 <= len(summary["replays"]) == len(logs) <= 2
+    assert summary["recording"] == summary["replays"][0]["recording"] == "../races/final.mcap"
+    assert summary["replay"] == "../replays/final.rrd"
+    for entry, log in zip(summary["replays"], logs, strict=True):
+        recorded = read_recording(output.report / entry["recording"])
+        assert (log.match, log.race, entry["missing"]) == (match.key, entry["race"], None)
+        assert recorded.samples.tobytes() == log.samples.tobytes()
+        assert (output.report / entry["player"]).read_text().startswith("<!doctype html>")
+
+
+def test_what_is_recorded_is_not_run_again_and_what_cannot_be_run_says_why(
+    store_path: Path, results: pl.DataFrame, tables: dict[str, pl.DataFrame], tmp_path: Path
+) -> None:
+    """Without its policies nothing can be run, but what is there can be shown."""
+    output = OutputFolder(tmp_path)
+    gone = tables | {"entrants": tables["entrants"].with_columns(source=pl.lit("gone.safetensors"))}
+    with Store.open(store_path) as store, Pool(1) as pool:
+        before, _ = record_replays(store, results, tables, output, pool)
+        for path in output.replays.iterdir():
+            path.unlink()
+        assert record_replays(store, results, gone, output, pool)[0] == before
+        assert (output.replays / "final.rrd").exists()
+        (output.races / "final.mcap").write_bytes(b"cut short")
+        summary, logs = record_replays(store, results, gone, output, pool)
+    assert summary["replay"] is None
+    assert "gone.safetensors" in summary["replays"][0]["missing"]
+    assert len(logs) == len(before["replays"]) - 1
+
+
+def test_a_race_that_ends_otherwise_is_not_shown_for_the_one_that_was_run(
+    match: Match, results: pl.DataFrame, tables: dict[str, pl.DataFrame], tmp_path: Path
+) -> None:
+    other = results.with_columns(distance_m=pl.col("distance_m") + 1e-9)
+    with Store(tmp_path / "store.sqlite") as store, Pool(1) as pool:
+        store.begin_run("night-0001", {})
+        store.put_table("night-0001", "entrants", tables["entrants"])
+        store.add_match(match.key, "tournament", match.spec(), other)
+        summary, logs = record_replays(store, other, tables, OutputFolder(tmp_path / "out"), pool)
+        assert logs == ()
+        assert "ended otherwise" in summary["replays"][0]["missing"]
+        with pytest.raises(InputError, match="ended otherwise when it was run again"):
+            record_stored_race(store, f"{match.key}:0", tmp_path)
 
 
 def test_a_stored_race_becomes_a_page_a_video_and_a_replay(
@@ -205,4 +240,4 @@ def test_a_recording_that_was_cut_short_is_saved_beside_it(
     recover(path)
     log = read_recording(tmp_path / "race.recovered.mcap")
     assert 5.0 < log.time_s[-1] <= 29.9
-    assert f"the race until {log.time_s[-1]:.1f} s" in capsys.readouterr().out
+    assert f"The race until {log.time_s[-1]:.1f} s" in capsys.readouterr().out

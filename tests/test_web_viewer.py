@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import http.client
-import shutil
 import socket
 import threading
 from collections.abc import Iterator
@@ -17,13 +16,7 @@ from reports.web_viewer import LOOPBACK, WebViewer
 from sim.errors import InputError
 from tests.race_logs import oval_race
 
-CHROMIUM = shutil.which("chromium")
-SOFTWARE = [
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-]
+SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 
 
 @pytest.fixture(scope="module")
@@ -76,11 +69,9 @@ def test_it_serves_nothing_else_and_nobody_else(viewer: WebViewer) -> None:
     assert get(viewer, "/race.rrd", host="evil.example").status == 403
 
 
-def test_the_viewer_starts_in_a_browser_and_asks_nobody_else(viewer: WebViewer) -> None:
-    if CHROMIUM is None:
-        pytest.skip("chromium is not installed")
+def test_the_viewer_starts_in_a_browser_and_asks_nobody_else(viewer: WebViewer, chromium: str) -> None:
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", *SOFTWARE_GL])
         page = browser.new_page(viewport={"width": 500, "height": 400})
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))

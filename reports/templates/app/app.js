@@ -20,14 +20,54 @@ function show() {
   main.replaceChildren(...[(VIEWS[view]?.[1] ?? (() => missing("view")))(rest)].flat(Infinity).filter(Boolean));
   document.title = view === "tonight" ? data.title : `${main.querySelector("h1").textContent} – ${data.title}`;
   for (const item of document.querySelectorAll("nav a")) {
-    if (item.dataset.view === view) item.setAttribute("aria-current", "page");
-    else item.removeAttribute("aria-current");
+    if (item.dataset.view !== view) item.removeAttribute("aria-current");
+    else {
+      item.setAttribute("aria-current", "page");
+      item.scrollIntoView({ block: "nearest" });
+    }
   }
 }
 
-document.querySelector("nav").append(
-  ...Object.entries(VIEWS).filter(([, [title]]) => title).map(([view, [title]]) => h("a", { href: to(view), "data-view": view }, title)),
-);
+const links = Object.entries(VIEWS).filter(([, [title]]) => title).map(([view, [title]]) => h("a", { href: to(view), "data-view": view }, title));
+
+// Light or dark: what the system prefers, until the button says otherwise; it says nothing where both agree.
+const prefersDark = matchMedia("(prefers-color-scheme: dark)");
+const preferred = () => (prefersDark.matches ? "dark" : "light");
+const THEME = "nathlon-theme";
+let chosen = null;
+try {
+  chosen = localStorage.getItem(THEME);
+} catch {} // Browsers that keep nothing for a page from the disk.
+const themeButton = h("button", { type: "button", class: "theme", onclick: () => {
+  const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  chosen = next === preferred() ? null : next;
+  try {
+    if (chosen) localStorage.setItem(THEME, chosen);
+    else localStorage.removeItem(THEME);
+  } catch {}
+  paint();
+} });
+function paint() {
+  const theme = chosen ?? preferred();
+  document.documentElement.dataset.theme = theme;
+  themeButton.textContent = theme === "dark" ? "Light" : "Dark";
+  themeButton.setAttribute("aria-label", `${themeButton.textContent} colours`);
+}
+document.querySelector("nav").append(h("div", { class: "views" }, links), themeButton);
+prefersDark.addEventListener("change", paint);
+paint();
+
+// On paper nothing opens or scrolls: tables are whole, and as narrow as the sheet.
+const SHEET_PX = 1020;
+window.addEventListener("beforeprint", () => {
+  for (const more of document.querySelectorAll(".more:not([hidden])")) more.click();
+  for (const folded of main.querySelectorAll("details")) folded.open = true;
+  for (const wide of document.querySelectorAll(".scroll > table")) wide.style.zoom = Math.min(1, SHEET_PX / wide.scrollWidth);
+});
+window.addEventListener("afterprint", () => {
+  for (const wide of document.querySelectorAll(".scroll > table")) wide.style.zoom = "";
+});
+
 // Addresses with a hash are views, so this link cannot be one.
 document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault();

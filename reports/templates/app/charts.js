@@ -32,12 +32,13 @@ const BLUES = ["h0", "p1", "p2", "p3", "p4", "p5"];
 const BOTH = ["n5", "n4", "n3", "n2", "n1", ...BLUES];
 
 // A figure whose chart `draw(width)` makes; the page's own style sheet has the rules of Plot's.
+const LEAST_PX = 200; // Narrower is only what is still being laid out.
 function chart(title, draw) {
   const host = h("figure", {}, title && h("figcaption", {}, title));
   let drawn = 0;
   new ResizeObserver(() => {
     const width = Math.floor(host.clientWidth);
-    if (!width || width === drawn) return;
+    if (width < LEAST_PX || width === drawn) return;
     drawn = width;
     host.querySelector("svg")?.remove();
     const plot = draw(width);

@@ -1,10 +1,12 @@
 // All there is to know about one entrant.
 
+const curves = groups(tables.curves, "checkpoints");
+
 function checkpoint([key]) {
   const card = entrantByKey.get(key);
   if (!card) return missing("entrant");
   const index = card.number;
-  const [filter, battery, ranking] = [paretoOf.get(index), batteryOf.get(index), rankingOf.get(index)];
+  const battery = batteryOf.get(index);
   const fresh = data.previous && index < data.listed && !known.has(index);
   return [
     h("p", { class: "over" }, chips(index), fresh && chip("", "newcomer"), battery?.shortlisted ? chip("", "shortlisted") : null),
@@ -14,17 +16,56 @@ function checkpoint([key]) {
       card.seed !== null && ["Training seed", String(card.seed)], card.circuit && ["Circuit", card.circuit], card.car && ["Car", card.car],
       card.source && ["Source", h("code", {}, card.source)], ["Id", h("code", { class: "id" }, card.entrant)],
     ]),
-    section("How far it came", h("ul", { class: "path" },
-      h("li", {}, filter ? [link(to("pareto"), "Filter"), `: ${filter.survives ? "survives" : "left out"}, not dominated in ${percent(filter.nondominated_probability)} % of the draws; `,
-        (objectivesOf.get(index) ?? []).map((row, i) => `${i ? ", " : ""}${objectiveTitle(row.objective)} ${number(row.value, 3)}`)] : "Filter: was not in it."),
-      h("li", {}, battery ? [link(to("n-athlon"), "n-athlon"), `: rank ${battery.rank}, ${number(battery.points)} points (${number(battery.points_low)} to ${number(battery.points_high)})`] : "n-athlon: was not in it."),
-      h("li", {}, ranking ? [link(to("leaderboard"), "Team races"), `: rank ${ranking.rank ?? ABSENT}, ${number(ranking.points_per_race, 1)} points a race (${number(ranking.points_low, 1)} to ${number(ranking.points_high, 1)}), ${number(ranking.contacts_per_km, 2)} contacts per km, ${number(ranking.at_fault_per_km, 2)} at fault, ${count(ranking.faults, "fault")}`] : "Team races: was not in them."))),
+    wayThrough(index),
+    section("Racing line", lapView(index)),
+    trained(card),
     skillsOf.has(index) && section("n-athlon", profile([index])),
-    ranking && section("Matchups", ownMatchups(index)),
+    rankingOf.has(index) && section("Matchups", ownMatchups(index)),
     ballotsOn(card),
     section("Best laps", laps(index)),
     section("Races", ownRaces(index)),
   ];
+}
+
+// How far it came: a box for every stage.
+function wayThrough(index) {
+  const [filter, battery, ranking] = [paretoOf.get(index), batteryOf.get(index), rankingOf.get(index)];
+  const box = (view, title, reached, headline, ...details) => h("li", {},
+    link(to(view), title), h("span", { class: "counts" }, reached ? headline : ABSENT), h("span", { class: "cost" }, reached ? details : "was not in it"));
+  const between = (low, high, digits) => `${number(low, digits)} to ${number(high, digits)}`;
+  return h("ol", { class: "funnel" },
+    box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
+      (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)}, `), `not dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
+    box("n-athlon", "n-athlon", battery, [`rank ${battery?.rank}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
+    box("leaderboard", "Team races", ranking, [`rank ${ranking?.rank ?? ABSENT}`], `${number(ranking?.points_per_race, 1)} points a race (${between(ranking?.points_low, ranking?.points_high, 1)}), `,
+      `${number(ranking?.contacts_per_km, 2)} contacts per km, ${number(ranking?.at_fault_per_km, 2)} at fault, ${count(ranking?.faults ?? 0, "fault")}`));
+}
+
+// Where it stands in its training run, if the run left a curve.
+function trained(card) {
+  const starts = card.step === null ? [] : [...curves.keys()].filter((start) => card.source.startsWith(start));
+  const start = d3.greatest(starts, (one) => one.length);
+  if (start === undefined) return null;
+  const curve = curves.get(start);
+  const laps = curve.filter((row) => row.lap_s !== null);
+  const kin = entrants.filter((one) => one.step !== null && one.source?.startsWith(start));
+  const label = { labelAnchor: "center", labelArrow: "none", domain: [0, d3.max(curve, (row) => row.updates)], tickFormat: "~s" };
+  const line = (title, y, rows, height, extra) => chart(title, (width) => Plot.plot({
+    width, height, marginLeft: 52, marginRight: 16, marginBottom: 38, ariaLabel: title, x: { ...label, label: "updates", ticks: width / 110 }, y: { label: null, grid: true, ...extra },
+    marks: [
+      Plot.ruleX(kin, { x: "step", stroke: "var(--rule)", strokeDasharray: "2 3" }),
+      Plot.ruleX([card.step], { stroke: "var(--finalist)", strokeWidth: 2 }),
+      Plot.line(curve, { x: "updates", y, stroke: "var(--survivor)", strokeWidth: 1.6, clip: true }),
+      Plot.dot(rows, { x: "updates", y, r: 2.6, fill: "var(--survivor)", clip: true }),
+      Plot.tip(rows, Plot.pointer({ ...tip, x: "updates", y, title: (row) => `${number(row.updates)} updates\nlap ${number(row.lap_s, 3)} s\noff course ${percent(row.off_course_share, 1)} %` })),
+    ],
+  }));
+  const best = d3.min(laps, (row) => row.lap_s) ?? 0;
+  return section("Training",
+    note(`Its run was tried ${count(curve.length, "time")} while it trained. The solid line is this checkpoint; the dotted ones are others of the run that are in this report. A gap is a policy that did not complete its laps.`),
+    h("div", { class: "charts" },
+      laps.length ? line("Mean flying lap, s", "lap_s", laps, 240, { domain: [best - 0.5, Math.max(best + 1, Math.min(1.15 * best, d3.max(laps, (row) => row.lap_s)))] }) : empty("No lap was completed."),
+      line("Time off course, %", (row) => 100 * row.off_course_share, curve, 240, { zero: true })));
 }
 
 function ownMatchups(index) {

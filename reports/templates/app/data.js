@@ -1,5 +1,3 @@
-"use strict";
-
 // What the page shows: `reports/payload.py` wrote it as columns, here they become rows.
 
 const data = JSON.parse(document.getElementById("data").textContent);

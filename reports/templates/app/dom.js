@@ -1,16 +1,4 @@
-// Elements, numbers and addresses. All text goes through text nodes, so nothing in it is markup.
-
-const h = (tag, attributes = {}, ...children) => {
-  const drawn = tag.startsWith("svg:");
-  const node = drawn ? document.createElementNS("http://www.w3.org/2000/svg", tag.slice(4)) : document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (value === null || value === undefined || value === false) continue;
-    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
-    else node.setAttribute(name, value === true ? "" : value);
-  }
-  node.append(...children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false));
-  return node;
-};
+// Numbers and addresses, and elements that many views have.
 
 const ABSENT = "–";
 const MINUS = "−";
@@ -62,7 +50,7 @@ const facts = (pairs) =>
   h("dl", { class: "facts" }, pairs.filter(Boolean).map(([term, value, title]) => h("div", {}, h("dt", { title }, term), h("dd", {}, value))));
 const interval = (low, high, digits) =>
   h("span", { class: "interval" }, low === null || high === null ? "" : `${number(low, digits)} to ${number(high, digits)}`);
-const scroll = (label, child) => h("div", { class: "scroll", role: "region", "aria-label": label, tabindex: "0" }, child);
+const scroll = (label, child) => h("div", { class: "scroll", role: "region", "aria-label": label, tabindex: "0", onkeydown: walk }, child);
 const chip = (kind, text, title) => h("span", { class: `chip ${kind}`, title }, text);
 
 // What became of an entrant, in words beside its name.
@@ -74,3 +62,25 @@ const chips = (index) => {
     rankingOf.has(index) && selection && !candidates.has(entrant) && chip("anchor", "to compare", "races every night and cannot be sent"),
   ];
 };
+
+// Arrow keys go from what can be used in one cell of a table to that in the next, past cells without any.
+const STEPS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] };
+function walk(event) {
+  const cell = event.target.closest("td, th");
+  const step = STEPS[event.key];
+  if (!step || !cell) return;
+  const rows = [...cell.closest("table").rows];
+  let [row, column] = [cell.parentElement.rowIndex, cell.cellIndex];
+  for (;;) {
+    row += step[0];
+    column += step[1];
+    const next = rows[row]?.cells[column];
+    if (!next) return;
+    const usable = next.querySelector("a, button, input");
+    if (usable) {
+      event.preventDefault();
+      usable.focus();
+      return;
+    }
+  }
+}

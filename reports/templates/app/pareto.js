@@ -67,7 +67,7 @@ function front2d(rows, x, y) {
     width, height: Math.round(Math.min(560, Math.max(340, width * 0.6))), marginLeft: 56, marginRight: 20, marginBottom: 44, inset: 10,
     ariaLabel: `${objectiveTitle(x)} against ${objectiveTitle(y)}`,
     x: { label: objectiveTitle(x), labelAnchor: "center", labelArrow: "none", nice: true, ticks: width / 90, domain: across, clamp: true },
-    y: { label: objectiveTitle(y), labelArrow: "none", grid: true, nice: true, domain: upwards, clamp: true },
+    y: { label: objectiveTitle(y), labelArrow: "none", grid: true, nice: true, ticks: 7, domain: upwards, clamp: true },
     marks: [
       Plot.dot(kinds[0], { x: "x", y: "y", r: 2.2, fill: "var(--field)", fillOpacity: 0.6 }),
       Plot.dot(kinds[1], { x: "x", y: "y", r: 4, fill: "var(--survivor)" }),

@@ -1,10 +1,13 @@
-// One race: its grid and result, what the stewards saw, and how to run it again.
+// One race: its grid and result; if it was recorded, the race itself; and how to run it again.
 
 function raceView([key, index]) {
   const race = raceByKey.get(`${key}/${index}`);
   if (!race) return missing("race");
   const cars = carsOf(race);
   const teams = [...groups(cars.filter((one) => one.team >= 0), "team")].sort(([a], [b]) => a - b);
+  const same = (one) => one.match === race.key && one.race === race.race;
+  const [recording, shown] = [data.recordings.find(same), summary.replays.find(same)];
+  const player = recording && playerOf(recording);
   const flagged = (value) => (value ? h("span", { class: "fault" }, number(value)) : "0");
   return [
     h("p", { class: "over" }, `${plain(race.stage)} · ${plain(race.test)}`),
@@ -15,7 +18,8 @@ function raceView([key, index]) {
       ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2, 1), "each is counted by both cars"],
       ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
-    dataTable("result", [
+    player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown)]),
+    section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
       { key: "grid", head: "Grid", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", gained(row.slot - row.place)] },
       { ...entrantColumn(), cell: (row) => [row.team >= 0 && h("i", { class: `team team${row.team}`, title: `team ${row.team + 1}` }), entrantLink(row.entrant)] },
@@ -29,12 +33,66 @@ function raceView([key, index]) {
       { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
       { key: "wall", head: "Wall, s", value: (row) => row.wall_s, cell: (row) => number(row.wall_s, 1) },
       { key: "ending", head: "Ending", kind: "text", first: "ascending", value: (row) => plain(row.ending) },
-    ], cars, { sort: "place", label: "Result" }),
-    section("Watch it",
-      summary.replays.filter((one) => one.match === race.key && one.race === race.race).map((one) => h("p", {}, replay(one))),
-      h("p", {}, "This runs it again as it was, and shows it:"),
-      command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`])),
+    ], cars, { sort: "place", label: "Result" })),
+    player && later(player, (ready) => [
+      section("Along the race", raceCharts(ready)),
+      section("Speed along the lap", speedCharts(ready)),
+      section("Incidents", incidents(ready)),
+      section("Where cars pass", passesView(ready)),
+    ]),
+    watched(race, shown),
   ];
 }
 
 const gained = (places) => (places === 0 ? h("span", { class: "same" }, "=") : h("span", { class: places > 0 ? "gain" : "loss" }, `${places > 0 ? "▲" : "▼"}${Math.abs(places)}`));
+
+// What is drawn of a race that was recorded, once that is unpacked.
+function later(player, draw) {
+  const host = h("div", {});
+  player.then((ready) => host.append(...[draw(ready)].flat(Infinity).filter(Boolean)));
+  return host;
+}
+
+async function playerOf(race) {
+  const player = racePlayer(await openRecording(race, data.circuit), { scrolls: true, ...momentOf(here().params) });
+  player.node.addEventListener("keydown", player.key);
+  keepMoment(player, (moment) => Object.entries(moment).forEach(([name, value]) => keep(name, value)));
+  return player;
+}
+
+const VERDICTS = { contact: "nobody to blame", wall: "noted", off_course: "noted", penalty: "penalty" };
+function incidents(player) {
+  const { race } = player.recording;
+  const rows = race.incidents.filter((incident) => !incident.notice);
+  if (!rows.length) return empty("The stewards noted nothing.");
+  const verdict = ({ kind, fault, penalty }) => [
+    fault >= 0 ? h("span", { class: "fault" }, `${race.cars[fault].name} is to blame`) : VERDICTS[kind], penalty > 0 && `, ${number(penalty, 1)} s`];
+  return dataTable("incidents", [
+    { key: "time", head: "Time", first: "ascending", value: (row) => row.time, cell: (row) => momentButton(player, row.time - 3, row.cars[0], clock(row.time)) },
+    { key: "kind", head: "Kind", kind: "text", first: "ascending", value: (row) => plain(row.kind) },
+    { key: "what", head: "What the stewards saw", kind: "text long", cell: (row) => row.text.replace(/: [^:]* penalty$/, "") },
+    { key: "closing", head: "Closing, m/s", value: (row) => (row.kind === "contact" ? row.closing : null), cell: (row) => number(row.kind === "contact" ? row.closing : null, 1) },
+    { key: "verdict", head: "Verdict", kind: "text", first: "ascending", value: (row) => (row.fault >= 0 ? 0 : 1) - row.penalty / 100, cell: verdict },
+  ], rows, { sort: "time", prefix: "incidents-", label: "Incidents", text: (row) => `${plain(row.kind)} ${row.text}`, shown: 12 });
+}
+
+// The clips of a race that is to be looked at, as links that open the player there.
+function clipsOf({ match, race, clips }) {
+  return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
+    link(to("race", [match.slice(0, 12), String(race)], { at: clip.start_s, car: clip.car }), `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)));
+}
+
+function clipsHere(player, { clips }) {
+  return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
+    momentButton(player, clip.start_s, clip.car, `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)));
+}
+
+// How to see the race elsewhere.
+function watched(race, shown) {
+  const rerun = shown?.recording && ["nathlon", "replay", shown.recording.replace("../", "")];
+  return section("Watch it elsewhere",
+    shown && h("p", {}, replay(shown)),
+    rerun && [h("p", {}, "In the folder above this page, this opens the recording in Rerun:"), command(rerun)],
+    h("p", {}, shown?.recording ? "This runs it again as it was, and shows it:" : "This runs it again as it was, records it and shows it in Rerun:"),
+    command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`]));
+}

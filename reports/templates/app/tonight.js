@@ -13,7 +13,7 @@ function tonight() {
       link("ranking.xlsx", "The spreadsheet")),
     funnel(),
     h("div", { class: "halves" }, section("What changed", changes()), section("Run health", health())),
-    section("Races to look at", summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one)))) : empty("No race was recorded.")),
+    section("Races to look at", summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one), clipsOf(one)))) : empty("No race was recorded.")),
     section("The run", facts([
       ["Circuit", summary.circuit], ["Car", summary.car], ["Seed", String(summary.seed ?? ABSENT)],
       ...Object.entries(summary.versions).map(([name, version]) => [name, version]),

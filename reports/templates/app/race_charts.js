@@ -1,0 +1,120 @@
+// Charts of a recorded race by distance, with a line where the player stands.
+
+const teamStroke = (recording, car) => (recording.race.cars[car].team === 1 ? "var(--finalist)" : "var(--survivor)");
+
+// A chart along x with the player's place in it; a click has the player go there.
+function playedChart(player, title, draw, placeOf, timeOf) {
+  let move = () => {};
+  player.on.push(() => move());
+  return chart(title, (width) => {
+    const plot = draw(width);
+    const scale = plot.scale("x");
+    const line = h("svg:line", { class: "cursor", y1: 8, y2: plot.viewBox.baseVal.height - 38 });
+    plot.append(line);
+    move = () => {
+      const x = scale.apply(placeOf());
+      line.setAttribute("visibility", Number.isFinite(x) ? "visible" : "hidden");
+      if (Number.isFinite(x)) for (const end of ["x1", "x2"]) line.setAttribute(end, x);
+    };
+    move();
+    plot.addEventListener("click", (event) => {
+      const time = timeOf(scale.invert(d3.pointer(event, plot)[0]));
+      if (time !== null) player.seek(time);
+    });
+    return plot;
+  });
+}
+
+function raceCharts(player) {
+  const { recording, state } = player;
+  const { race, circuit, samples } = recording;
+  const rows = passings(recording);
+  if (!rows.length) return empty("Nobody drove far enough to draw it.");
+  const last = [...groups(rows, "car").values()].map((own) => own.at(-1));
+  const end = d3.max(rows, ({ lap }) => lap);
+  const place = () => {
+    const tick = recording.tickAt(state.now);
+    return (Math.max(...samples.distance.map((column) => column[tick])) + race.origin) / circuit.lap;
+  };
+  const when = (lap) => {
+    const times = samples.distance.map((_, car) => recording.timeAt(car, lap * circuit.lap - race.origin)).filter((time) => time !== null);
+    return times.length ? Math.min(...times) : null;
+  };
+  const along = { label: "laps of the first", domain: [0, end], ticks: d3.range(0, end), tickFormat: "d", labelAnchor: "center", labelArrow: "none" };
+  const lines = (y) => Plot.line(rows, { x: "lap", y, z: "car", stroke: (row) => teamStroke(recording, row.car), strokeWidth: 1.8, strokeLinejoin: "round" });
+  const about = (row) => `${race.cars[row.car].name}\nplace ${row.place}, ${number(row.gap, 1)} s behind the first\n${clock(row.time)} after the start`;
+  const pointed = (y) => Plot.tip(rows, Plot.pointer({ ...tip, x: "lap", y, title: about }));
+  const named = (row, width) => (width < 500 || row.lap < end - 0.2 ? String(row.car) : race.cars[row.car].name);
+  return h("div", { class: "charts" },
+    playedChart(player, "Places", (width) => Plot.plot({
+      width, height: 270, marginRight: width < 500 ? 24 : 158, marginLeft: 34, marginBottom: 38, ariaLabel: "Place of every car along the race",
+      x: along, y: { domain: [recording.cars + 0.4, 0.6], ticks: d3.range(1, recording.cars + 1), tickFormat: "d", label: null, tickSize: 0 },
+      marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("place"),
+        Plot.text(last, { x: "lap", y: "place", text: (row) => named(row, width), textAnchor: "start", dx: 6, fill: "currentColor" }), pointed("place")],
+    }), place, when),
+    playedChart(player, "Seconds behind the first", (width) => Plot.plot({
+      width, height: 270, marginRight: 24, marginLeft: 34, marginBottom: 38, ariaLabel: "Gap of every car to the first along the race",
+      x: along, y: { domain: [d3.max(rows, ({ gap }) => gap) || 1, 0], label: null, grid: true },
+      marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("gap"),
+        Plot.text(last, { x: "lap", y: "gap", text: (row) => String(row.car), textAnchor: "start", dx: 5, fill: "currentColor" }), pointed("gap")],
+    }), place, when));
+}
+
+// Speeds of up to two laps, and the time that they lose, against the fastest lap of the race.
+function speedCharts(player) {
+  const { recording, state } = player;
+  const { race, circuit } = recording;
+  const laps = lapsOf(recording);
+  if (!laps.length) return empty("Nobody completed a lap.");
+  const [reference] = laps;
+  const titled = (lap) => `${race.cars[lap.car].name}, lap ${lap.lap}, ${lapTime(lap.seconds)}`;
+  const others = laps.filter(({ car }) => car !== reference.car);
+  const opponent = others.find(({ car }) => race.cars[car].team !== race.cars[reference.car].team) ?? others[0] ?? laps[1];
+  const { params } = here();
+  const lapAt = (name, fallback) => (params.has(name) ? laps.find(({ key }) => key === params.get(name)) : fallback);
+  const chosen = [lapAt("a", opponent), lapAt("b")];
+  const host = h("div", {});
+  const choose = (name, i) => h("label", {}, ["", "and "][i], h("select", {
+    "aria-label": ["First lap", "Second lap"][i],
+    onchange: (event) => {
+      chosen[i] = laps.find(({ key }) => key === event.target.value);
+      keep(name, event.target.value || "none");
+      draw();
+    },
+  }, h("option", { value: "" }, "none"), laps.map((lap) => h("option", { value: lap.key, selected: lap === chosen[i] }, titled(lap)))));
+  const distances = circuit.sections.map((section) => ({ ...section, middle: (section.start + section.end) / 2 }));
+  const place = () => {
+    const car = state.followed >= 0 ? state.followed : recording.order(recording.tickAt(state.now))[0];
+    const distance = recording.value("distance", car, ...recording.moment(state.now)) + race.origin;
+    return distance < 0 ? NaN : distance % circuit.lap;
+  };
+  const when = (distance) => recording.timeAt((chosen[0] ?? reference).car, (chosen[0] ?? reference).from + distance);
+
+  function draw() {
+    const traces = chosen.map((lap, i) => lap && { lap, line: i, rows: traceOf(recording, lap) }).filter(Boolean);
+    const base = traceOf(recording, reference);
+    const lost = (rows) => rows.slice(0, base.length).map((row, i) => ({ ...row, lost: row.seconds - base[i].seconds }));
+    const along = { domain: [0, circuit.lap], label: "m from the line", labelAnchor: "center", labelArrow: "none" };
+    const bounds = Plot.ruleX(distances, { x: "start", stroke: "var(--rule)" });
+    const pen = ({ line }) => ({ stroke: LINES[line][0], strokeWidth: 1.6 });
+    host.replaceChildren(
+      playedChart(player, "Speed, km/h", (width) => Plot.plot({
+        width, height: 260, marginLeft: 38, marginBottom: 38, marginTop: width > 900 ? 34 : 14, ariaLabel: "Speed along the lap", x: along, y: { label: null, grid: true, nice: true },
+        marks: [bounds, width < 900 ? null : Plot.text(distances, { x: "middle", text: (row) => ((width * (row.end - row.start)) / circuit.lap > 7 * row.name.length ? row.name : ""), frameAnchor: "top", dy: -18, lineWidth: 7, fill: "var(--muted)", fontSize: 11 }),
+          Plot.line(base, { x: "distance", y: "speed", stroke: "var(--muted)", strokeDasharray: "4 3", strokeWidth: 1.6 }),
+          traces.map((one) => Plot.line(one.rows, { x: "distance", y: "speed", ...pen(one) }))],
+      }), place, when),
+      playedChart(player, "Seconds lost to the reference", (width) => Plot.plot({
+        width, height: 160, marginLeft: 38, marginBottom: 38, marginTop: 14, ariaLabel: "Time lost to the reference along the lap", x: along, y: { label: null, grid: true, nice: true },
+        marks: [bounds, Plot.ruleY([0], { stroke: "var(--muted)", strokeDasharray: "4 3" }), traces.map((one) => Plot.line(lost(one.rows), { x: "distance", y: "lost", ...pen(one) }))],
+      }), place, when));
+  }
+  draw();
+  return [
+    note("The dashed reference is the fastest lap of this race: ", titled(reference), "."),
+    h("div", { class: "controls" }, [["a", 0], ["b", 1]].map(([name, i]) => [h("i", { class: `swatch line${i}` }), choose(name, i)])),
+    host,
+  ];
+}
+
+const lapTime = (seconds) => `${Math.floor(seconds / 60)}:${(seconds % 60).toFixed(2).padStart(5, "0")}`;

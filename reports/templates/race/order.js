@@ -1,0 +1,42 @@
+// The order of a race at the player's moment; a car that is chosen is followed.
+
+function orderTable(player) {
+  const { recording, state } = player;
+  const { race, samples, time } = recording;
+  const rows = race.cars.map(() => {
+    const square = h("svg:rect", { width: 10, height: 10 });
+    const text = document.createTextNode("");
+    const shown = { car: 0, square, text };
+    shown.button = h("button", { type: "button", onclick: () => player.follow(shown.car) }, h("svg:svg", {}, square), text);
+    [shown.place, shown.gap, shown.speed] = [h("td"), h("td"), h("td")];
+    shown.row = h("tr", {}, shown.place, h("td", {}, shown.button), shown.gap, shown.speed);
+    return shown;
+  });
+
+  function show() {
+    if (!time.length) return;
+    const tick = recording.tickAt(state.now);
+    const order = recording.order(tick);
+    order.forEach((car, i) => {
+      const shown = rows[i];
+      shown.car = car;
+      shown.place.textContent = i + 1;
+      shown.square.setAttribute("fill", race.cars[car].colour);
+      shown.text.data = shown.button.title = race.cars[car].name;
+      const penalty = samples.penalty[car][tick];
+      const driving = recording.drives(car, tick);
+      const behind = i ? `+${recording.gap(car, order[0], tick).toFixed(1)}` : `lap ${samples.lap[car][tick] + 1}`;
+      shown.gap.textContent = penalty > 0 ? `P ${penalty.toFixed(0)}` : behind;
+      shown.gap.title = penalty > 0 ? "penalty to serve, s" : "";
+      shown.speed.textContent = driving ? Math.round(3.6 * samples.speed[car][tick]) : "–";
+      shown.row.classList.toggle("out", !driving);
+      shown.row.toggleAttribute("aria-current", car === state.followed);
+    });
+  }
+
+  player.on.push(show);
+  return h("table", { id: "order" },
+    h("caption", { class: "unseen" }, "The order; choose a car to follow it"),
+    h("thead", {}, h("tr", {}, ["Pos", "Car", "Gap s", "km/h"].map((head) => h("th", { scope: "col" }, head)))),
+    h("tbody", {}, rows.map(({ row }) => row)));
+}

@@ -1,0 +1,152 @@
+// The player: a race from above, with what makes it go.
+
+const RATES = { 0.25: "¼×", 0.5: "½×", 1: "1×", 2: "2×", 4: "4×", 8: "8×" };
+
+// Its `node` goes into a page; `on` has functions called with the state whenever the moment or the car changes.
+function racePlayer(recording, { followed = -1, now = 0, scrolls = false } = {}) {
+  const { race, cars, end } = recording;
+  const state = { now: 0, playing: false, rate: 1, followed, zoom: 1, moved: null };
+  const watchers = [];
+
+  const scene = h("canvas", { id: "scene", role: "img", "aria-label": "The race from above" });
+  const news = h("p", { id: "news", role: "status" });
+  const button = h("button", { id: "play", type: "button", "aria-pressed": "false", onclick: () => play(!state.playing) }, "Play");
+  const shownTime = h("output", { id: "clock" }, clock(0));
+  const marks = h("svg:svg", { id: "marks", viewBox: `0 0 ${end || 1} 9`, preserveAspectRatio: "none", "aria-hidden": "true" },
+    race.incidents.map((incident) => h("svg:line", {
+      x1: incident.time, x2: incident.time, y1: 1, y2: 9, "stroke-width": 1.5, "vector-effect": "non-scaling-stroke",
+      stroke: incident.notice ? QUIET : ALARM,
+    })));
+  const scrub = h("input", {
+    id: "scrub", type: "range", min: 0, max: end, step: 0.01, value: 0, "aria-label": "Time in the race",
+    oninput: () => seek(Number(scrub.value)),
+  });
+  const rate = h("select", { id: "rate", onchange: () => (state.rate = Number(rate.value)) },
+    Object.keys(RATES).sort().map((value) => h("option", { value, selected: value === "1" }, RATES[value])));
+  const choice = h("select", { id: "follow", onchange: () => follow(Number(choice.value)) },
+    h("option", { value: -1 }, "whole circuit"), race.cars.map(({ name }, car) => h("option", { value: car }, name)));
+  const node = h("div", { class: "player" },
+    h("div", { class: "stage" }, scene, news),
+    h("div", { class: "transport" }, button, shownTime, h("span", { class: "timeline" }, marks, scrub),
+      h("label", {}, "Speed ", rate), h("label", {}, "Follow ", choice)));
+  const drawScene = raceScene(recording, scene, state);
+
+  function show() {
+    scrub.value = state.now;
+    scrub.setAttribute("aria-valuetext", clock(state.now));
+    shownTime.textContent = clock(state.now);
+    const last = race.incidents.findLast((incident) => incident.time <= state.now && !incident.notice);
+    const said = last && state.now - last.time < NEWS_S ? last.text : "";
+    if (news.textContent !== said) news.textContent = said;
+    drawScene();
+    watchers.forEach((watcher) => watcher(state));
+  }
+
+  let wanted = false;
+  function refresh() {
+    if (wanted) return;
+    wanted = true;
+    requestAnimationFrame(() => {
+      wanted = false;
+      show();
+    });
+  }
+
+  function seek(seconds) {
+    state.now = Math.min(Math.max(seconds, 0), end);
+    refresh();
+  }
+
+  function follow(car) {
+    state.followed = car;
+    state.zoom = 1;
+    state.moved = null;
+    choice.value = car;
+    refresh();
+  }
+
+  let before = 0;
+  function frame(milliseconds) {
+    if (!state.playing) return;
+    const passedS = Math.min((milliseconds - before) / 1000, 0.25);
+    before = milliseconds;
+    if (state.now >= end || !node.isConnected) play(false);
+    else seek(state.now + passedS * state.rate);
+    requestAnimationFrame(frame);
+  }
+
+  function play(on) {
+    if (on && state.now >= end) state.now = 0;
+    state.playing = on && end > 0;
+    button.textContent = state.playing ? "Pause" : "Play";
+    button.setAttribute("aria-pressed", state.playing);
+    refresh();
+    if (state.playing) {
+      before = performance.now();
+      requestAnimationFrame(frame);
+    }
+  }
+
+  new ResizeObserver(refresh).observe(scene);
+  scene.addEventListener("wheel", (event) => {
+    // Where the page scrolls, the wheel alone is for that.
+    if (scrolls && !event.ctrlKey) return;
+    event.preventDefault();
+    state.zoom = Math.min(Math.max(state.zoom * Math.exp(-event.deltaY / 600), 0.15), 60);
+    refresh();
+  }, { passive: false });
+  scene.addEventListener("pointermove", (event) => {
+    if (!event.buttons || state.followed >= 0) return;
+    const ratio = (window.devicePixelRatio || 1) / state.scale;
+    state.moved = [state.centre[0] - event.movementX * ratio, state.centre[1] + event.movementY * ratio];
+    refresh();
+  });
+
+  function nextIncident(direction) {
+    const times = race.incidents.filter((incident) => !incident.notice).map((incident) => incident.time);
+    const there = direction > 0 ? times.find((t) => t > state.now + 0.01) : times.findLast((t) => t < state.now - 0.01);
+    if (there !== undefined) seek(there);
+  }
+
+  const keys = {
+    " ": () => play(!state.playing),
+    ArrowRight: (event) => seek(state.now + (event.shiftKey ? 10 : 1)),
+    ArrowLeft: (event) => seek(state.now - (event.shiftKey ? 10 : 1)),
+    ".": () => seek(state.now + 0.1),
+    ",": () => seek(state.now - 0.1),
+    ArrowDown: () => follow((state.followed + 1) % cars),
+    ArrowUp: () => follow((Math.max(state.followed, 0) + cars - 1) % cars),
+    "]": () => nextIncident(1),
+    "[": () => nextIncident(-1),
+    Home: () => seek(0),
+    End: () => seek(end),
+    m: () => follow(-1),
+  };
+  function key(event) {
+    const elsewhere = event.target.closest("select, button");
+    const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (event.ctrlKey || event.metaKey || event.altKey || !keys[name]) return;
+    if (elsewhere && (name === " " || event.target.tagName === "SELECT")) return;
+    event.preventDefault();
+    keys[name](event);
+  }
+
+  choice.value = followed;
+  seek(now);
+  return { node, scene, state, recording, on: watchers, seek, follow, key };
+}
+
+// Have the moment and the car written down, where they are others than at first, when the player has stood still.
+const KEPT_MS = 300;
+function keepMoment(player, write) {
+  const first = { ...player.state };
+  let timer = 0;
+  player.on.push(({ now, followed, playing }) => {
+    clearTimeout(timer);
+    if (playing || (now === first.now && followed === first.followed)) return;
+    timer = setTimeout(() => player.node.isConnected && write({ at: now.toFixed(1), car: String(followed) }), KEPT_MS);
+  });
+}
+
+// The moment and the car that a query names.
+const momentOf = (params) => ({ now: Number(params.get("at")) || 0, ...(params.has("car") && { followed: Number(params.get("car")) }) });

@@ -1,0 +1,120 @@
+"""A full night's page, opened in a browser."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Browser, Page
+
+from reports.page import write_page
+from reports.selection import Selection
+from tests.lap_tables import with_laps
+from tests.race_logs import oval_race
+from tests.selections import build, night_before
+
+SCREENSHOTS = Path(os.environ.get("SCREENSHOTS", Path(__file__).parent.parent / "build" / "screenshots"))
+"""Where tests leave pictures of what they have seen."""
+REPLAY = {
+    "why": "the closest race",
+    "race": 1,
+    "player": "../replays/final.html",
+    "recording": "javascript:alert(1);'$(x).mcap",
+    "replay": None,
+    "clips": [
+        {"start_s": 21.5, "end_s": 31.5, "car": 1, "why": "the hardest contact laid to nobody: a touch"}
+    ],
+    "missing": None,
+}
+
+
+def full_night() -> Selection:
+    """A night with everything: a person on the committee, a night before, a race that was recorded, laps."""
+    selection = build(np.random.default_rng(0), entrants=250, finalists=6)
+    first, second = selection.tables["ranking"]["entrant"][:2]
+    replay = {"match": selection.results["match"][0], **REPLAY}
+    log = replace(oval_race(duration_s=90.0), match=replay["match"], race=replay["race"])
+    return with_laps(
+        replace(
+            selection,
+            summary={**selection.summary, "replays": [replay]},
+            previous=night_before(selection),
+            logs=(log,),
+        ),
+        {first: 64.2, second: 64.9},
+    )
+
+
+class Opened:
+    """A page opened from the disk, with all that it asked for or complained of."""
+
+    def __init__(
+        self, browser: Browser, selection: Selection, folder: Path, address: str = "", **context: Any
+    ) -> None:
+        self.own = write_page(selection, folder).as_uri()
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        self.page: Page = browser.new_page(**context)
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("console", lambda message: self.complaints.append(message.text))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.add_init_script(
+            "document.addEventListener('securitypolicyviolation',"
+            " e => console.error('violation', e.violatedDirective))"
+        )
+        self.page.goto(self.own + address)
+
+    def go(self, address: str) -> None:
+        """To a view, and wait until its charts are drawn."""
+        self.page.evaluate("address => { location.hash = address; }", address)
+        self.page.wait_for_url(f"**{address}")
+        self.until("[...document.querySelectorAll('figure')].every(figure => figure.querySelector('svg'))")
+
+    def until(self, condition: str) -> None:
+        """Wait for it frame by frame; Playwright's own way needs `eval`, which the page's policy forbids."""
+        self.page.evaluate(
+            f"async () => {{ while (!({condition})) await new Promise(requestAnimationFrame); }}"
+        )
+
+    def picture(self, name: str) -> None:
+        """Leave a picture of the whole page."""
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(
+            path=SCREENSHOTS / f"{re.sub(r'[^a-z0-9]+', '-', name).strip('-')}.png", full_page=True
+        )
+
+    def column(self, table: str, index: int) -> list[str]:
+        cells = self.page.locator(f"#{table} tbody tr > :nth-child({index})")
+        return [text.strip() for text in cells.all_inner_texts()]
+
+    def names(self, table: str) -> list[str]:
+        links = self.page.locator(f"#{table} tbody th a")
+        return [text.strip() for text in links.all_inner_texts()]
+
+    def assert_quiet(self) -> None:
+        assert [url for url in self.requests if url.partition("#")[0] not in (self.own, "data:,")] == []
+        assert self.complaints == [], self.complaints
+        self.page.close()
+
+
+def key(selection: Selection, place: int) -> str:
+    """How addresses call the entrant at a place of the ranking."""
+    return str(selection.tables["ranking"]["entrant"][place][:12])
+
+
+def views(selection: Selection) -> list[str]:
+    two = f"{key(selection, 0)}/{key(selection, 1)}"
+    race = f"{selection.results['match'][0][:12]}/1"
+    return [
+        *(f"#/{view}" for view in ("tonight", "leaderboard", "pareto", "n-athlon", "matchups", "committee")),
+        "#/matchups?of=contacts",
+        f"#/compare/{two}",
+        f"#/matchup/{two}",
+        f"#/race/{race}",
+        f"#/checkpoint/{key(selection, 0)}",
+        f"#/checkpoint/{key(selection, 2)}",
+    ]
