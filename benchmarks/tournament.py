@@ -41,8 +41,8 @@ from tournament.event import Event, EventRace
 
 CIRCUIT, CAR = "lindenring", "gt3"
 SCENARIO = str(Path(__file__).with_name("three_laps.toml"))
-LADDERS = {"lindenring-s1": 10, "race-s2": 2}
-"""Bundled runs and how many of their last checkpoints take part."""
+RUN, ENTRANTS = "lindenring-s1", 12
+"""A bundled run, and how many of its last checkpoints take part."""
 PAIRS = 10
 WORKERS = 2
 SEED = 2024
@@ -50,11 +50,7 @@ SEED = 2024
 
 def entrants() -> list[Entrant]:
     """Twelve bundled checkpoints."""
-    paths = [
-        path
-        for run, last in LADDERS.items()
-        for path in sorted((BUNDLED / CIRCUIT).glob(f"{run}-*.safetensors"))[-last:]
-    ]
+    paths = sorted((BUNDLED / CIRCUIT).glob(f"{RUN}-*.safetensors"))[-ENTRANTS:]
     return enter_all([str(path) for path in paths], CIRCUIT, CAR)
 
 

@@ -21,7 +21,7 @@ from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon, refused
 
 GOOD = [path for path in BUNDLED if path.stem in ("lindenring-s1-032k", "lindenring-s1-040k")]
-WEAK = next(path for path in BUNDLED if path.stem == "lindenring-s1-028k")
+WEAK = next(path for path in BUNDLED if path.stem == "lindenring-s1-008k")
 
 SMALL = """
 checkpoints = ["checkpoints"]
