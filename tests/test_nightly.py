@@ -189,22 +189,27 @@ def test_the_exit_code(facts: dict[str, Any], code: int) -> None:
     assert judge(healthy | facts, 10, 0.1)[0] == code
 
 
+def vote_for_the_first(folder: Path) -> str:
+    """Ann's vote in the latest decision for the one that stands first, who is returned."""
+    shown = nathlon("committee", "nathlon.sqlite", "show", "--json", cwd=folder)
+    first: str = json.loads(shown.stdout)[-1]["standings"][0]["name"]
+    said = ("--member", "ann", "--rank", first, "--reason", "I know it.")
+    voted = nathlon("committee", "nathlon.sqlite", "vote", *said, cwd=folder)
+    assert voted.returncode == 0, voted.stderr
+    return first
+
+
 def test_people_are_waited_for(tmp_path: Path) -> None:
     settings = SMALL.replace("[committee]\n", '[committee]\nmembers = ["ann"]\nquorum = 1\n')
     watch_two(tmp_path, settings)
     assert (run(tmp_path).status, run(tmp_path).status) == ("waiting", "waiting")
     with Store.open(tmp_path / "nathlon.sqlite") as store:
         assert store.table("night-0001", "ranking").is_empty()
-    shown = nathlon("committee", "nathlon.sqlite", "show", "--json", cwd=tmp_path)
-    chosen = json.loads(shown.stdout)[0]["standings"][0]["name"]
-    said = ("--member", "ann", "--rank", chosen, "--reason", "I know it.")
-    voted = nathlon("committee", "nathlon.sqlite", "vote", *said, cwd=tmp_path)
-    assert voted.returncode == 0, voted.stderr
+    vote_for_the_first(tmp_path)
     assert run(tmp_path).status == "waiting"
     with Store.open(tmp_path / "nathlon.sqlite") as store:
         assert not store.table("night-0001", "ranking").is_empty()
-    voted = nathlon("committee", "nathlon.sqlite", "vote", *said, cwd=tmp_path)
-    assert voted.returncode == 0, voted.stderr
+    chosen = vote_for_the_first(tmp_path)
     night = run(tmp_path)
     assert (night.name, night.status, night.reason) == ("night-0001", "done", f"{chosen} is sent.")
 
