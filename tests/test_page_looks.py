@@ -83,7 +83,7 @@ def test_the_button_changes_the_colours_until_they_are_the_systems(
     opened.page.get_by_role("button", name="Light colours").click()
     assert opened.page.evaluate(paper) == light
     opened.page.emulate_media(color_scheme="dark")
-    assert opened.page.evaluate(paper) == dark
+    opened.until(f"{paper} === '{dark}'")
     opened.assert_quiet()
 
 
