@@ -67,7 +67,7 @@ def night(rng: np.random.Generator) -> Selection:
     pairs = [(a, b) for a in final for b in final if a != b]
     objectives = [f"objective_{index}" for index in range(3)]
     tests = [f"test_{index:02d}" for index in range(TESTS)]
-    tables = {
+    tables = {name: pl.DataFrame(schema=schema) for name, schema in TABLES.items()} | {
         "entrants": _table(
             "entrants",
             rng,
@@ -83,7 +83,6 @@ def night(rng: np.random.Generator) -> Selection:
         "pool": _table("pool", rng, final),
         "matchups": _table("matchups", rng, [a for a, _ in pairs], opponent=[b for _, b in pairs]),
         "ratings": _table("ratings", rng, final),
-        "tournament_notes": pl.DataFrame(schema=TABLES["tournament_notes"]),
     }
     summary: dict[str, Any] = {
         "stages": [{"name": "pareto", "in": CHECKPOINTS, "out": SURVIVORS, "races": RACES, "wall_s": 900.0}],
