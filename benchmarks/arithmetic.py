@@ -1,0 +1,187 @@
+"""What a step and an observation need of arithmetic, counted, beside the cycles that they take.
+
+Run as `python -m benchmarks.arithmetic`; prints a table. Counted is what the kernels' source does with
+numbers that count what is done with them, a car in a race of eight under random actions. The compiler
+needs less: it fuses multiplications with additions and takes out of the loop what does not change.
+
+The least cycles are those of the busiest unit of a core (AMD Zen 3, without vectors): two
+multiplications and two additions or comparisons each cycle, a division in five, a root in nine
+(Abel & Reineke, uops.info). The clock is read off additions that wait for each other, three cycles each.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
+from sim import observe, world
+from sim.car import load_car
+from sim.kernel import kernel
+from sim.scenario import load_scenario
+from sim.track import load_track
+from sim.world import SUBSTEPS, World
+
+CARS = 8
+WARM_UP = 20
+"""Steps before those that are counted."""
+STEPS = 10
+ADDITION = 3
+"""Cycles from addition to addition."""
+DIVISION, ROOT = 5.0, 9.0
+CHAIN = 20_000_000
+
+done: Counter[str] = Counter()
+
+
+class Number(float):
+    """A number that counts what is done with it."""
+
+
+def _counting(kind: str, function: Callable[..., float], swapped: bool = False) -> Callable[..., Any]:
+    def counted(*arguments: Any) -> Any:
+        done[kind] += 1
+        result = function(*map(float, arguments[::-1] if swapped else arguments))
+        return result if isinstance(result, bool) else Number(result)
+
+    return counted
+
+
+for _kind, _name in (("add", "add"), ("add", "sub"), ("multiply", "mul"), ("divide", "truediv")):
+    setattr(Number, f"__{_name}__", _counting(_kind, getattr(operator, _name)))
+    setattr(Number, f"__r{_name}__", _counting(_kind, getattr(operator, _name), swapped=True))
+for _name in ("lt", "le", "gt", "ge"):
+    setattr(Number, f"__{_name}__", _counting("compare", getattr(operator, _name)))
+for _kind, _name in (("sign", "neg"), ("sign", "abs")):
+    setattr(Number, f"__{_name}__", _counting(_kind, getattr(operator, _name)))
+
+MATH = SimpleNamespace(
+    pi=math.pi,
+    inf=math.inf,
+    sqrt=_counting("root", math.sqrt),
+    copysign=_counting("sign", math.copysign),
+    floor=math.floor,
+    **{name: _counting("function", getattr(math, name)) for name in ("sin", "cos", "atan2", "exp")},
+)
+
+
+def number(value: Any) -> Any:
+    """The same value of numbers that count: arrays, tuples and records of them too."""
+    if isinstance(value, np.void):
+        return SimpleNamespace(**{name: number(value[name]) for name in value.dtype.names or ()})
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind != "f":
+            return value
+        return np.vectorize(Number, otypes=[object])(value)
+    if isinstance(value, tuple):
+        return type(value)(*map(number, value)) if hasattr(value, "_fields") else tuple(map(number, value))
+    if isinstance(value, np.generic):
+        value = value.item()
+    return Number(value) if isinstance(value, float) else value
+
+
+def uncompile() -> None:
+    """Have the simulator's kernels call each other's source, with functions that count."""
+    for name, module in list(sys.modules.items()):
+        if not name.startswith("sim."):
+            continue
+        for key, value in list(vars(module).items()):
+            if isinstance(value, Dispatcher):
+                setattr(module, key, value.py_func)
+        replaced = {"math": MATH, "fused": lambda a, b, c: a * b + c}
+        vars(module).update({key: value for key, value in replaced.items() if hasattr(module, key)})
+    vars(observe)["np"] = SimpleNamespace(float32=lambda value: value, inf=np.inf)
+
+
+def count(races: World) -> tuple[Counter[str], Counter[str]]:
+    """What the cars of the first race do in `STEPS` steps, and in observing after each."""
+    drive = random_drive(np.random.default_rng(1))
+    for _ in range(WARM_UP):
+        races.step(drive(races))
+    uncompile()
+    p, course, rates, rules = map(number, (races.parameters, races.course, races.rates, races.rules))
+    cars = [number(car) for car in races.state[0]]
+    ticks, touched = [int(races.ticks[0])], number(np.full((CARS, CARS), -np.inf))
+    notes = [SimpleNamespace() for _ in races.contacts[0]]
+    mean, deviation = map(number, SPEC.scaling)
+    seen = SPEC.cars_ahead + SPEC.cars_behind
+    view = (mean, deviation, SPEC.course_points, SPEC.horizon_s, SPEC.cars_ahead)
+    stepping: Counter[str] = Counter()
+    observing: Counter[str] = Counter()
+    for _ in range(STEPS):
+        actions, tyres = number(drive(races)[0]), number(np.empty((3, 4)))
+        done.clear()
+        world.step_race(cars, actions, ticks, touched, notes, [0], SUBSTEPS, tyres, p, course, rates, rules)
+        stepping.update(done)
+        for car in range(CARS):
+            values, distance = number(np.empty(SPEC.size)), np.empty(seen, object)
+            done.clear()
+            observe.observe_car(cars, car, values, *view, np.empty(seen, np.int64), distance, p, course)
+            observing.update(done)
+    return stepping, observing
+
+
+@kernel
+def add_up(term: float, times: int) -> float:
+    """A sum whose every addition waits for the last."""
+    total = 0.0
+    for _ in range(times):
+        total += term
+    return total
+
+
+def cycle_s() -> float:
+    """Time of a clock cycle, s."""
+    add_up(0.5, 1)
+    spans = []
+    for _ in range(9):
+        began = time.thread_time()
+        add_up(0.5, CHAIN)
+        spans.append(time.thread_time() - began)
+    return min(spans) / CHAIN / ADDITION
+
+
+def least_cycles(each: dict[str, float]) -> float:
+    """Cycles for which the busiest unit is busy; what sines take is left out."""
+    return max(
+        each["multiply"] / 2.0,
+        (each["add"] + each["compare"]) / 2.0,
+        each["divide"] * DIVISION + each["root"] * ROOT,
+    )
+
+
+def main() -> None:
+    """Measure, count, print."""
+    rng = np.random.default_rng(0)
+    times = cost(CARS, random_drive(rng), rng)
+    circuit, scenario = load_track(CIRCUIT), load_scenario(SCENARIOS[CARS])
+    races = scenario.world(circuit, load_car(CAR), 1)
+    races.reset(0, scenario.place(circuit, rng))
+    races.observe(SPEC, *seats(races))
+    clock = cycle_s()
+    table = Table("", "add", "multiply", "divide", "root", "compare", "function", "least cycles", "cycles")
+    counts = count(races)
+    for name, sums, units, seconds in zip(
+        ("60 Hz step of a car", "observation"), counts, (SUBSTEPS, 1), times, strict=True
+    ):
+        each = {kind: sums[kind] / (STEPS * CARS * units) for kind in (*sums, "root", "function")}
+        kinds = ("add", "multiply", "divide", "root", "compare", "function")
+        cells = [f"{each[kind]:.1f}" for kind in kinds]
+        table.add_row(name, *cells, f"{least_cycles(each):.0f}", f"{seconds / units / clock:.0f}")
+    Console(width=110).print(table)
+    print(f"clock {1e-9 / clock:.2f} GHz")
+
+
+if __name__ == "__main__":
+    main()
