@@ -49,6 +49,20 @@ def full_night() -> Selection:
     )
 
 
+def overhear(page: Page) -> tuple[list[str], list[str]]:
+    """What a page is going to ask for, and to complain of: messages, errors, breaches of its policy."""
+    requests: list[str] = []
+    complaints: list[str] = []
+    page.on("request", lambda request: requests.append(request.url))
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.add_init_script(
+        "document.addEventListener('securitypolicyviolation',"
+        " e => console.error('violation', e.violatedDirective))"
+    )
+    return requests, complaints
+
+
 class Opened:
     """A page opened from the disk, with all that it asked for or complained of."""
 
@@ -56,16 +70,8 @@ class Opened:
         self, browser: Browser, selection: Selection, folder: Path, address: str = "", **context: Any
     ) -> None:
         self.own = write_page(selection, folder).as_uri()
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
         self.page: Page = browser.new_page(**context)
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("console", lambda message: self.complaints.append(message.text))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.add_init_script(
-            "document.addEventListener('securitypolicyviolation',"
-            " e => console.error('violation', e.violatedDirective))"
-        )
+        self.requests, self.complaints = overhear(self.page)
         self.page.goto(self.own + address)
 
     def go(self, address: str) -> None:

@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, Page
 
 from arena.race_log import RaceLog, progress
 from reports.player import render_player, write_player
+from tests.opened_page import overhear
 from tests.race_logs import oval_race
 
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=document.title='owned'>"
@@ -27,16 +28,8 @@ class Opened:
     """A player opened from the disk, with all that it asked for or complained of."""
 
     def __init__(self, browser: Browser, path: Path) -> None:
-        self.requests: list[str] = []
-        self.complaints: list[str] = []
         self.page: Page = browser.new_page(viewport={"width": 1000, "height": 700})
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("console", lambda message: self.complaints.append(message.text))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.add_init_script(
-            "document.addEventListener('securitypolicyviolation',"
-            " e => console.error('violation', e.violatedDirective))"
-        )
+        self.requests, self.complaints = overhear(self.page)
         self.page.goto(path.as_uri())
         self.page.wait_for_selector("body[data-ready]")
         self.own = path.as_uri()
