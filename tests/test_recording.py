@@ -166,7 +166,8 @@ def test_what_stands_before_the_damage_is_recovered(
     assert not found.whole
     assert found.log.samples.tobytes() == log.samples[:ticks].tobytes()
     assert ticks >= len(log.time_s) * (at / len(content) - 0.35)
-    assert found.messages == 2 * ticks + 2 + 2 * len(found.log.incidents)
+    own = 1 + ticks + len(found.log.incidents)  # each followed by one of Foxglove's: a chunk may end between
+    assert found.messages in (2 * own - 1, 2 * own)
     assert found.log.incidents == log.incidents[: len(found.log.incidents)]
     write_recording(path, found.log)
     assert_same(read_recording(path), found.log)
