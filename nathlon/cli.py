@@ -162,12 +162,15 @@ def report(
         str | None, typer.Option("--run", help="Name of the run; the last by default.")
     ] = None,
     out: Out = Path("runs/report"),
+    record_all: Annotated[
+        bool, typer.Option("--record-all", help="Record every race of the tournament.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make the report of a run again from its store."""
     from nathlon.commands.selection import report as run
 
-    run(store, run_name, out, as_json)
+    run(store, run_name, out, record_all, as_json)
 
 
 @app.command()

@@ -15,6 +15,7 @@ from nathlon.committee_rules import CommitteeSettings
 from nathlon.filter import FilterSettings
 from nathlon.n_athlon import BatterySettings
 from nathlon.race_off import TournamentSettings
+from nathlon.recordings import Kept
 from nathlon.skill import load_skills
 from nathlon.trials import policy_id
 from policies.load import DRIVER
@@ -50,6 +51,7 @@ class Config(Section):
         out: folder for the reports.
         seed: of all randomness.
         workers: processes; one for each core if it is not given.
+        recordings: which races of the tournament leave one.
     """
 
     checkpoints: tuple[str, ...] = ("checkpoints",)
@@ -59,6 +61,7 @@ class Config(Section):
     out: str = "nights"
     seed: Annotated[int, Field(ge=0)] = 1
     workers: Annotated[int, Field(ge=1)] | None = None
+    recordings: Kept = "notable"
     pareto: FilterSettings = FilterSettings()
     battery: BatterySettings = BatterySettings()
     committee: CommitteeSettings = CommitteeSettings()
@@ -72,7 +75,8 @@ class Config(Section):
         Raises:
             InputError: if a file is missing or wrong.
         """
-        decisive = self.model_dump(mode="json", exclude={"out", "workers", "store", "checkpoints"})
+        elsewhere = {"out", "workers", "store", "checkpoints", "recordings"}
+        decisive = self.model_dump(mode="json", exclude=elsewhere)
         return hashlib.sha256(json.dumps([decisive, self._contents()]).encode()).hexdigest()
 
     def _contents(self) -> list[Any]:

@@ -10,6 +10,7 @@ from nathlon.field import Field
 from nathlon.output import OutputFolder
 from nathlon.pipeline import select
 from nathlon.publish import publish
+from nathlon.recordings import record_tournament
 from nathlon.run import WAITING, OnMatch
 from nathlon.single_run import single_run
 from reports.selection import Selection
@@ -34,4 +35,9 @@ def evaluate(
     """
     with single_run("selection", entrants, config, output.store, workers, on_match) as run:
         run.status = select(run, Field(tuple(entrants)), config)
-        return None if run.status == WAITING else publish(run.store, run.name, output, run.pool)
+        if run.status == WAITING:
+            return None
+        selection = publish(run.store, run.name, output, run.pool)
+        if config.recordings == "all":
+            record_tournament(run.store, run.name, output, run.pool, on_match)
+        return selection

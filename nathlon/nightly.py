@@ -19,6 +19,7 @@ from nathlon.field import Exclusion, Field, newcomers
 from nathlon.output import OutputFolder
 from nathlon.pipeline import select
 from nathlon.publish import publish
+from nathlon.recordings import record_tournament
 from nathlon.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
 from reports.selection import Selection
 from sim.errors import InputError
@@ -80,7 +81,10 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             store.end_run(night.name, WAITING)
             return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
         run.keep({"pool": _pool(store, night, run)})
-        selection = publish(store, night.name, OutputFolder(Path(config.out) / night.name), pool)
+        output = OutputFolder(Path(config.out) / night.name)
+        selection = publish(store, night.name, output, pool)
+        if config.recordings == "all":
+            record_tournament(store, night.name, output, pool, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason})
         store.end_run(night.name, DONE)

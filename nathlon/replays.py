@@ -9,23 +9,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
-from arena.match import Match
-from arena.pool import Pool, Wanted
+from arena.pool import Pool
 from arena.race_log import RaceLog
-from arena.recorder import Recorded
 from arena.recording import read_recording, write_recording
 from arena.store import Store
 from nathlon.clips import clips
 from nathlon.decider import Notable, notable_races
 from nathlon.output import OutputFolder
+from nathlon.recordings import recording_name, run_again, stored_match
 from reports.player import write_player
 from reports.replay import write_replay
 from sim.errors import InputError
 
 FINAL = "final"
 """What the files of the deciding race are called; those of others are called after match and race."""
-OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
-"""Why a race is not shown: its policies or this machine do not compute the same as then."""
 
 
 class Replays(NamedTuple):
@@ -55,10 +52,8 @@ def record_replays(
     a Rerun replay (.rrd), which `nathlon replay` makes of any other.
     """
     notable = notable_races(results, tables["ranking"])
-    names = [FINAL, *(f"{one.match[:10]}-{one.race}" for one in notable[1:])]
-    kept = [
-        _kept(output.races / f"{name}.mcap", one, results) for name, one in zip(names, notable, strict=False)
-    ]
+    names = [f"{FINAL}.mcap", *(recording_name(one.match, one.race) for one in notable[1:])]
+    kept = [_kept(output.races / name, one, results) for name, one in zip(names, notable, strict=False)]
     lost = [one for one, log in zip(notable, kept, strict=True) if log is None]
     again, missing = _run_again(store, lost, tables["entrants"], pool)
     replays, logs = [], []
@@ -94,41 +89,29 @@ def _run_again(
     store: Store, races: Sequence[Notable], entrants: pl.DataFrame, pool: Pool
 ) -> tuple[dict[tuple[str, int], RaceLog], dict[str, str]]:
     """Logs by match and race, and by match why there are none."""
-    wanted, missing = [], {}
-    for key in dict.fromkeys(race.match for race in races):
-        try:
-            match = _match(store, key, entrants)
-        except InputError as error:
-            # The program or a checkpoint is another one by now; the report needs neither.
-            missing[key] = str(error)
-            continue
-        wanted.append(_wanted(match, [race.race for race in races if race.match == key], entrants))
+    wanted: dict[str, list[int]] = {}
+    for race in races:
+        wanted.setdefault(race.match, []).append(race.race)
     logs: dict[tuple[str, int], RaceLog] = {}
-    for match, answer in pool.record(wanted):
+    missing: dict[str, str] = {}
+    for match, answer in run_again(store, wanted, entrants, pool):
         if isinstance(answer, InputError):
-            missing[match.key] = str(answer)
-        elif not _as_run(match, answer, store):
-            missing[match.key] = OTHERWISE
+            missing[match] = str(answer)
         else:
-            logs |= {(log.match, log.race): log for log in answer.logs}
+            logs |= {(log.match, log.race): log for log in answer}
     return logs, missing
-
-
-def _as_run(match: Match, answer: Recorded, store: Store) -> bool:
-    """Whether a match that was run again came out as it is stored, and its races were kept."""
-    results = answer.results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
-    return bool(answer.logs) and results.equals(store.results_of([match.key]))
 
 
 def _files(log: RaceLog, output: OutputFolder, name: str, fresh: bool) -> dict[str, str]:
     """Write what a race leaves, and say where; a recording that is not fresh is there."""
-    recording, player = output.races / f"{name}.mcap", output.replays / f"{name}.html"
+    recording = output.races / name
+    player = output.replays / f"{recording.stem}.html"
     if fresh:
         write_recording(recording, log)
     write_player(log, player)
     written = {"recording": f"../races/{recording.name}", "player": f"../replays/{player.name}"}
-    if name == FINAL:
-        replay = output.replays / f"{name}.rrd"
+    if recording.stem == FINAL:
+        replay = output.replays / f"{FINAL}.rrd"
         if fresh or not replay.exists():
             write_replay(log, replay)
         written["replay"] = f"../replays/{replay.name}"
@@ -152,8 +135,7 @@ def record_stored_race(store: Store, address: str, folder: Path) -> Path:
     entrants = pl.concat([store.table(run.name, "entrants") for run in store.runs()]).unique(
         "entrant", keep="last", maintain_order=True
     )
-    match = _match(store, key, entrants)
-    races = len(match.races)
+    races = len(stored_match(store, key, entrants).races)
     if not number and races == 1:
         number = "0"
     if not number.isdecimal() or int(number) >= races:
@@ -162,15 +144,13 @@ def record_stored_race(store: Store, address: str, folder: Path) -> Path:
             f"from 0 to {races - 1}"
         )
     with Pool(1) as pool:
-        [(_, answer)] = pool.record([_wanted(match, [int(number)], entrants)])
+        [(_, answer)] = run_again(store, {key: [int(number)]}, entrants, pool)
     if isinstance(answer, InputError):
         raise answer
-    if not _as_run(match, answer, store):
-        raise InputError(f"{store.name}: race {number} of match {key[:10]}: {OTHERWISE}")
-    [log] = answer.logs
+    [log] = answer
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path = folder / f"{key[:10]}-{number}.mcap"
+        path = folder / recording_name(key, int(number))
         write_recording(path, log)
     except OSError as error:
         raise InputError(f"{folder}: the recording cannot be written: {error.strerror}") from None
@@ -188,12 +168,3 @@ def _find(store: Store, prefix: str) -> str:
             "or its first digits"
         )
     return str(found[0])
-
-
-def _match(store: Store, key: str, entrants: pl.DataFrame) -> Match:
-    return Match.from_spec(store.spec(key), dict(entrants.select("entrant", "source").iter_rows()))
-
-
-def _wanted(match: Match, races: Sequence[int], entrants: pl.DataFrame) -> Wanted:
-    names = dict(entrants.select("entrant", "name").iter_rows())
-    return Wanted(match, tuple(races), tuple(names.get(entrant, entrant) for entrant in match.entrants))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from arena.store import Store
 from nathlon.commands.replay import car_index, recover, replay
 from nathlon.decider import Notable, deciding_race, notable_races
 from nathlon.output import OutputFolder
+from nathlon.recordings import record_tournament, recording_name
 from nathlon.replays import record_replays, record_stored_race
 from sim.errors import InputError
 from tests.race_logs import oval_race
@@ -208,6 +210,43 @@ def test_a_race_that_ends_otherwise_is_not_shown_for_the_one_that_was_run(
         assert "ended otherwise" in summary["replays"][0]["missing"]
         with pytest.raises(InputError, match="ended otherwise when it was run again"):
             record_stored_race(store, f"{match.key}:0", tmp_path)
+
+
+def test_every_race_of_a_tournament_can_leave_a_recording(
+    store_path: Path, match: Match, results: pl.DataFrame, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    output = OutputFolder(tmp_path / "out")
+    told: list[tuple[int, int]] = []
+    with Store(Path(shutil.copy(store_path, tmp_path))) as store, Pool(1) as pool:
+        store.use("night-0001", [match.key])
+
+        def record() -> None:
+            record_tournament(
+                store, "night-0001", output, pool, lambda _, done, total: told.append((done, total))
+            )
+
+        record()
+        paths = [output.races / recording_name(match.key, race) for race in range(2)]
+        assert sorted(output.races.iterdir()) == sorted(paths)
+        for race, path in enumerate(paths):
+            log = read_recording(path)
+            assert (log.match, log.race) == (match.key, race)
+            raced = results.filter(pl.col("race") == race).sort("car")
+            np.testing.assert_array_equal(log.samples["distance_m"][-1], raced["distance_m"].to_numpy())
+        paths[0].unlink()
+        kept = paths[1].stat().st_mtime_ns
+        record()
+        assert paths[0].exists()
+        assert paths[1].stat().st_mtime_ns == kept
+        assert told == [(0, 1), (1, 1)] * 2
+        record()
+        assert told[4:] == [(0, 0)]
+        paths[1].unlink()
+        gone = store.table("night-0001", "entrants").with_columns(source=pl.lit("gone.safetensors"))
+        store.put_table("night-0001", "entrants", gone)
+        record()
+        assert not paths[1].exists()
+        assert "gone.safetensors" in caplog.text
 
 
 def test_a_stored_race_becomes_a_page_a_video_and_a_replay(

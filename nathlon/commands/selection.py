@@ -16,6 +16,8 @@ from nathlon.config import Config, read_config
 from nathlon.evaluation import evaluate as run_evaluation
 from nathlon.output import OutputFolder
 from nathlon.publish import publish
+from nathlon.recordings import STAGE as RECORDINGS
+from nathlon.recordings import record_tournament
 from nathlon.run import STAGES, WAITING, OnMatch
 from reports.selection import Selection
 from sim.errors import InputError
@@ -47,8 +49,8 @@ def entered(given: Iterable[str | Path], config: Config) -> tuple[list[Entrant],
     return enter_all(sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})
 
 
-def report(target: str, name: str | None, out: Path, as_json: bool) -> None:
-    """Publish a run once more from its store."""
+def report(target: str, name: str | None, out: Path, record_all: bool, as_json: bool) -> None:
+    """Publish a run once more from its store, with recordings of all races of its tournament if asked."""
     with Store.open(target) as store:
         runs = [record.name for record in store.runs()]
         if name is None and runs:
@@ -60,6 +62,9 @@ def report(target: str, name: str | None, out: Path, as_json: bool) -> None:
         output = OutputFolder(out)
         with Pool(worker_count(None)) as pool:
             selection = publish(store, name, output, pool)
+            if record_all:
+                with progress("The same command goes on.", as_json, (RECORDINGS,)) as on_match:
+                    record_tournament(store, name, output, pool, on_match)
     if as_json:
         print_json(dict(selection.summary))
     elif selection.under_way:
@@ -84,7 +89,7 @@ def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bo
 
 
 @contextmanager
-def progress(stopped: str, quiet: bool, stages: Sequence[str] = STAGES) -> Iterator[OnMatch]:
+def progress(stopped: str, quiet: bool, stages: Sequence[str] = (*STAGES, RECORDINGS)) -> Iterator[OnMatch]:
     """Bars for the stages that have begun, unless quiet; Ctrl-C says how to go on and exits with 130."""
     try:
         with progress_bars(quiet) as bars:

@@ -1,0 +1,110 @@
+"""Recordings of stored races, which are run again for them: a match's key says all that decides it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
+
+import polars as pl
+
+from arena.match import Match
+from arena.pool import Pool, Wanted
+from arena.race_log import RaceLog
+from arena.recorder import Recorded
+from arena.recording import write_recording
+from arena.store import Store
+from nathlon.output import OutputFolder
+from nathlon.run import OnMatch
+from sim.errors import InputError
+
+log = logging.getLogger(__name__)
+
+Kept = Literal["notable", "all"]
+"""Which races of a tournament leave a recording: those to look at, or every one."""
+STAGE = "recordings"
+"""What recording every race is called where progress is shown."""
+OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
+"""Why a race is not shown: its policies or this machine do not compute the same as then."""
+
+
+def recording_name(match: str, race: int) -> str:
+    """The file name of the recording of one of a match's races."""
+    return f"{match[:10]}-{race}.mcap"
+
+
+def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: OnMatch) -> None:
+    """Leave a recording of every race of a run's tournament; those that are there are not run again.
+
+    Why one cannot be recorded is logged.
+
+    Args:
+        store: that holds the run.
+        run: its name.
+        output: where the recordings go.
+        pool: runs the matches.
+        on_match: told about progress.
+    """
+    results = store.results_of_run(run, "tournament")
+    wanted: dict[str, list[int]] = {}
+    for match, race in results.select("match", "race").unique(maintain_order=True).iter_rows():
+        if not (output.races / recording_name(match, race)).exists():
+            wanted.setdefault(match, []).append(race)
+    on_match(STAGE, 0, len(wanted))
+    for done, (match, answer) in enumerate(run_again(store, wanted, store.table(run, "entrants"), pool), 1):
+        if isinstance(answer, InputError):
+            log.warning("%s", answer)
+        else:
+            for race_log in answer:
+                write_recording(output.races / recording_name(match, race_log.race), race_log)
+        on_match(STAGE, done, len(wanted))
+
+
+def run_again(
+    store: Store, races: Mapping[str, Sequence[int]], entrants: pl.DataFrame, pool: Pool
+) -> Iterator[tuple[str, list[RaceLog] | InputError]]:
+    """Run stored matches once more, and keep some of their races if they end as they are stored.
+
+    Args:
+        store: that holds the matches.
+        races: by match, which of its races are to be kept.
+        entrants: schema ENTRANTS, of all that race in them.
+        pool: runs the matches.
+
+    Yields:
+        a match's key and the logs of its races, or an InputError where its policies cannot be loaded, the
+        simulator has changed, or it ended otherwise.
+    """
+    names = dict(entrants.select("entrant", "name").iter_rows())
+    wanted = []
+    for key, numbers in races.items():
+        try:
+            match = stored_match(store, key, entrants)
+        except InputError as error:
+            # The program or a checkpoint is another one by now.
+            yield key, error
+            continue
+        called = tuple(names.get(entrant, entrant) for entrant in match.entrants)
+        wanted.append(Wanted(match, tuple(numbers), called))
+    for match, answer in pool.record(wanted):
+        if isinstance(answer, InputError):
+            yield match.key, answer
+        elif _as_run(match, answer, store):
+            yield match.key, answer.logs
+        else:
+            yield match.key, InputError(f"{store.name}: match {match.key[:10]}: {OTHERWISE}")
+
+
+def stored_match(store: Store, key: str, entrants: pl.DataFrame) -> Match:
+    """A match of the store, to be run by the policies of these entrants (ENTRANTS).
+
+    Raises:
+        InputError: if the simulator has changed.
+    """
+    return Match.from_spec(store.spec(key), dict(entrants.select("entrant", "source").iter_rows()))
+
+
+def _as_run(match: Match, answer: Recorded, store: Store) -> bool:
+    """Whether a match that was run again came out as it is stored, and its races were kept."""
+    results = answer.results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
+    return bool(answer.logs) and results.equals(store.results_of([match.key]))
