@@ -2,10 +2,11 @@
 
 Run as `python -m benchmarks.arithmetic`; prints a table. Counted is what the kernels' source does with
 numbers that count what is done with them, a car in a race of eight under random actions. The compiler
-needs less: it fuses multiplications with additions and takes out of the loop what does not change.
+needs less: it fuses multiplications with additions and takes out of the loop what does not change. What
+is done with a vector of four counts once.
 
-The least cycles are those of the busiest unit of a core (AMD Zen 3, without vectors): two
-multiplications and two additions or comparisons each cycle, a division in five, a root in nine
+The least cycles are those of the busiest unit of a core (AMD Zen 3): two multiplications and two
+additions or comparisons each cycle, a division in five, a root in nine
 (Abel & Reineke, uops.info). The clock is read off additions that wait for each other, three cycles each.
 """
 
@@ -29,6 +30,7 @@ from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, 
 from sim import observe, world
 from sim.car import load_car
 from sim.kernel import kernel
+from sim.lanes import LANES
 from sim.scenario import load_scenario
 from sim.track import load_track
 from sim.world import SUBSTEPS, World
@@ -76,6 +78,27 @@ MATH = SimpleNamespace(
 )
 
 
+def _counting_lanes(kind: str, function: Callable[[float, float], float]) -> Callable[..., Any]:
+    def counted(a: Any, b: Any) -> Any:
+        done[kind] += 1
+        return tuple(Number(function(float(x), float(y))) for x, y in zip(a, b, strict=True))
+
+    return counted
+
+
+def _store(row: Any, at: int, vector: Any) -> None:
+    row[at : at + LANES] = vector
+
+
+VECTORS = {
+    "load": lambda row, at: tuple(row[at : at + LANES]),
+    "store": _store,
+    "plus": _counting_lanes("add", operator.add),
+    "minus": _counting_lanes("add", operator.sub),
+    "times": _counting_lanes("multiply", operator.mul),
+}
+
+
 def number(value: Any) -> Any:
     """The same value of numbers that count: arrays, tuples and records of them too."""
     if isinstance(value, np.void):
@@ -101,6 +124,7 @@ def uncompile() -> None:
                 setattr(module, key, value.py_func)
         replaced = {"math": MATH, "fused": lambda a, b, c: a * b + c}
         vars(module).update({key: value for key, value in replaced.items() if hasattr(module, key)})
+    vars(observe).update(VECTORS)
     vars(observe)["np"] = SimpleNamespace(float32=lambda value: value, inf=np.inf)
 
 

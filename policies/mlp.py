@@ -1,4 +1,4 @@
-"""Multilayer perceptrons, run by plain numpy."""
+"""Multilayer perceptrons, run by numpy."""
 
 from __future__ import annotations
 
@@ -8,21 +8,29 @@ from typing import Literal
 import numpy as np
 
 from policies.policy import Batch
+from sim.kernel import lean_kernel
 
 
-def _relu(layer: Batch) -> Batch:
-    return np.maximum(layer, 0.0, out=layer)
+@lean_kernel
+def _relu(sums: Batch, bias: Batch) -> None:
+    for row in range(len(sums)):
+        for unit in range(len(bias)):
+            total = sums[row, unit] + bias[unit]
+            sums[row, unit] = np.float32(0.0) if total < 0.0 else total  # so that nan stays nan
 
 
-def _tanh(layer: Batch) -> Batch:
-    return np.tanh(layer, out=layer)
+def _tanh(sums: Batch, bias: Batch) -> None:
+    sums += bias
+    np.tanh(sums, out=sums)
 
 
-def _clip(layer: Batch) -> Batch:
-    return np.clip(layer, -1.0, 1.0, out=layer)
+def _clip(sums: Batch, bias: Batch) -> None:
+    sums += bias
+    np.clip(sums, -1.0, 1.0, out=sums)
 
 
 FUNCTIONS = {"relu": _relu, "tanh": _tanh, "clip": _clip}
+"""Of a layer's weighted inputs (n, outputs) and bias (outputs,), in place."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,5 @@ class Mlp:
         layer = inputs
         for index, (weight, bias) in enumerate(self.layers, 1):
             layer = layer @ weight
-            layer += bias
-            layer = FUNCTIONS[self.hidden if index < len(self.layers) else self.output](layer)
+            FUNCTIONS[self.hidden if index < len(self.layers) else self.output](layer, bias)
         return layer

@@ -8,12 +8,14 @@ import numpy as np
 
 from sim.car import CarParameters
 from sim.kernel import lean_inlined, lean_kernel
+from sim.lanes import load, minus, plus, store, times
 from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from sim.physics.course import CourseParameters, on_other_level
 from sim.state import CarRecord
 
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
 OPPONENT_SIZE = len(OPPONENT)
+Numbers = tuple[np.floating, np.floating, np.floating, np.floating]
 OWN_SIZE = ObservationSpec(1, 1.0, 0, 0).size - 9
 """Numbers about the car itself, before the course points."""
 
@@ -138,9 +140,9 @@ def see_course(
     course: CourseParameters,
 ) -> None:
     """Standardised points of left edge, centre line and right edge over the next seconds."""
-    x, y, z = np.float32(car.x), np.float32(car.y), np.float32(car.z)
-    cos_yaw, sin_yaw = np.float32(car.cos_yaw), np.float32(car.sin_yaw)
-    slope_x, slope_y = np.float32(car.slope_x), np.float32(car.slope_y)
+    x, y, z = alike(car.x), alike(car.y), alike(car.z)
+    cos_yaw, sin_yaw = alike(car.cos_yaw), alike(car.sin_yaw)
+    slope_x, slope_y = alike(car.slope_x), alike(car.slope_y)
     gap = max(car.velocity_x, SLOWEST) * horizon / points / course.spacing
     rows = len(course.edges)
     at = car.row + car.along / course.spacing
@@ -148,22 +150,44 @@ def see_course(
         while at >= rows:
             at -= rows
         low = int(at)
-        share = np.float32(at - low)
+        share = alike(at - low)
         high = low + 1
         if high == rows:
             high = 0
         here, there = course.edges[low], course.edges[high]
+        dx = minus(between(here, there, 0, share), x)
+        dy = minus(between(here, there, 4, share), y)
+        dz = minus(between(here, there, 8, share), z)
+        ahead = plus(times(dx, cos_yaw), times(dy, sin_yaw))
+        aside = minus(times(dy, cos_yaw), times(dx, sin_yaw))
+        above = minus(minus(dz, times(slope_x, ahead)), times(slope_y, aside))
+        # The fourth number of a vector is no line's, and gives way to the next vector's first.
         k = 9 * point
+        store(values, k, times(ahead, load(scale, k)))
+        store(values, k + 3, times(aside, load(scale, k + 3)))
         for line in range(3):
-            dx = here[line] + share * (there[line] - here[line]) - x
-            dy = here[line + 4] + share * (there[line + 4] - here[line + 4]) - y
-            dz = here[line + 8] + share * (there[line + 8] - here[line + 8]) - z
-            ahead = dx * cos_yaw + dy * sin_yaw
-            aside = dy * cos_yaw - dx * sin_yaw
-            values[k + line] = ahead * scale[k + line]
-            values[k + line + 3] = aside * scale[k + line + 3]
-            values[k + line + 6] = (dz - slope_x * ahead - slope_y * aside) * scale[k + line + 6]
+            values[k + 6 + line] = above[line] * scale[k + 6 + line]
         at += gap
+
+
+@lean_inlined
+def alike(number: float) -> Numbers:
+    """A vector of the same number."""
+    one = np.float32(number)
+    return one, one, one, one
+
+
+@lean_inlined
+def between(here: np.ndarray, there: np.ndarray, axis: int, share: Numbers) -> Numbers:
+    """The three lines' coordinates on a share of the way from one row of edges to another.
+
+    Args:
+        here, there: rows of `Track.edges`.
+        axis: where the coordinate begins in them.
+        share: of the way, from 0 to 1.
+    """
+    first = load(here, axis)
+    return plus(first, times(share, minus(load(there, axis), first)))
 
 
 @lean_inlined
