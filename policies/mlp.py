@@ -10,6 +10,9 @@ import numpy as np
 from policies.policy import Batch
 from sim.kernel import lean_kernel
 
+FEW = 4
+"""Rows up to which they are multiplied one by one."""
+
 
 @lean_kernel
 def _relu(sums: Batch, bias: Batch) -> None:
@@ -17,6 +20,16 @@ def _relu(sums: Batch, bias: Batch) -> None:
         for unit in range(len(bias)):
             total = sums[row, unit] + bias[unit]
             sums[row, unit] = np.float32(0.0) if total < 0.0 else total  # so that nan stays nan
+
+
+def _weigh(layer: Batch, weight: Batch) -> Batch:
+    """Their product. Of a few rows one by one: for a matrix, BLAS would first copy all weights."""
+    if len(layer) > FEW:
+        return layer @ weight
+    sums = np.empty((len(layer), weight.shape[1]), np.float32)
+    for row, total in zip(layer, sums, strict=True):
+        np.dot(row, weight, out=total)
+    return sums
 
 
 def _tanh(sums: Batch, bias: Batch) -> None:
@@ -51,6 +64,6 @@ class Mlp:
         """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""
         layer = inputs
         for index, (weight, bias) in enumerate(self.layers, 1):
-            layer = layer @ weight
+            layer = _weigh(layer, weight)
             FUNCTIONS[self.hidden if index < len(self.layers) else self.output](layer, bias)
         return layer

@@ -103,11 +103,11 @@ def _check_line(path: Path, points: NDArray[np.float64]) -> None:
     gaps = np.hypot(*steps.T)
     if (gaps < 0.01).any():
         raise InputError(f"{path}: line {np.argmin(gaps) + 3}: x_m, y_m: expected no point twice in a row")
-    usual = float(np.median(gaps[:-1]))
-    if gaps[-1] > 3 * usual:
+    usual, widest = float(np.median(gaps[:-1])), float(gaps[:-1].max())
+    if gaps[-1] > max(3 * usual, 1.01 * widest):
         raise InputError(
             f"{path}: x_m, y_m: the last point lies {gaps[-1]:.1f} m from the first and the others "
-            f"{usual:.1f} m apart, expected a closed line"
+            f"at most {widest:.1f} m apart, expected a closed line"
         )
     if gaps.max() > LARGEST_GAP_M:
         raise InputError(
