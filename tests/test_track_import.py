@@ -97,6 +97,14 @@ def test_a_stadium_has_its_length_curvature_and_widths(tmp_path: Path) -> None:
     assert_walls_stand_clear(track)
 
 
+def test_points_may_lie_far_apart_on_straights_the_start_line_among_them(tmp_path: Path) -> None:
+    points = path_of(stadium())
+    straight = np.isclose(np.roll(points, 1, axis=0)[:, 1] - points[:, 1], 0.0)
+    thinned = points[~straight | (np.arange(len(points)) % 6 == 0)]
+    track = imported(tmp_path, thinned)
+    assert distance_from(track, path_of(stadium(), 0.1)).max() < 0.3
+
+
 def test_the_first_point_is_the_start_line(tmp_path: Path) -> None:
     track = imported(tmp_path, path_of(stadium()))
     x, y, heading = track.pose(np.array([0.0]), np.array([0.0]))
