@@ -8,14 +8,15 @@ four by number of cars in a race:
 - `car_seconds_per_cpu_second`: time simulated, without observing, under random actions;
 - `step_share`: share of the CPU time that goes to stepping under random actions; the rest goes to observing;
 - `two_thread_ratio`: agent steps a second of wall time on two threads against one, eight cars;
+- `two_process_ratio`: the same of two processes with a world each against one: what the machine has to give;
 - `compile_s`: CPU time of the first start, step and observation of a process, `cold` without compiled kernels
   in the cache and `warm` with them;
 - `peers`: other simulators by name (see `benchmarks.peers`), each with its two figures and `ratio`, ours
   over theirs in both: against its agent steps with eight cars, or 20 where its name ends so;
 - `machine` and `versions`.
 
-Times but for the two threads are CPU times of one thread, medians over several episodes. What the
-policy computes is not counted.
+Times but for the two threads and processes are CPU times of one thread, medians over several episodes.
+What the policy computes is not counted.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -56,6 +59,9 @@ BATCH = 160
 TICKS = 50
 """Of an episode: short, since random drivers soon stand at a wall."""
 EPISODES = 15
+
+ROUNDS = 5
+"""Of one process beside two."""
 
 FIRST_USE = "from benchmarks.world import first_use; print(first_use())"
 
@@ -127,6 +133,35 @@ def two_thread_ratio(rng: np.random.Generator) -> float:
     return float(np.median(seconds[1:, 0] / seconds[1:, 1]))
 
 
+def episode_s(seed: int) -> float:
+    """Wall time of stepping and observing in an episode of a world on one thread."""
+    rng = np.random.default_rng(seed)
+    circuit, scenario = load_track(CIRCUIT), load_scenario(SCENARIOS[8])
+    world, drive = scenario.world(circuit, load_car(CAR), 4 * BATCH // 8), random_drive(rng)
+    everybody = seats(world)
+    for race in range(len(world.state)):
+        world.reset(race, scenario.place(circuit, rng))
+    seconds = 0.0
+    for _ in range(TICKS):
+        actions = drive(world)
+        began = time.perf_counter()
+        world.step(actions)
+        world.observe(SPEC, *everybody)
+        seconds += time.perf_counter() - began
+    return seconds
+
+
+def two_process_ratio() -> float:
+    """Twice the wall time of an episode in one process over that of two at once."""
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        list(pool.map(episode_s, range(2)))  # loads the kernels
+        ratios = []
+        for seed in range(ROUNDS):
+            alone = pool.submit(episode_s, seed).result()
+            ratios.append(2.0 * alone / max(pool.map(episode_s, (seed, seed))))
+    return float(np.median(ratios))
+
+
 def compared(
     peers: dict[str, dict[str, float]], ours: dict[int, dict[str, float]]
 ) -> dict[str, dict[str, Any]]:
@@ -188,6 +223,7 @@ def main() -> None:
         },
         "step_share": {str(cars): round(cost[0] / sum(cost), 3) for cars, cost in alone.items()},
         "two_thread_ratio": round(two_thread_ratio(rng), 2),
+        "two_process_ratio": round(two_process_ratio(), 2),
         "compile_s": compile_s(),
         "peers": compared(
             measure(console),
