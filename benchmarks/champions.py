@@ -16,6 +16,7 @@ null where it is not known), the built-in driver's figures alone under `driver`,
 - `races`, `finished`, `wins_from_back`, `mean_place`: from the last place of the grid of the scenario `race`
   (eight cars, standing start, two laps, penalties) against seven built-in drivers at full pace; `wins_low`
   and `wins_high` are Wilson's 95 % interval;
+- `by_pace`: `wins` and `mean_place` of as many such races against seven built-in drivers of each lower pace;
 - `contacts_per_km`, `at_fault_per_km`: contacts with other cars in those races, and those that the stewards
   laid to the champion, each with its 95 % interval: a bootstrap over races, nowhere shorter than counting
   allows.
@@ -58,10 +59,12 @@ from sim.scenario import load_scenario
 CHAMPIONS = BUNDLED / "champions.toml"
 RACE = "race"
 RACES = 10
+PACES = (0.95, 0.88)
+"""Of built-in drivers slower than at full pace."""
 SEED = 4711
 CONFIDENCE = 0.95
 RESAMPLES = 2000
-WIDTH = 150
+WIDTH = 180
 """Of the printed tables, in characters."""
 
 Figures = dict[str, Any]
@@ -117,8 +120,8 @@ def alone(laps: TimeTrial, limit_s: float | None, driver: TimeTrial) -> Figures:
     }
 
 
-def race_match(entrant: Entrant, races: int) -> Match:
-    """Races of an entrant from the last place, all others are built-in drivers."""
+def race_match(entrant: Entrant, races: int, driver: str = DRIVER) -> Match:
+    """Races of an entrant from the last place, all others are the same built-in driver."""
     seats = (*[Seat(1)] * (load_scenario(RACE).cars - 1), Seat(0))
     return Match(
         "race",
@@ -126,8 +129,8 @@ def race_match(entrant: Entrant, races: int) -> Match:
         RACE,
         entrant.circuit,
         entrant.car,
-        (entrant.id, DRIVER),
-        (entrant.source, DRIVER),
+        (entrant.id, driver),
+        (entrant.source, driver),
         tuple(Race(SEED + race, seats) for race in range(races)),
     )
 
@@ -135,23 +138,30 @@ def race_match(entrant: Entrant, races: int) -> Match:
 def from_the_back(rows: pl.DataFrame, rng: np.random.Generator) -> Figures:
     """Figures of an entrant's RESULTS, one row a race; races with a fault of the simulator are void."""
     rows = rows.filter(~pl.col("ending").is_in(VOID_ENDINGS))
-    finished = rows.filter(pl.col("ending") == "finished")
-    wins = int((finished["place"] == 1).sum())
-    share = binomtest(wins, rows.height).proportion_ci(CONFIDENCE, "wilson")
+    came = places(rows)
+    share = binomtest(came["wins"], rows.height).proportion_ci(CONFIDENCE, "wilson")
     km = rows["distance_m"].to_numpy() / 1000
     figures = {
         "races": rows.height,
-        "finished": finished.height,
-        "wins_from_back": wins,
+        "finished": rows.filter(pl.col("ending") == "finished").height,
+        "wins_from_back": came["wins"],
         "wins_low": round(share.low * rows.height, 2),
         "wins_high": round(share.high * rows.height, 2),
-        "mean_place": float(rows["place"].to_numpy().mean()),
+        "mean_place": came["mean_place"],
     }
     for name, column in (("contacts", "contacts"), ("at_fault", "contacts_at_fault")):
         rate, low, high = rate_interval(rows[column].to_numpy().astype(np.float64), km, rng)
         figures |= {f"{name}_per_km": _number(rate, 3), f"{name}_low": _number(low, 3)}
         figures[f"{name}_high"] = _number(high, 3)
     return figures
+
+
+def places(rows: pl.DataFrame) -> Figures:
+    """Wins and mean place of an entrant's RESULTS, without void races."""
+    rows = rows.filter(~pl.col("ending").is_in(VOID_ENDINGS))
+    finished = pl.col("ending") == "finished"
+    wins = rows.filter(finished & (pl.col("place") == 1)).height
+    return {"wins": wins, "mean_place": float(rows["place"].to_numpy().mean())}
 
 
 def rate_interval(
@@ -178,6 +188,12 @@ def _number(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
+def race(entrant: Entrant, races: int, driver: str = DRIVER) -> pl.DataFrame:
+    """RESULTS of an entrant in its races from the back."""
+    match = race_match(entrant, races, driver)
+    return run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
+
+
 def measure(
     entrants: dict[tuple[str, str], list[Entrant]], races: int, console: Console
 ) -> dict[str, dict[str, Figures]]:
@@ -188,11 +204,12 @@ def measure(
         driver = drive_alone(enter(DRIVER, circuit, car))
         champions = {}
         for entrant in track(those, f"{circuit}, {car}", console=console):
-            match = race_match(entrant, races)
-            rows = run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
             champions[entrant.name] = {
                 **alone(drive_alone(entrant), limit_s, driver),
-                **from_the_back(rows, np.random.default_rng(SEED)),
+                **from_the_back(race(entrant, races), np.random.default_rng(SEED)),
+                "by_pace": {
+                    str(pace): places(race(entrant, races, f"{DRIVER}:pace={pace}")) for pace in PACES
+                },
             }
         measured.setdefault(circuit, {})[car] = {
             "limit_s": limit_s,
@@ -208,12 +225,18 @@ def table(circuit: str, car: str, figures: Figures) -> Table:
     rendered = Table(
         "",
         *("lap, s", "best, s", "/ limit", "/ driver", "off course"),
-        *("wins of races", "place", "contacts / km", "at fault / km"),
+        *(
+            "wins of races",
+            "place",
+            *(f"place at {pace}" for pace in PACES),
+            "contacts / km",
+            "at fault / km",
+        ),
         title=f"{circuit}, {car}: limit {limit}",
         title_justify="left",
         box=box.MARKDOWN,
     )
-    rendered.add_row("built-in driver", *_alone_cells(figures["driver"]), *[""] * 4)
+    rendered.add_row("built-in driver", *_alone_cells(figures["driver"]), *[""] * 6)
     for name, champion in figures["champions"].items():
         wins = f"{champion['wins_from_back']} of {champion['races']}"
         rendered.add_row(
@@ -221,6 +244,7 @@ def table(circuit: str, car: str, figures: Figures) -> Table:
             *_alone_cells(champion),
             f"{wins} ({champion['wins_low']:.1f}-{champion['wins_high']:.1f})",
             f"{champion['mean_place']:.1f}",
+            *(f"{other['mean_place']:.1f}" for other in champion["by_pace"].values()),
             _rate_cell(champion, "contacts"),
             _rate_cell(champion, "at_fault"),
         )

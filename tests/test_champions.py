@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import champions
-from benchmarks.champions import entrants_of, from_the_back, race_match, rate_interval
+from benchmarks.champions import entrants_of, from_the_back, places, race_match, rate_interval
 from benchmarks.time_trial import time_trial
 from policies.checkpoint import Card, save_checkpoint
 from sim.errors import InputError
@@ -65,6 +65,10 @@ def test_wins_count_only_at_the_flag() -> None:
     )
     assert (figures["races"], figures["finished"], figures["wins_from_back"]) == (10, 9, 5)
     assert figures["mean_place"] == 2.1
+    assert places(rows({"ending": ends, "place": [1, 2, 1, 1, 8, 3, 1, 2, 1, 1, 1]}, 11)) == {
+        "wins": 5,
+        "mean_place": 2.1,
+    }
     # Wilson's interval of 5 in 10, as tabulated: 0.237 to 0.763.
     assert figures["wins_low"] == pytest.approx(2.37, abs=0.01)
     assert figures["wins_high"] == pytest.approx(7.63, abs=0.01)
@@ -114,6 +118,7 @@ def test_the_champion_starts_last_among_seven_drivers(tmp_path: Path) -> None:
     assert match.entrants == (entrant.id, "driver")
     assert [[seat.entrant for seat in race.seats] for race in match.races] == [[1] * 7 + [0]] * 3
     assert len({race.seed for race in match.races}) == 3
+    assert race_match(entrant, 3, "driver:pace=0.9").entrants == (entrant.id, "driver:pace=0.9")
 
 
 def test_checkpoints_go_where_their_cards_say(tmp_path: Path) -> None:
