@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import get_context
+from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -15,7 +15,11 @@ BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 READY = "ready"
 """What a worker sends when it waits for something to do."""
 
-_CONTEXT = get_context("spawn")
+SHARED = ["policies.load"]
+"""What all workers need and takes seconds to load; it starts no threads, so that it may be forked."""
+
+_CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
+_CONTEXT.set_forkserver_preload(SHARED)
 
 
 class Worker:

@@ -18,7 +18,6 @@ from nathlon.decider import Notable, notable_races
 from nathlon.output import OutputFolder
 from nathlon.recordings import recording_name, run_again, stored_match
 from reports.player import write_player
-from reports.replay import write_replay
 from sim.errors import InputError
 
 FINAL = "final"
@@ -113,6 +112,8 @@ def _files(log: RaceLog, output: OutputFolder, name: str, fresh: bool) -> dict[s
     if recording.stem == FINAL:
         replay = output.replays / f"{FINAL}.rrd"
         if fresh or not replay.exists():
+            from reports.replay import write_replay  # Rerun takes seconds to load
+
             write_replay(log, replay)
         written["replay"] = f"../replays/{replay.name}"
     return written

@@ -22,44 +22,10 @@ from policies.training.log import Status
 from reports.ablation import ABLATION, last_checkpoints, seed_band
 from sim.errors import InputError
 from tests.command_line import nathlon, refused
+from tests.trainings import CHECKPOINTS, TOML
 
-TOML = """
-circuit = "lindenring"
-car = "gt3"
-updates = 6
-updates_per_step = 2
-warm_up = 60
-replay = 500
-checkpoint_every = 2
-
-[[rollouts]]
-scenario = "1v0"
-races = 3
-learners = 1
-
-[[rollouts]]
-scenario = "standing_start"
-races = 1
-learners = 1
-opponents = ["driver"]
-
-[observation]
-course_points = 3
-cars_ahead = 1
-cars_behind = 1
-
-[qrsac]
-hidden = [8]
-quantiles = 4
-batch = 16
-n_step = 5
-
-[reward]
-passing = 0.5
-"""
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
-CHECKPOINTS = (2, 4, 6)
 CHOSEN = ("no-quantiles", "no-course-points")
 SEEDS = 2
 
@@ -220,11 +186,11 @@ def test_the_table_has_a_row_for_each_checkpoint(out: Path) -> None:
 def test_variants_race_the_base_with_their_last_checkpoints(out: Path) -> None:
     rows = list(csv.DictReader((out / "ablation.csv").open()))
     raced = [row for row in rows if row["score_difference"]]
-    assert [(row["variant"], row["updates"]) for row in raced] == [(name, "6") for name in CHOSEN * SEEDS]
+    assert [(row["variant"], row["updates"]) for row in raced] == [(name, "4") for name in CHOSEN * SEEDS]
     with Store.open(out / "store.sqlite") as store:
         results = store.results()
     for row in raced:
-        path = out / row["variant"] / f"seed-{row['seed']}" / "checkpoints" / "step-0000006.safetensors"
+        path = out / row["variant"] / f"seed-{row['seed']}" / "checkpoints" / "step-0000004.safetensors"
         mine = pl.col("entrant") == load_checkpoint(path).id
         match = results.filter(mine.any().over("match"))
         assert match.select("race", "car").n_unique() == match.height == 16
@@ -238,7 +204,7 @@ def test_variants_race_the_base_with_their_last_checkpoints(out: Path) -> None:
 
 
 def test_a_policy_without_course_points_sees_none(out: Path) -> None:
-    path = out / "no-course-points" / "seed-1" / "checkpoints" / "step-0000006.safetensors"
+    path = out / "no-course-points" / "seed-1" / "checkpoints" / "step-0000004.safetensors"
     assert load_checkpoint(path).observation_spec.size == 31 + 2 * 7
 
 

@@ -15,32 +15,7 @@ from tests.centre_lines import path_of, stadium, write_line
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon
 from tests.race_logs import oval_race
-
-TINY = """
-circuit = "lindenring"
-car = "gt3"
-updates = 4
-updates_per_step = 2
-warm_up = 60
-replay = 500
-checkpoint_every = 2
-
-[[rollouts]]
-scenario = "1v0"
-races = 3
-learners = 1
-
-[observation]
-course_points = 3
-cars_ahead = 1
-cars_behind = 1
-
-[qrsac]
-hidden = [8, 8]
-quantiles = 4
-batch = 16
-n_step = 3
-"""
+from tests.trainings import CHECKPOINTS, TOML
 
 
 def said(*arguments: str | Path, cwd: Path) -> Any:
@@ -102,12 +77,12 @@ def test_an_export(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("uncompiled")
 def test_a_training_and_an_ablation(tmp_path: Path) -> None:
-    (tmp_path / "tiny.toml").write_text(TINY)
-    trained = said("train", "tiny.toml", "--out", "run", cwd=tmp_path)
-    assert trained["updates"] == 4
-    assert len(list((tmp_path / trained["checkpoints"]).iterdir())) == 2
+    (tmp_path / "small.toml").write_text(TOML)
+    trained = said("train", "small.toml", "--out", "run", cwd=tmp_path)
+    assert trained["updates"] == CHECKPOINTS[-1]
+    assert len(list((tmp_path / trained["checkpoints"]).iterdir())) == len(CHECKPOINTS)
     ablated = said(
-        "ablate", "tiny.toml", "--out", "ablation", "--seeds", "1", "--variant", "n-step-3", cwd=tmp_path
+        "ablate", "small.toml", "--out", "ablation", "--seeds", "1", "--variant", "n-step-5", cwd=tmp_path
     )
     assert ablated["runs"] == 1
     assert (tmp_path / ablated["table"]).is_file()

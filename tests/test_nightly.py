@@ -27,6 +27,7 @@ SMALL = """
 checkpoints = ["checkpoints"]
 seed = 3
 [pareto]
+scenario = "slipstream_pass"
 races = 1
 most_races = 1
 opponents = ["driver:pace=0.9"]
@@ -36,13 +37,22 @@ runs = 2
 [committee]
 shortlist = 2
 [tournament]
-format = "1v1"
+event = "event.toml"
 pairs = 2
 block = 2
 [nightly]
 anchors = ["driver:pace=0.9"]
 incumbents = 1
 """
+EVENT = """
+[[race]]
+name = "duel"
+circuit = "lindenring"
+car = "gt3"
+format = "1v1"
+scenario = "slipstream_pass"
+"""
+"""Races of seconds: what they are made of is tested elsewhere."""
 
 
 def run(folder: Path) -> Night:
@@ -54,8 +64,13 @@ def watch_two(folder: Path, settings: str = SMALL) -> Path:
     (folder / "checkpoints").mkdir(parents=True)
     for path in GOOD:
         shutil.copy(path, folder / "checkpoints")
-    (folder / "nathlon.toml").write_text(settings)
+    configure(folder, settings)
     return folder
+
+
+def configure(folder: Path, settings: str = SMALL) -> None:
+    (folder / "nathlon.toml").write_text(settings)
+    (folder / "event.toml").write_text(EVENT)
 
 
 def outcome(folder: Path) -> dict[str, Any]:
@@ -149,7 +164,7 @@ def test_the_pool_joins_the_nights(store: Store, nights: list[Night]) -> None:
 
 def test_only_broken_files_are_bad_for_the_health(tmp_path: Path) -> None:
     (tmp_path / "checkpoints").mkdir()
-    (tmp_path / "nathlon.toml").write_text(SMALL)
+    configure(tmp_path)
     assert run(tmp_path).code == OK
     (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
     night = run(tmp_path)
@@ -218,7 +233,7 @@ def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path) -> No
     waiting = SMALL.replace("[committee]\n", '[committee]\nmembers = ["ann"]\nquorum = 1\n')
     watch_two(tmp_path, waiting)
     assert run(tmp_path).status == "waiting"
-    (tmp_path / "nathlon.toml").write_text(SMALL)
+    configure(tmp_path)
     assert run(tmp_path).name == "night-0002"
     with Store.open(tmp_path / "nathlon.sqlite") as store:
         assert [record.status for record in store.runs()] == ["abandoned", "done"]
@@ -226,10 +241,18 @@ def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path) -> No
 
 KILLED = """
 import os, random, shutil, signal, sys
+from multiprocessing import forkserver
 from pathlib import Path
 import sqlalchemy
+from arena.entrant import enter
 from nathlon.nightly import nightly
 from nathlon.config import read_config
+
+# What all nights load is loaded once, and the workers of all come from one server.
+for driver in ("driver", "driver:pace=0.9"):
+    enter(driver, "lindenring", "gt3")
+forkserver.ensure_running()
+forkserver._forkserver.ensure_running = lambda: None
 
 folder, kills = Path(sys.argv[1]), int(sys.argv[2])
 rng = random.Random(1)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import permutations
 
-import evalica
 import numpy as np
 import polars as pl
 from scipy.optimize import minimize
@@ -57,6 +56,8 @@ def rate(results: pl.DataFrame, weights: Mapping[str, float] = EQUAL) -> pl.Data
 
 
 def _bradley_terry(evidence: Evidence, units: pl.DataFrame) -> Floats:
+    import evalica  # takes seconds to load, with what it needs: only those who need strengths wait
+
     met = evidence.met.join(units, on=UNIT, maintain_order="left")
     winner = {1.0: evalica.Winner.X, 0.0: evalica.Winner.Draw, -1.0: evalica.Winner.Y}
     prior = met.select("entrant", "opponent").unique(maintain_order=True)
