@@ -16,7 +16,8 @@ from policies.knowledge import Knowledge, layout
 from policies.notes import noted
 from policies.policy import Batch
 from policies.practice import practise
-from policies.racing_line import minimum_time, room, room_aside
+from policies.racing_line import minimum_time
+from policies.room import room, room_aside
 from policies.speed_profile import Line, Profile, profile
 from policies.steering import plan
 from sim.car import Car, load_car

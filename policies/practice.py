@@ -36,7 +36,7 @@ BEFORE_S, AFTER_S = 2.5, 0.3
 EDGE_S = 0.5
 """In which the change fades."""
 STEP = 0.015
-LEAST_GRIP = 0.8
+LEAST_GRIP = 0.65
 ROUNDS = 30
 CLEAN_ROUNDS = 5
 """In a row, each from other places, before the practice ends."""

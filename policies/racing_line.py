@@ -17,30 +17,14 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from policies.envelope import SPEEDS, USED, WEIGHTS, Envelope, Table
+from policies.room import lacking, less, room
 from policies.speed_profile import Line, path_of, profile
 from sim.physics.chassis import GRAVITY
-from sim.track import (
-    KERB_LEFT,
-    KERB_RIGHT,
-    LEFT,
-    RIGHT,
-    TANGENT_X,
-    TANGENT_Y,
-    WALL_LEFT,
-    WALL_RIGHT,
-    Track,
-    X,
-    Y,
-)
+from sim.track import TANGENT_X, TANGENT_Y, Track, X, Y
 
-KERB_MARGIN_M = 0.95
-"""From the far side of the kerbs to the racing line: the tyres stay on road and kerbs."""
-WALL_MARGIN_M = 1.6
-EDGE_MARGIN_M = 1.1
-WALL_MARGIN_ASIDE_M = 1.9
-"""From the edge of the road and from a wall, for a car off the racing line."""
-EDGES = (LEFT, KERB_LEFT), (RIGHT, KERB_RIGHT)
 POINT_M = 4.0
+CORRECTIONS = 3
+"""Searches in less room, at most, until the line keeps clear of the walls."""
 SMOOTHNESS = 1e3
 """s m^3: what the square of the curvature's change costs beside time, for no car turns in at once."""
 FIRST_BARRIER, LAST_BARRIER, LOWERING = 1e-2, 8e-5, 0.3
@@ -93,23 +77,6 @@ class _Car(NamedTuple):
     power: Line
 
 
-def room(track: Track) -> tuple[Line, Line]:
-    """How far (m) to the left and to the right of the centre line the racing line may go, (rows,) each."""
-    left, right = (track.table[:, [edge, kerb]].sum(axis=1) for edge, kerb in EDGES)
-    return _within(track, left - KERB_MARGIN_M, right - KERB_MARGIN_M, WALL_MARGIN_M)
-
-
-def room_aside(track: Track) -> tuple[Line, Line]:
-    """How far (m) a driver may go that makes way for others, where it has not practised, (rows,) each."""
-    left, right = (track.table[:, edge] for edge, _ in EDGES)
-    return _within(track, left - EDGE_MARGIN_M, right - EDGE_MARGIN_M, WALL_MARGIN_ASIDE_M)
-
-
-def _within(track: Track, left: Line, right: Line, from_wall: float) -> tuple[Line, Line]:
-    walls = track.table[:, [WALL_LEFT, WALL_RIGHT]] - from_wall
-    return np.minimum(left, walls[:, 0]), np.minimum(right, walls[:, 1])
-
-
 def _look_up(table: Table, speed: Line, weight: Line) -> Line:
     """A table over SPEEDS and WEIGHTS, linear between its points."""
     at_v = np.clip(speed / SPEEDS[1], 0.0, len(SPEEDS) - 1.001)
@@ -125,14 +92,13 @@ def _look_up(table: Table, speed: Line, weight: Line) -> Line:
 class _Search:
     """The line and its speeds while they are sought."""
 
-    def __init__(self, track: Track, limits: Envelope, grip: float) -> None:
+    def __init__(self, track: Track, limits: Envelope, grip: float, left: Line, right: Line) -> None:
         rows = len(track.table)
         count = round(track.length / POINT_M)
         self.rows, self.at = rows, np.arange(count) * rows / count
         self.limits, self.grip = limits, grip
         self.middle = np.arange(count, dtype=np.int64)
         self.after, self.before = np.roll(self.middle, -1), np.roll(self.middle, 1)
-        left, right = room(track)
         centre = np.zeros(rows)
         path, _ = path_of(track, centre)
         tangent_x, tangent_y = self._thin(track.table[:, TANGENT_X]), self._thin(track.table[:, TANGENT_Y])
@@ -321,9 +287,16 @@ def minimum_time(track: Track, limits: Envelope, grip: float) -> Line:
         limits: of the car.
         grip: share of the tyres' grip to use.
     """
-    search = _Search(track, limits, grip)
-    barrier = FIRST_BARRIER
-    while barrier > LAST_BARRIER:
-        search.lower(barrier)
-        barrier *= LOWERING
-    return search.line()
+    left, right = room(track)
+    for _ in range(1 + CORRECTIONS):
+        search = _Search(track, limits, grip, left, right)
+        barrier = FIRST_BARRIER
+        while barrier > LAST_BARRIER:
+            search.lower(barrier)
+            barrier *= LOWERING
+        offset = search.line()
+        on_the_left, on_the_right = lacking(track, offset)
+        if not (on_the_left.any() or on_the_right.any()):
+            break
+        left, right = less(track, left, on_the_left), less(track, right, on_the_right)
+    return offset

@@ -14,7 +14,8 @@ from policies.load import load_policy
 from policies.notes import noted
 from policies.policy import Policy
 from policies.practice import LEAST_GRIP, practise
-from policies.racing_line import minimum_time, room
+from policies.racing_line import minimum_time
+from policies.room import room
 from policies.speed_profile import Profile, corner_limit, path_of, profile
 from sim.car import load_car
 from sim.errors import InputError
