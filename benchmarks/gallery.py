@@ -55,6 +55,7 @@ def addresses(page: str) -> dict[str, str]:
 
 def shoot(page: Page, name: str) -> int:
     """Write a picture of what a page shows, and return its size in bytes."""
+    page.evaluate("scrollTo(0, 0)")  # a page that is loaded anew stays where it was
     height = min(int(page.evaluate("document.documentElement.scrollHeight")), MOST_PX)
     picture = page.screenshot(full_page=True, clip={"x": 0, "y": 0, "width": SIZE["width"], "height": height})
     path = OUT / f"{name}.png"
