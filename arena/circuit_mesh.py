@@ -33,9 +33,10 @@ def band(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.fl
 
 
 def mesh(quads: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-    """Vertices (4n, 3) of n quadrangles, and their triangles (2n, 3) of vertex indices."""
-    corners = np.arange(4 * len(quads), dtype=np.uint32).reshape(-1, 4)
-    return quads.reshape(-1, 3), corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    """Vertices (v, 3), none of them twice, of n quadrangles, and triangles (2n, 3) of vertex indices."""
+    vertices, found = np.unique(quads.reshape(-1, 3), axis=0, return_inverse=True)
+    corners = found.reshape(-1, 4).astype(np.uint32)
+    return vertices, corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
 
 
 def surfaces(outline: Outline) -> dict[str, Surface]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from arena.race_log import Incident
 from sim.rules import Rules
-from sim.state import CAR_STATE, REAR_END, SIDE_SWIPE, CarRecord
+from sim.state import REAR_END, SIDE_SWIPE, CarRecord
 from sim.track import Track
 from sim.world import World
 
@@ -17,6 +17,28 @@ APART_S = 1.0
 """Wall contacts or excursions of a car closer together than this are one."""
 FLAGS = {"wall_contact": ("wall", "hits the wall"), "off_course": ("off_course", "leaves the course")}
 """Flags of CAR_STATE: the kind of incident when one is raised, and what the car does."""
+TALLIES = ("warnings", "penalties", "penalty_s")
+"""Fields of CAR_STATE whose change is the stewards' doing."""
+
+
+class Alarm:
+    """Tells after each step of a world in which of some races there may be something to note."""
+
+    def __init__(self, races: Sequence[int]) -> None:
+        """Of the races with these indices; nothing has been seen yet."""
+        self._races = list(races)
+        self._before: dict[str, NDArray[np.generic]] = {}
+
+    def __call__(self, world: World) -> NDArray[np.bool_]:
+        """(races,) bool, after the world's last step; to be called after every one."""
+        raised = (world.contact_count[self._races] > 0)[:, None]
+        for flag in FLAGS:
+            raised = raised | world.state[flag][self._races]
+        tallies = {name: world.state[name][self._races] for name in TALLIES}
+        for name, tally in tallies.items():
+            raised = raised | (tally != self._before.get(name, 0))
+        self._before = tallies
+        return np.asarray(raised.any(axis=1))
 
 
 class IncidentWatch:
@@ -37,19 +59,19 @@ class IncidentWatch:
         """
         self._race, self._rules, self._track = race, rules, track
         self._names = [f"{car} {name}" for car, name in enumerate(names)]
-        self._before = np.zeros(len(names), CAR_STATE)
+        self._before = {name: np.zeros(len(names)) for name in TALLIES}
         self._raised_s = {flag: np.full(len(names), -np.inf) for flag in FLAGS}
         self.incidents: list[Incident] = []
 
     def see(self, world: World) -> None:
-        """Note what happened in the world's last step; to be called after every one."""
+        """Note what happened in the world's last step; to be called after every one that raises an Alarm."""
         cars, now = world.state[self._race], float(world.time[self._race])
         contacts = world.new_contacts(self._race)
         self.incidents += [self._contact(contact, cars) for contact in contacts]
         self.incidents += self._mishaps(cars, now)
         penalised = np.bincount(contacts["fault"][contacts["penalty_s"] > 0.0], minlength=len(cars))
         self.incidents += self._penalties(cars, penalised, now)
-        self._before = cars.copy()
+        self._before = {name: cars[name].copy() for name in TALLIES}
 
     def _contact(self, contact: CarRecord, cars: NDArray[np.void]) -> Incident:
         first, second = int(contact["behind"]), int(contact["ahead"])

@@ -13,6 +13,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from multiprocessing import connection, parent_process
+from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
@@ -22,7 +23,10 @@ from arena.classification import void
 from arena.entrant import enter
 from arena.grouping import group
 from arena.match import Match
+from arena.race_log import RaceLog
 from arena.recorder import Recorded, record_races
+from arena.recording import recording_name, write_recording
+from arena.results import VOID_ENDINGS, came_out_alike
 from arena.runner import LineUp, run_together
 from arena.team import Absent
 from arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, Asked, Watch
@@ -33,6 +37,7 @@ from sim.errors import InputError
 
 log = logging.getLogger(__name__)
 
+OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
 LOOKS = 5
 """How often a policy is looked at within its time for an answer."""
 
@@ -67,11 +72,15 @@ class Wanted(NamedTuple):
         match: the match.
         races: their indices in it.
         names: of its entrants, as reports show them.
+        results: RESULTS that it came to when it was first run.
+        folder: where the worker leaves the recordings, instead of sending the logs; None if it sends them.
     """
 
     match: Match
     races: tuple[int, ...]
     names: tuple[str, ...]
+    results: pl.DataFrame
+    folder: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -142,14 +151,21 @@ class Pool:
         if refused:
             raise refused[0]
 
-    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+    def record(
+        self, wanted: Sequence[Wanted]
+    ) -> Generator[tuple[Match, list[RaceLog] | InputError], None, None]:
         """Run matches again, watched as in `run`, and yield each with the logs of its wanted races.
 
-        In place of the logs there is an InputError where a policy cannot be loaded or is another one by now.
-        A void match leaves no logs.
+        In place of the logs there is an InputError where a policy cannot be loaded or is another one by now,
+        where the match came out otherwise, and where a recording cannot be written.
         """
         with closing(self._work([[_Job(each.match, each)] for each in wanted])) as ended:
-            yield from ended
+            for match, answer in ended:
+                if isinstance(answer, Recorded):
+                    void = answer.results["ending"].is_in(VOID_ENDINGS).all()
+                    yield match, _otherwise(match) if void else answer.logs
+                else:
+                    yield match, answer
 
     def _work(
         self, groups: Iterable[list[_Job]]
@@ -285,12 +301,32 @@ def _run(jobs: Iterable[_Job], watch: Watch) -> Iterator[tuple[int, Recorded | I
             yield number, error
             continue
         if job.wanted:
-            yield number, record_races(job.match, policies, job.wanted.races, job.wanted.names, watch)
+            yield number, _record(job.wanted, policies, watch)
         else:
             line_ups[number] = job.match, policies
     if line_ups:
         for number, results in run_together(line_ups, watch):
             yield number, Recorded(results, [])
+
+
+def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -> Recorded | InputError:
+    recorded = record_races(wanted.match, policies, wanted.races, wanted.names, watch)
+    if not came_out_alike(recorded.results, wanted.results):
+        return _otherwise(wanted.match)
+    if wanted.folder is None:
+        return recorded
+    watch.rest()
+    try:
+        for race_log in recorded.logs:
+            write_recording(wanted.folder / recording_name(wanted.match.key, race_log.race), race_log)
+    except OSError as error:
+        return InputError(f"{wanted.folder}: the recording cannot be written: {error.strerror}")
+    return recorded._replace(logs=[])
+
+
+def _otherwise(match: Match) -> InputError:
+    """Its policies or this machine do not compute the same as then, so that it is not what was seen then."""
+    return InputError(f"match {match.key[:10]}: {OTHERWISE}")
 
 
 def _present(job: _Job, number: int, entrant: int, watch: Watch) -> Policy | Absent:

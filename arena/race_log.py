@@ -38,6 +38,18 @@ CAR_SAMPLE = np.dtype(
     ]
 )
 
+RESOLUTION: dict[str, float] = {
+    **dict.fromkeys(("x_m", "y_m", "z_m", "lateral_m"), 2.0**-10),
+    **dict.fromkeys(("yaw_rad", "pitch_rad", "roll_rad"), 2.0**-16),
+    **dict.fromkeys(("velocity_x_m_s", "velocity_y_m_s"), 2.0**-10),
+    **dict.fromkeys(("acceleration_x_m_s2", "acceleration_y_m_s2"), 2.0**-8),
+    **dict.fromkeys(("throttle", "brake", "slipstream"), 2.0**-10),
+    "yaw_rate_rad_s": 2.0**-14,
+    "steering": 2.0**-14,
+}
+"""To what fields of CAR_SAMPLE are rounded where a race is recorded: beyond it there is nothing to see, and
+files are twice as large. The steps are powers of two, so that what is rounded is exact."""
+
 NOTICES = ("served", "ending")
 """Kinds of incidents that are news, not offences."""
 

@@ -1,4 +1,4 @@
-"""Watches one race of a match and keeps it as a race log."""
+"""Watches races of a match and keeps them as race logs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.incidents import IncidentWatch
+from arena.incidents import Alarm, IncidentWatch
 from arena.match import Match
-from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog, Stretch
+from arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, Outline, RaceLog, Stretch
 from arena.runner import run_together
 from arena.team import Absent
 from arena.watch import Watch
@@ -20,6 +20,7 @@ from policies.policy import Policy
 from sim.car import load_car
 from sim.rules import load_rules
 from sim.scenario import load_scenario
+from sim.state import CAR_STATE
 from sim.track import (
     KERB_LEFT,
     KERB_RIGHT,
@@ -56,6 +57,15 @@ COPIED = {
 """Fields of CAR_SAMPLE that are fields of CAR_STATE."""
 FLAGS = ("off_course", "wall_contact", "car_contact")
 """Fields of both that tell of the time since the last sample or step."""
+SEEN = np.dtype(
+    [
+        (name, CAR_STATE[name])
+        for name in sorted(
+            {*COPIED.values(), "slope_x", "slope_y", "gear", "steering", "progress", "start", "finish_s"}
+        )
+    ]
+)
+"""Those fields of CAR_STATE that samples are made of."""
 
 
 class Recorded(NamedTuple):
@@ -68,6 +78,22 @@ class Recorded(NamedTuple):
 
     results: pl.DataFrame
     logs: list[RaceLog]
+
+
+class _Moment(NamedTuple):
+    """What some races looked like at a time.
+
+    Attributes:
+        kept: (races,) bool, whose sample this is.
+        time_s: (races,) float64.
+        cars: (races, cars) SEEN.
+        raised: (races, cars) bool, by the names in FLAGS.
+    """
+
+    kept: NDArray[np.bool_]
+    time_s: NDArray[np.float64]
+    cars: NDArray[np.void]
+    raised: dict[str, NDArray[np.bool_]]
 
 
 def record_races(
@@ -86,71 +112,90 @@ def record_races(
         names: of the match's entrants, as reports show them.
         watch: told who is asked.
     """
-    recorders = [
-        _Recorder(match, race, [names[seat.entrant] for seat in match.races[race].seats]) for race in races
-    ]
-
-    def observe(world: World) -> None:
-        for recorder in recorders:
-            recorder(world)
-
-    [(_, results)] = run_together({0: (match, policies)}, watch or Watch(), observe)
+    recorder = _Recorder(match, races, names)
+    [(_, results)] = run_together({0: (match, policies)}, watch or Watch(), recorder)
     logs = []
-    for race, recorder in zip(races, recorders, strict=True):
+    for index, race in enumerate(races):
         rows = results.filter(results["race"] == race).sort("car")
-        logs.append(recorder.log(list(rows["ending"]), rows["driven_s"].to_list()))
+        logs.append(recorder.log(index, list(rows["ending"]), rows["driven_s"].to_list()))
     return Recorded(results, logs)
 
 
 class _Recorder:
-    def __init__(self, match: Match, race: int, names: Sequence[str]) -> None:
-        self._match, self._race, self._names = match, race, names
+    """Watches some races of a match; arrays begin with an axis of these races."""
+
+    def __init__(self, match: Match, races: Sequence[int], names: Sequence[str]) -> None:
+        self._match, self._races = match, list(races)
+        self._names = [[names[seat.entrant] for seat in match.races[race].seats] for race in races]
         self._track = load_track(match.circuit)
         rules = load_rules(load_scenario(match.scenario).rules)
-        self._watch = IncidentWatch(race, names, rules, self._track)
-        self._time: list[float] = []
-        self._samples: list[NDArray[np.void]] = []
-        self._ticks, self._sampled = 0, -2 * SUBSTEPS
-        self._raised = {flag: np.zeros(len(names), bool) for flag in FLAGS}
+        self._watches = [
+            IncidentWatch(race, cars, rules, self._track)
+            for race, cars in zip(races, self._names, strict=True)
+        ]
+        self._alarm = Alarm(self._races)
+        self._moments: list[_Moment] = []
+        self._ticks = np.zeros(len(races), np.int64)
+        self._sampled = np.full(len(races), -2 * SUBSTEPS)
+        self._over = np.zeros(len(races), bool)
+        self._raised: dict[str, NDArray[np.bool_]] = {}
+        self._full_lock = 1.0
 
     def __call__(self, world: World) -> None:
-        if self._samples and not self._samples[-1]["driving"].any():
+        if self._over.all():
             return
-        cars, ticks = world.state[self._race], int(world.ticks[self._race])
-        self._watch.see(world)
-        for flag in FLAGS:
-            self._raised[flag] |= cars[flag]
+        for index in np.flatnonzero(self._alarm(world) & ~self._over):
+            self._watches[index].see(world)
+        state, ticks = world.state, world.ticks[self._races]
+        raised = {flag: state[flag][self._races] for flag in FLAGS}
+        for flag, before in self._raised.items():
+            raised[flag] |= before
         step, self._ticks = ticks - self._ticks, ticks
+        ended = ~state["driving"][self._races].any(axis=1)
         # The world may step faster than is worth keeping.
-        if ticks + step - self._sampled > SUBSTEPS or not cars["driving"].any():
-            self._sampled = ticks
-            self._time.append(float(world.time[self._race]))
-            self._samples.append(self._sample(cars, world.parameters.full_lock))
+        kept = ((ticks + step - self._sampled > SUBSTEPS) | ended) & ~self._over
+        self._over |= ended
+        if kept.any():
+            self._sampled[kept] = ticks[kept]
+            cars = state[list(SEEN.names or ())].astype(SEEN)[self._races]
+            self._moments.append(_Moment(kept, world.time[self._races], cars, raised))
+        self._full_lock = world.parameters.full_lock
+        self._raised = {flag: since & ~kept[:, None] for flag, since in raised.items()}
 
-    def _sample(self, cars: NDArray[np.void], full_lock: float) -> NDArray[np.void]:
-        sample = np.zeros(len(cars), CAR_SAMPLE)
+    def _samples(self, index: int, moments: Sequence[_Moment]) -> NDArray[np.void]:
+        """(moments, cars) CAR_SAMPLE of one of the races."""
+        # np.stack would compare the records' types once a moment.
+        cars = np.empty((len(moments), len(self._names[index])), SEEN)
+        for row, moment in enumerate(moments):
+            cars[row] = moment.cars[index]
+        sample = np.zeros(cars.shape, CAR_SAMPLE)
         for name, source in COPIED.items():
             sample[name] = cars[source]
         for flag in FLAGS:
-            sample[flag] = self._raised[flag]
-            self._raised[flag][:] = False
+            sample[flag] = [moment.raised[flag][index] for moment in moments]
         pitch = -np.arctan(cars["slope_x"])
         sample["pitch_rad"] = pitch
         sample["roll_rad"] = np.arctan(cars["slope_y"] * np.cos(pitch))
         sample["gear"] = cars["gear"] + 1
-        sample["steering"] = cars["steering"] / full_lock
+        sample["steering"] = cars["steering"] / self._full_lock
         sample["distance_m"] = cars["progress"] - cars["start"]
         ahead = np.where(np.isnan(cars["finish_s"]), cars["progress"], 1e9 - np.nan_to_num(cars["finish_s"]))
-        sample["place"][np.argsort(-ahead, kind="stable")] = np.arange(1, len(cars) + 1)
+        order = np.argsort(-ahead, axis=1, kind="stable")
+        np.put_along_axis(sample["place"], order, np.arange(1, cars.shape[1] + 1), axis=1)
+        for name, step in RESOLUTION.items():
+            sample[name] = np.round(sample[name] / step) * step
         return sample
 
-    def log(self, endings: Sequence[str], driven_s: Sequence[float]) -> RaceLog:
+    def log(self, index: int, endings: Sequence[str], driven_s: Sequence[float]) -> RaceLog:
         """All that was seen, as a race log, with each car's ending and the time until then."""
-        match, race, body = self._match, self._match.races[self._race], load_car(self._match.car).body
-        incidents = list(self._watch.incidents)
+        match, number = self._match, self._races[index]
+        race, names, body = match.races[number], self._names[index], load_car(match.car).body
+        moments = [moment for moment in self._moments if moment.kept[index]]
+        samples = self._samples(index, moments)
+        incidents = list(self._watches[index].incidents)
         for car, (ending, seconds) in enumerate(zip(endings, driven_s, strict=True)):
-            text = f"{car} {self._names[car]}: {ending.replace('_', ' ')} after {seconds:.3f} s"
-            added_s = float(self._samples[-1]["penalty_s"][car]) if ending == "finished" else 0.0
+            text = f"{car} {names[car]}: {ending.replace('_', ' ')} after {seconds:.3f} s"
+            added_s = float(samples["penalty_s"][-1, car]) if ending == "finished" else 0.0
             if added_s > 0.0:
                 text += f", {added_s:.3f} s of it for penalties"
             incidents.append(Incident(seconds - added_s, "ending", (car,), text))
@@ -160,9 +205,9 @@ class _Recorder:
             scenario=match.scenario,
             seed=race.seed,
             match=match.key,
-            race=self._race,
+            race=number,
             version=version("nathlon"),
-            names=tuple(self._names),
+            names=tuple(names),
             teams=tuple(seat.team for seat in race.seats),
             car_length_m=body.length_m,
             car_width_m=body.width_m,
@@ -171,23 +216,28 @@ class _Recorder:
                 Stretch(section.name, section.kind, section.start_m, section.end_m)
                 for section in self._track.sections
             ),
-            time_s=np.array(self._time),
-            samples=np.stack(self._samples),
+            time_s=np.array([moment.time_s[index] for moment in moments]),
+            samples=samples,
             incidents=tuple(sorted(incidents, key=lambda incident: incident.time_s)),
         )
 
 
 def outline(track: Track) -> Outline:
-    """The circuit's lines for drawing."""
+    """The circuit's lines for drawing, to a millimetre."""
     table = track.table
+
+    def line(lateral_m: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        step = RESOLUTION["x_m"]
+        return np.asarray(np.round(track.offset_line(lateral_m) / step) * step)
+
     return Outline(
-        left=track.offset_line(table[:, LEFT]),
-        centre=track.offset_line(0.0),
-        right=track.offset_line(-table[:, RIGHT]),
-        kerb_left=track.offset_line(table[:, LEFT] + table[:, KERB_LEFT]),
-        kerb_right=track.offset_line(-table[:, RIGHT] - table[:, KERB_RIGHT]),
-        wall_left=track.offset_line(table[:, WALL_LEFT]),
-        wall_right=track.offset_line(-table[:, WALL_RIGHT]),
+        left=line(table[:, LEFT]),
+        centre=line(0.0),
+        right=line(-table[:, RIGHT]),
+        kerb_left=line(table[:, LEFT] + table[:, KERB_LEFT]),
+        kerb_right=line(-table[:, RIGHT] - table[:, KERB_RIGHT]),
+        wall_left=line(table[:, WALL_LEFT]),
+        wall_right=line(-table[:, WALL_RIGHT]),
         runoff_left=table[:, RUNOFF_LEFT].astype(np.int64),
         runoff_right=table[:, RUNOFF_RIGHT].astype(np.int64),
         zone=table[:, ZONE] > 0.0,

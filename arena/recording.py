@@ -49,6 +49,8 @@ FOOTER = struct.Struct(
 
 CHUNK_BYTES = 256 * 1024
 """Of messages, before they are packed: what a damaged file loses at most, some ten seconds of a race."""
+SMALLEST_TURN = 2.0**-22
+"""To which frames are rounded, which are for viewers only: finer ones take a fifth more room."""
 FAULTS = (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error)
 """What reading raises where a file is not as it should be."""
 
@@ -65,6 +67,11 @@ class Recovery(NamedTuple):
     log: RaceLog
     messages: int
     whole: bool
+
+
+def recording_name(match: str, race: int) -> str:
+    """The file name of the recording of one of a match's races."""
+    return f"{match[:10]}-{race}.mcap"
 
 
 def write_recording(path: Path, log: RaceLog) -> None:
@@ -191,22 +198,31 @@ def _ticks(log: RaceLog) -> Iterator[tuple[float, pb.CarStates, FrameTransforms]
     transforms = FrameTransforms()
     for i in range(cars):
         transforms.transforms.add(parent_frame_id="world", child_frame_id=f"car_{i}")
-    fields = CAR_SAMPLE.names or ()
     samples = log.samples
-    turns = orientation(samples["yaw_rad"], samples["pitch_rad"], samples["roll_rad"]).tolist()
+    columns = [(name, samples[name].tolist(), _changes(samples[name])) for name in CAR_SAMPLE.names or ()]
+    exact = orientation(samples["yaw_rad"], samples["pitch_rad"], samples["roll_rad"])
+    turns = (np.round(exact / SMALLEST_TURN) * SMALLEST_TURN).tolist()
+    # What a message gives out is made anew each time that it is asked.
+    rows = list(states.cars)
+    frames = [(frame.timestamp, frame.translation, frame.rotation) for frame in transforms.transforms]
     for tick, time_s in enumerate(log.time_s.tolist()):
         states.time_s = time_s
+        for field, values, changes in columns:
+            if changes[tick]:
+                for state, value in zip(rows, values[tick], strict=True):
+                    setattr(state, field, value)
         seconds, nanos = divmod(round(time_s * 1e9), 1_000_000_000)
-        for i, sample in enumerate(samples[tick].tolist()):
-            state = states.cars[i]
-            for field, value in zip(fields, sample, strict=True):
-                setattr(state, field, value)
-            frame = transforms.transforms[i]
-            frame.timestamp.seconds, frame.timestamp.nanos = seconds, nanos
-            at, turn = frame.translation, frame.rotation
+        for state, (stamp, at, turn), quaternion in zip(rows, frames, turns[tick], strict=True):
+            stamp.seconds, stamp.nanos = seconds, nanos
             at.x, at.y, at.z = state.x_m, state.y_m, state.z_m
-            turn.x, turn.y, turn.z, turn.w = turns[tick][i]
+            turn.x, turn.y, turn.z, turn.w = quaternion
         yield time_s, states, transforms
+
+
+def _changes(values: NDArray[np.generic]) -> list[bool]:
+    """Whether a field of (T, C) samples is another one than in the sample before, to the bit, for any car."""
+    bits = np.ascontiguousarray(values).view(f"u{values.itemsize}")
+    return [True, *(bits[1:] != bits[:-1]).any(axis=1).tolist()]
 
 
 def _checksums_match(content: bytes) -> bool:

@@ -218,3 +218,10 @@ TABLES: dict[str, pl.Schema] = {
     "curves": CURVES,
 }
 """The stage tables by name; results are kept by match and stand apart."""
+
+
+def came_out_alike(results: pl.DataFrame, stored: pl.DataFrame) -> bool:
+    """Whether RESULTS of a match are, to the bit, those that a store gave back."""
+    # A store knows neither NaN nor a negative zero, and gives rows in this order.
+    results = results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
+    return results.equals(stored)

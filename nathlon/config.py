@@ -61,7 +61,7 @@ class Config(Section):
     out: str = "nights"
     seed: Annotated[int, Field(ge=0)] = 1
     workers: Annotated[int, Field(ge=1)] | None = None
-    recordings: Kept = "notable"
+    recordings: Kept = "all"
     pareto: FilterSettings = FilterSettings()
     battery: BatterySettings = BatterySettings()
     committee: CommitteeSettings = CommitteeSettings()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Literal
 
 import polars as pl
@@ -11,8 +12,7 @@ import polars as pl
 from arena.match import Match
 from arena.pool import Pool, Wanted
 from arena.race_log import RaceLog
-from arena.recorder import Recorded
-from arena.recording import write_recording
+from arena.recording import recording_name
 from arena.store import Store
 from nathlon.output import OutputFolder
 from nathlon.run import OnMatch
@@ -24,13 +24,6 @@ Kept = Literal["notable", "all"]
 """Which races of a tournament leave a recording: those to look at, or every one."""
 STAGE = "recordings"
 """What recording every race is called where progress is shown."""
-OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
-"""Why a race is not shown: its policies or this machine do not compute the same as then."""
-
-
-def recording_name(match: str, race: int) -> str:
-    """The file name of the recording of one of a match's races."""
-    return f"{match[:10]}-{race}.mcap"
 
 
 def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: OnMatch) -> None:
@@ -51,17 +44,19 @@ def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, 
         if not (output.races / recording_name(match, race)).exists():
             wanted.setdefault(match, []).append(race)
     on_match(STAGE, 0, len(wanted))
-    for done, (match, answer) in enumerate(run_again(store, wanted, store.table(run, "entrants"), pool), 1):
+    entrants = store.table(run, "entrants")
+    for done, (_, answer) in enumerate(run_again(store, wanted, entrants, pool, output.races), 1):
         if isinstance(answer, InputError):
             log.warning("%s", answer)
-        else:
-            for race_log in answer:
-                write_recording(output.races / recording_name(match, race_log.race), race_log)
         on_match(STAGE, done, len(wanted))
 
 
 def run_again(
-    store: Store, races: Mapping[str, Sequence[int]], entrants: pl.DataFrame, pool: Pool
+    store: Store,
+    races: Mapping[str, Sequence[int]],
+    entrants: pl.DataFrame,
+    pool: Pool,
+    folder: Path | None = None,
 ) -> Iterator[tuple[str, list[RaceLog] | InputError]]:
     """Run stored matches once more, and keep some of their races if they end as they are stored.
 
@@ -70,10 +65,11 @@ def run_again(
         races: by match, which of its races are to be kept.
         entrants: schema ENTRANTS, of all that race in them.
         pool: runs the matches.
+        folder: where the pool leaves the recordings instead of giving the logs back.
 
     Yields:
         a match's key and the logs of its races, or an InputError where its policies cannot be loaded, the
-        simulator has changed, or it ended otherwise.
+        simulator has changed, it ended otherwise, or a recording cannot be written.
     """
     names = dict(entrants.select("entrant", "name").iter_rows())
     wanted = []
@@ -85,14 +81,9 @@ def run_again(
             yield key, error
             continue
         called = tuple(names.get(entrant, entrant) for entrant in match.entrants)
-        wanted.append(Wanted(match, tuple(numbers), called))
+        wanted.append(Wanted(match, tuple(numbers), called, store.results_of([key]), folder))
     for match, answer in pool.record(wanted):
-        if isinstance(answer, InputError):
-            yield match.key, answer
-        elif _as_run(match, answer, store):
-            yield match.key, answer.logs
-        else:
-            yield match.key, InputError(f"{store.name}: match {match.key[:10]}: {OTHERWISE}")
+        yield match.key, answer
 
 
 def stored_match(store: Store, key: str, entrants: pl.DataFrame) -> Match:
@@ -102,9 +93,3 @@ def stored_match(store: Store, key: str, entrants: pl.DataFrame) -> Match:
         InputError: if the simulator has changed.
     """
     return Match.from_spec(store.spec(key), dict(entrants.select("entrant", "source").iter_rows()))
-
-
-def _as_run(match: Match, answer: Recorded, store: Store) -> bool:
-    """Whether a match that was run again came out as it is stored, and its races were kept."""
-    results = answer.results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
-    return bool(answer.logs) and results.equals(store.results_of([match.key]))

@@ -11,12 +11,12 @@ import polars as pl
 
 from arena.pool import Pool
 from arena.race_log import RaceLog
-from arena.recording import read_recording, write_recording
+from arena.recording import read_recording, recording_name, write_recording
 from arena.store import Store
 from nathlon.clips import clips
 from nathlon.decider import Notable, notable_races
 from nathlon.output import OutputFolder
-from nathlon.recordings import recording_name, run_again, stored_match
+from nathlon.recordings import run_again, stored_match
 from reports.player import write_player
 from sim.errors import InputError
 

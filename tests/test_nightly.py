@@ -13,6 +13,7 @@ from typing import Any
 import polars as pl
 import pytest
 
+from arena.recording import recording_name
 from arena.results import TABLES
 from arena.store import Store
 from nathlon.config import TEMPLATE, Config, read_config
@@ -125,6 +126,15 @@ def test_the_first_night_sends_somebody(folder: Path, nights: list[Night]) -> No
     assert night.reason == f"{sent} is sent."
     for path in ("report/index.html", "report/ranking.xlsx", "summary.json"):
         assert (folder / "nights" / "night-0001" / path).stat().st_size > 100
+
+
+def test_every_race_of_the_final_stage_leaves_a_recording(folder: Path, store: Store) -> None:
+    for name in ("night-0001", "night-0002"):
+        raced = store.results_of_run(name, "tournament").select("match", "race").unique()
+        names = {recording_name(match, race) for match, race in raced.iter_rows()}
+        there = {path.name for path in (folder / "nights" / name / "races").iterdir()}
+        assert len(names) >= 4
+        assert there - {"final.mcap"} == names
 
 
 def test_a_night_without_anything_new_does_nothing(nights: list[Night]) -> None:

@@ -29,6 +29,7 @@ from tests.checkpoints import BUNDLED, save_faulty
 
 CONFIG = Config(
     seed=5,
+    recordings="notable",
     pareto=FilterSettings(races=1, most_races=2),
     battery=BatterySettings(tests=("hot_lap", "pass_left", "start_back"), runs=2),
     committee=CommitteeSettings(shortlist=3),

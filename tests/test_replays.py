@@ -13,14 +13,14 @@ import pytest
 from arena.entrant import enter, entrants_table
 from arena.match import Match, Race, Seat
 from arena.pool import Pool, match_policies
-from arena.recording import read_recording, write_recording
+from arena.recording import read_recording, recording_name, write_recording
 from arena.results import RANKING, RESULTS
 from arena.runner import run_match
 from arena.store import Store
 from nathlon.commands.replay import car_index, recover, replay
 from nathlon.decider import Notable, deciding_race, notable_races
 from nathlon.output import OutputFolder
-from nathlon.recordings import record_tournament, recording_name
+from nathlon.recordings import record_tournament
 from nathlon.replays import record_replays, record_stored_race
 from sim.errors import InputError
 from tests.race_logs import oval_race
