@@ -17,6 +17,8 @@ null where it is not known), the built-in driver's figures alone under `driver`,
   (eight cars, standing start, two laps, penalties) against seven built-in drivers at full pace; `wins_low`
   and `wins_high` are Wilson's 95 % interval;
 - `by_pace`: `wins` and `mean_place` of as many such races against seven built-in drivers of each lower pace;
+- `seven_laps`: likewise by pace, of races of seven laps, as long as those in which GT Sophy's ablations were
+  compared;
 - `contacts_per_km`, `at_fault_per_km`: contacts with other cars in those races, and those that the stewards
   laid to the champion, each with its 95 % interval: a bootstrap over races, nowhere shorter than counting
   allows.
@@ -61,10 +63,13 @@ RACE = "race"
 RACES = 10
 PACES = (0.95, 0.88)
 """Of built-in drivers slower than at full pace."""
+LONG_RACE = str(Path(__file__).with_name("seven_laps.toml"))
+LONG_PACES = (1.0, 0.95)
+"""Of built-in drivers in races of seven laps."""
 SEED = 4711
 CONFIDENCE = 0.95
 RESAMPLES = 2000
-WIDTH = 180
+WIDTH = 210
 """Of the printed tables, in characters."""
 
 Figures = dict[str, Any]
@@ -120,13 +125,13 @@ def alone(laps: TimeTrial, limit_s: float | None, driver: TimeTrial) -> Figures:
     }
 
 
-def race_match(entrant: Entrant, races: int, driver: str = DRIVER) -> Match:
+def race_match(entrant: Entrant, races: int, driver: str = DRIVER, scenario: str = RACE) -> Match:
     """Races of an entrant from the last place, all others are the same built-in driver."""
-    seats = (*[Seat(1)] * (load_scenario(RACE).cars - 1), Seat(0))
+    seats = (*[Seat(1)] * (load_scenario(scenario).cars - 1), Seat(0))
     return Match(
         "race",
         RACE,
-        RACE,
+        scenario,
         entrant.circuit,
         entrant.car,
         (entrant.id, driver),
@@ -188,9 +193,9 @@ def _number(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
-def race(entrant: Entrant, races: int, driver: str = DRIVER) -> pl.DataFrame:
+def race(entrant: Entrant, races: int, driver: str = DRIVER, scenario: str = RACE) -> pl.DataFrame:
     """RESULTS of an entrant in its races from the back."""
-    match = race_match(entrant, races, driver)
+    match = race_match(entrant, races, driver, scenario)
     return run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
 
 
@@ -209,6 +214,10 @@ def measure(
                 **from_the_back(race(entrant, races), np.random.default_rng(SEED)),
                 "by_pace": {
                     str(pace): places(race(entrant, races, f"{DRIVER}:pace={pace}")) for pace in PACES
+                },
+                "seven_laps": {
+                    str(pace): places(race(entrant, races, f"{DRIVER}:pace={pace}", LONG_RACE))
+                    for pace in LONG_PACES
                 },
             }
         measured.setdefault(circuit, {})[car] = {
@@ -229,6 +238,7 @@ def table(circuit: str, car: str, figures: Figures) -> Table:
             "wins of races",
             "place",
             *(f"place at {pace}" for pace in PACES),
+            *(f"7 laps at {pace}" for pace in LONG_PACES),
             "contacts / km",
             "at fault / km",
         ),
@@ -236,7 +246,7 @@ def table(circuit: str, car: str, figures: Figures) -> Table:
         title_justify="left",
         box=box.MARKDOWN,
     )
-    rendered.add_row("built-in driver", *_alone_cells(figures["driver"]), *[""] * 6)
+    rendered.add_row("built-in driver", *_alone_cells(figures["driver"]), *[""] * 8)
     for name, champion in figures["champions"].items():
         wins = f"{champion['wins_from_back']} of {champion['races']}"
         rendered.add_row(
@@ -245,6 +255,7 @@ def table(circuit: str, car: str, figures: Figures) -> Table:
             f"{wins} ({champion['wins_low']:.1f}-{champion['wins_high']:.1f})",
             f"{champion['mean_place']:.1f}",
             *(f"{other['mean_place']:.1f}" for other in champion["by_pace"].values()),
+            *(f"{long['mean_place']:.1f}, {long['wins']} won" for long in champion["seven_laps"].values()),
             _rate_cell(champion, "contacts"),
             _rate_cell(champion, "at_fault"),
         )

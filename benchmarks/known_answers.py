@@ -2,7 +2,8 @@
 
 Run as `python -m benchmarks.known_answers --json FILE`, with `--tasks` and `--seeds` for fewer or more. Needs
 `gymnasium[mujoco]`. Each finished run is kept in the file at once; called again, the runs that are missing
-are made. 300,000 steps take hours on one core. The entries of the JSON, by task:
+are made. 300,000 steps take hours on one core. `--precision bfloat16`, with a file of its own, tells whether
+matrix products in that format learn as well, on processors without it too. The entries of the JSON, by task:
 
 - `runs`: by seed and environment steps, the mean return (not discounted) of ten episodes driven by the
   mean of the policy;
@@ -22,9 +23,9 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium
 import numpy as np
@@ -37,6 +38,8 @@ from policies.qrsac.gymnasium_training import GymnasiumTraining, evaluate
 
 EPISODES = 10
 EVALUATION_SEED = 10_000
+
+PRECISIONS = get_args(QRSACConfig.model_fields["precision"].annotation)
 
 Published = dict[str, dict[int, tuple[float, float]]]
 
@@ -110,6 +113,11 @@ TASKS = {
 }
 
 
+def with_precision(task: Task, precision: str) -> Task:
+    """The task with matrix products in another float format."""
+    return replace(task, config=task.config.model_copy(update={"precision": precision}))
+
+
 def returns(name: str, task: Task, seed: int) -> dict[str, float]:
     """Mean returns of one run by steps."""
     environments = gymnasium.make_vec(name, num_envs=1)
@@ -130,7 +138,7 @@ def entry(task: Task, runs: dict[str, dict[str, float]]) -> dict[str, Any]:
         "mean": {steps: round(float(np.mean(values)), 1) for steps, values in by_steps.items()},
         "std": {steps: round(float(np.std(values)), 1) for steps, values in by_steps.items()},
         "published": task.published,
-        "config": task.config.model_dump(),
+        "config": task.config.model_dump(mode="json"),
     }
 
 
@@ -140,20 +148,27 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True, metavar="FILE")
     parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
+    parser.add_argument("--precision", choices=PRECISIONS, default="auto")
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
+    tasks = {name: with_precision(TASKS[name], options.precision) for name in options.tasks}
     torch.set_num_threads(options.threads)
     file: Path = options.json
     found: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    for name, task in tasks.items():
+        if found.get(name, {}).get("config", task.config.model_dump(mode="json")) != task.config.model_dump(
+            mode="json"
+        ):
+            parser.error(f"{file}: {name}: holds runs of another configuration, expected a file of its own")
     missing = [
         (name, seed)
-        for name in options.tasks
+        for name in tasks
         for seed in options.seeds
         if str(seed) not in found.get(name, {}).get("runs", {})
     ]
     for name, seed in track(missing, "Runs", console=Console(stderr=True)):
-        runs = found.get(name, {}).get("runs", {}) | {str(seed): returns(name, TASKS[name], seed)}
-        found[name] = entry(TASKS[name], runs)
+        runs = found.get(name, {}).get("runs", {}) | {str(seed): returns(name, tasks[name], seed)}
+        found[name] = entry(tasks[name], runs)
         partial = file.with_name(file.name + ".partial")
         partial.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
         os.replace(partial, file)

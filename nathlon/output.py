@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from sim.errors import InputError
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
+"""What a disk says that takes no more."""
 
 
 class OutputFolder:
@@ -31,6 +36,18 @@ class OutputFolder:
                 pass
         except OSError as error:
             raise InputError(f"{root}: output folder cannot be written: {error.strerror}") from None
+
+    @contextmanager
+    def filling(self) -> Iterator[None]:
+        """While something is written into it; an InputError says so if there is no room."""
+        try:
+            yield
+        except OSError as error:
+            if error.errno not in NO_ROOM:
+                raise
+            raise InputError(
+                f"{self.root}: cannot be written: {error.strerror}; expected room for a report"
+            ) from None
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write `summary.json`, whole or not at all."""

@@ -37,22 +37,23 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
     results = store.results_of_run(run)
     races = results.filter(pl.col("stage") == "tournament")
     summary, under_way = _summary(store, run, tables, results)
-    replays = record_replays(store, races, tables, output, pool)
-    summary = summary | replays.summary
-    selection = Selection(
-        f"{run} · {summary['circuit']} · {summary['car']}",
-        tables,
-        results,
-        summary,
-        store.name,
-        under_way,
-        _previous(store, run),
-        replays.logs,
-    )
-    write_page(selection, output.report)
-    write_spreadsheet(selection, output.report / "ranking.xlsx")
-    write_tables(selection, output.report / "tables")
-    output.write_summary(summary)
+    with output.filling():
+        replays = record_replays(store, races, tables, output, pool)
+        summary = summary | replays.summary
+        selection = Selection(
+            f"{run} · {summary['circuit']} · {summary['car']}",
+            tables,
+            results,
+            summary,
+            store.name,
+            under_way,
+            _previous(store, run),
+            replays.logs,
+        )
+        write_page(selection, output.report)
+        write_spreadsheet(selection, output.report / "ranking.xlsx")
+        write_tables(selection, output.report / "tables")
+        output.write_summary(summary)
     return selection
 
 

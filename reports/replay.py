@@ -50,16 +50,19 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
     followed = winner(log) if follow is None else follow
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     stream = rr.RecordingStream("nathlon", recording_id=f"{log.match}-{log.race}", send_properties=False)
+    # To a file, Rerun writes from a thread that waits for ever once the disk is full.
+    written = stream.binary_stream()
+    stream.send_blueprint(blueprint(log, followed), make_active=False)
+    log_circuit(stream, log.outline)
+    log_map(stream, log.outline)
+    _log_cars(stream, log, followed)
+    _log_series(stream, log, followed)
+    _log_incidents(stream, log)
+    stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
+    content = written.read()
+    stream.disconnect()
     try:
-        stream.save(partial, default_blueprint=blueprint(log, followed))
-        log_circuit(stream, log.outline)
-        log_map(stream, log.outline)
-        _log_cars(stream, log, followed)
-        _log_series(stream, log, followed)
-        _log_incidents(stream, log)
-        stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
-        stream.flush()
-        stream.disconnect()
+        partial.write_bytes(content or b"")
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import polars as pl
 import xlsxwriter
+from xlsxwriter.exceptions import FileCreateError
 
 from reports._sheets import (
     BLUES,
@@ -95,6 +96,9 @@ def write_spreadsheet(selection: Selection, path: Path) -> Path:
     try:
         _write(selection, partial)
         os.replace(partial, path)
+    except FileCreateError as error:
+        # It wraps what the system said.
+        raise OSError(*error.args[0].args) from None
     finally:
         partial.unlink(missing_ok=True)
     return path

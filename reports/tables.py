@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
 import polars as pl
@@ -22,10 +23,12 @@ def write_tables(selection: Selection, folder: Path) -> None:
         _replace(folder / f"{name}.parquet", table.write_parquet)
 
 
-def _replace(path: Path, write: Callable[[Path], pl.DataFrame | None]) -> None:
+def _replace(path: Path, write: Callable[[BytesIO], pl.DataFrame | None]) -> None:
+    content = BytesIO()
+    write(content)
     partial = path.with_name(path.name + ".partial")
     try:
-        write(partial)
+        partial.write_bytes(content.getbuffer())
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

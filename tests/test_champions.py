@@ -155,6 +155,7 @@ def test_a_measurement_in_full(
 ) -> None:
     path, out = save(tmp_path / "novice-1.safetensors", 1), tmp_path / "champions.json"
     monkeypatch.setattr(champions, "RACES", 1)
+    monkeypatch.setattr(champions, "LONG_PACES", (0.95,))
     monkeypatch.setattr("sys.argv", ["champions", "--json", str(out), str(path)])
     champions.main()
     figures = json.loads(out.read_text())["lindenring"]["gt3"]
@@ -164,4 +165,5 @@ def test_a_measurement_in_full(
     novice = figures["champions"]["novice-1"]
     assert novice["lap_s"] is None
     assert (novice["wins_from_back"], novice["mean_place"], novice["races"]) == (0, 8.0, 1)
+    assert novice["seven_laps"] == {"0.95": {"wins": 0, "mean_place": 8.0}}
     assert "novice-1" in capsys.readouterr().out
