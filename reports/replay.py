@@ -51,7 +51,7 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     stream = rr.RecordingStream("nathlon", recording_id=f"{log.match}-{log.race}", send_properties=False)
     # To a file, Rerun writes from a thread that waits for ever once the disk is full.
-    written = stream.binary_stream()
+    written = rr.binary_stream(stream)
     stream.send_blueprint(blueprint(log, followed), make_active=False)
     log_circuit(stream, log.outline)
     log_map(stream, log.outline)
