@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
-from sim import observe, world
+from sim import lanes, observe, world
 from sim.car import load_car
 from sim.kernel import kernel
 from sim.lanes import LANES
@@ -78,10 +78,15 @@ MATH = SimpleNamespace(
 )
 
 
-def _counting_lanes(kind: str, function: Callable[[float, float], float]) -> Callable[..., Any]:
-    def counted(a: Any, b: Any) -> Any:
-        done[kind] += 1
-        return tuple(Number(function(float(x), float(y))) for x, y in zip(a, b, strict=True))
+def _lanes(value: Any) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,) * LANES
+
+
+def _counting_lanes(kinds: tuple[str, ...], function: Callable[..., Any]) -> Callable[..., Any]:
+    def counted(*vectors: Any) -> Any:
+        done.update(kinds)
+        results = [function(*map(float, numbers)) for numbers in zip(*map(_lanes, vectors), strict=True)]
+        return tuple(each if isinstance(each, bool) else Number(each) for each in results)
 
     return counted
 
@@ -93,9 +98,20 @@ def _store(row: Any, at: int, vector: Any) -> None:
 VECTORS = {
     "load": lambda row, at: tuple(row[at : at + LANES]),
     "store": _store,
-    "plus": _counting_lanes("add", operator.add),
-    "minus": _counting_lanes("add", operator.sub),
-    "times": _counting_lanes("multiply", operator.mul),
+    "plus": _counting_lanes(("add",), operator.add),
+    "minus": _counting_lanes(("add",), operator.sub),
+    "times": _counting_lanes(("multiply",), operator.mul),
+    "over": _counting_lanes(("divide",), operator.truediv),
+    "madd": _counting_lanes(("multiply", "add"), lambda a, b, c: a * b + c),
+    "root": _counting_lanes(("root",), math.sqrt),
+    "above": _counting_lanes(("compare",), operator.gt),
+    "either": lambda a, b: tuple(x or y for x, y in zip(a, b, strict=True)),
+    "choose": lambda where, a, b: tuple(
+        x if true else y for true, x, y in zip(where, _lanes(a), _lanes(b), strict=True)
+    ),
+    "negative": _counting_lanes(("sign",), operator.neg),
+    "size": _counting_lanes(("sign",), abs),
+    "signed": _counting_lanes(("sign",), math.copysign),
 }
 
 
@@ -116,6 +132,7 @@ def number(value: Any) -> Any:
 
 def uncompile() -> None:
     """Have the simulator's kernels call each other's source, with functions that count."""
+    vectors = {key: getattr(lanes, key) for key in VECTORS}
     for name, module in list(sys.modules.items()):
         if not name.startswith("sim."):
             continue
@@ -124,7 +141,8 @@ def uncompile() -> None:
                 setattr(module, key, value.py_func)
         replaced = {"math": MATH, "fused": lambda a, b, c: a * b + c}
         vars(module).update({key: value for key, value in replaced.items() if hasattr(module, key)})
-    vars(observe).update(VECTORS)
+        used = [key for key in VECTORS if getattr(module, key, None) is vectors[key]]
+        vars(module).update({key: VECTORS[key] for key in used})
     vars(observe)["np"] = SimpleNamespace(float32=lambda value: value, inf=np.inf)
 
 

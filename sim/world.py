@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +10,7 @@ from numpy.typing import NDArray
 from sim.car import Car, CarParameters, parameters
 from sim.kernel import lean_inlined, lean_kernel
 from sim.observation import ObservationSpec
-from sim.observe import observe_cars
+from sim.observe import blocks, observe_cars
 from sim.physics.body import set_body_velocity, set_direction, speed_squared
 from sim.physics.chassis import GRAVITY, Rates, advance
 from sim.physics.contact import collide
@@ -30,6 +27,7 @@ from sim.physics.course import (
 )
 from sim.physics.draught import set_draught
 from sim.rules import RuleParameters, Rules, load_rules, rule_parameters
+from sim.sharing import Tally, Threads, finish, take
 from sim.state import CAR_STATE, CONTACT, CarRecord
 from sim.steward import note_contact, serve_penalty, watch_limits
 from sim.timing import first_line, time_lines
@@ -94,9 +92,14 @@ def step_races(
     course: CourseParameters,
     rates: Rates,
     rules: RuleParameters,
+    tally: Tally,
+    thread: int,
 ) -> None:
-    """Advance every race by some dynamics steps; see `step_race`."""
-    for race in range(len(state)):
+    """Advance the races that a thread takes by some dynamics steps; see `step_race` and `sim.sharing`."""
+    while True:
+        race = take(tally, thread, len(state))
+        if race < 0:
+            return
         step_race(
             state[race],
             actions[race],
@@ -111,6 +114,7 @@ def step_races(
             rates,
             rules,
         )
+        finish(tally, thread)
 
 
 @lean_inlined
@@ -279,8 +283,7 @@ class World:
         self.rates = Rates(float(conditions.wear_rate), float(conditions.fuel_rate))
         self.rules = rule_parameters(rules or load_rules("free"))
         self._touched = np.full((races, cars, cars), -np.inf)
-        self._threads = threads
-        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._threads = Threads(threads)
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -339,23 +342,25 @@ class World:
             raise ValueError(f"substeps is {substeps}, expected at most {CONTACT_GAP_S * DYNAMICS_HZ:.0f}")
         legal = np.clip(actions, -1.0, 1.0, dtype=np.float64)
 
-        def step_block(block: slice) -> None:
+        def work(tally: Tally, thread: int) -> None:
             step_races(
-                self.state[block],
-                legal[block],
-                self.ticks[block],
-                self._touched[block],
-                self.contacts[block],
-                self.contact_count[block],
+                self.state,
+                legal,
+                self.ticks,
+                self._touched,
+                self.contacts,
+                self.contact_count,
                 substeps,
                 np.empty((3, 4)),
                 self.parameters,
                 self.course,
                 self.rates,
                 self.rules,
+                tally,
+                thread,
             )
 
-        self._share(step_block, len(self.state))
+        self._threads.share(work, len(self.state))
 
     def new_contacts(self, race: int) -> NDArray[np.void]:
         """The contacts of one race that began in the last step, CONTACT."""
@@ -377,12 +382,12 @@ class World:
         mean, deviation = spec.scaling
         scale = np.float32(1.0) / deviation
 
-        def observe_block(block: slice) -> None:
+        def work(tally: Tally, thread: int) -> None:
             observe_cars(
                 self.state,
-                races[block],
-                cars[block],
-                out[block],
+                races,
+                cars,
+                out,
                 mean,
                 scale,
                 spec.course_points,
@@ -392,16 +397,9 @@ class World:
                 np.empty(spec.cars_ahead + spec.cars_behind),
                 self.parameters,
                 self.course,
+                tally,
+                thread,
             )
 
-        self._share(observe_block, len(races))
+        self._threads.share(work, blocks(len(races)))
         return out
-
-    def _share(self, work: Callable[[slice], None], count: int) -> None:
-        """Have the threads work on `count` rows, each on a block of its own; the caller's takes the last."""
-        parts = [count * part // self._threads for part in range(self._threads + 1)]
-        *others, own = [slice(*ends) for ends in pairwise(parts)]
-        shares = [self._pool.submit(work, block) for block in others] if self._pool else []
-        work(own)
-        for share in shares:
-            share.result()

@@ -31,18 +31,32 @@ from tests.closed_forms import (
 )
 from tests.driving import GT3, drive, stadium, world_with
 
+OTHERS = (0.05, -0.02, 3000.0, 0.9)
+"""Slips, load and grip of the tyres that are not looked at."""
+
+
+def tyre(ratio: float, angle: float, load: float, grip: float) -> tuple[float, ...]:
+    """What `tyre_force` returns for one tyre, the same on each of the four wheels."""
+    alone = (ratio, angle, load, grip)
+    found = set()
+    for wheel in range(4):
+        four = [tuple(a if at == wheel else b for at in range(4)) for a, b in zip(alone, OTHERS, strict=True)]
+        found.add(tuple(value[wheel] for value in tyre_force(*four, P)))
+    assert len(found) == 1
+    return found.pop()
+
 
 class TestTyre:
     @settings(deadline=None)
     @given(loads)
     def test_peaks_at_combined_slip_one_with_the_friction_of_the_load(self, load: float) -> None:
         peak = at_load(GT3, GT3.tyre.peak_slip_ratio, load)
-        force = [tyre_force(share * peak, 0.0, load, 1.0, P)[0] for share in (0.95, 1.0, 1.05)]
+        force = [tyre(share * peak, 0.0, load, 1.0)[0] for share in (0.95, 1.0, 1.05)]
         assert force[1] > max(force[0], force[2])
         assert force[1] == pytest.approx(at_load(GT3, GT3.tyre.friction_longitudinal, load) * load, rel=1e-6)
 
         peak = at_load(GT3, GT3.tyre.peak_slip_angle_rad, load)
-        force = [tyre_force(0.0, share * peak, load, 1.0, P)[1] for share in (0.95, 1.0, 1.05)]
+        force = [tyre(0.0, share * peak, load, 1.0)[1] for share in (0.95, 1.0, 1.05)]
         assert force[1] > max(force[0], force[2])
         assert force[1] == pytest.approx(at_load(GT3, GT3.tyre.friction_lateral, load) * load, rel=1e-6)
 
@@ -52,7 +66,7 @@ class TestTyre:
         x = ratio / at_load(GT3, GT3.tyre.peak_slip_ratio, load)
         y = angle / at_load(GT3, GT3.tyre.peak_slip_angle_rad, load)
         share = magic(GT3, math.hypot(x, y)) / max(math.hypot(x, y), 1e-300)
-        along, across, _, _ = tyre_force(ratio, angle, load, 1.0, P)
+        along, across, _, _ = tyre(ratio, angle, load, 1.0)
         # The kernel's table is good to 1e-7 of the peak force, which is below 2 * load.
         most_x, most_y = (
             at_load(GT3, mu, load) * load
@@ -64,7 +78,7 @@ class TestTyre:
     @settings(deadline=None)
     @given(slip_ratios, slip_angles, loads)
     def test_never_leaves_the_friction_ellipse(self, ratio: float, angle: float, load: float) -> None:
-        x, y, _, left = tyre_force(ratio, angle, load, 1.0, P)
+        x, y, _, left = tyre(ratio, angle, load, 1.0)
         most_x = at_load(GT3, GT3.tyre.friction_longitudinal, load) * load
         most_y = at_load(GT3, GT3.tyre.friction_lateral, load) * load
         assert (x / most_x) ** 2 + (y / most_y) ** 2 <= 1.0 + 1e-6
@@ -75,10 +89,10 @@ class TestTyre:
     def test_is_odd_in_both_slips_and_proportional_to_grip(
         self, ratio: float, angle: float, load: float, grip: float
     ) -> None:
-        x, y, stiffness, left = tyre_force(ratio, angle, load, 1.0, P)
-        assert tyre_force(-ratio, -angle, load, 1.0, P) == (-x, -y, stiffness, left)
-        assert tyre_force(-ratio, angle, load, 1.0, P) == (-x, y, stiffness, left)
-        assert tyre_force(ratio, angle, load, grip, P)[:2] == pytest.approx((grip * x, grip * y))
+        x, y, stiffness, left = tyre(ratio, angle, load, 1.0)
+        assert tyre(-ratio, -angle, load, 1.0) == (-x, -y, stiffness, left)
+        assert tyre(-ratio, angle, load, 1.0) == (-x, y, stiffness, left)
+        assert tyre(ratio, angle, load, grip)[:2] == pytest.approx((grip * x, grip * y))
         assert x == pytest.approx(stiffness * ratio)
         assert stiffness >= 0.0
 
@@ -90,8 +104,8 @@ class TestTyre:
         assert (np.diff(force / load) < 0).all()
 
     def test_sliding_sideways_takes_from_the_drive(self) -> None:
-        x_alone = tyre_force(0.1, 0.0, 4000.0, 1.0, P)[0]
-        x, y, _, _ = tyre_force(0.1, 0.12, 4000.0, 1.0, P)
+        x_alone = tyre(0.1, 0.0, 4000.0, 1.0)[0]
+        x, y, _, _ = tyre(0.1, 0.12, 4000.0, 1.0)
         assert 0.0 < x < 0.85 * x_alone
         assert y > 0.0
 

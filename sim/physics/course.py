@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from sim.car import CarParameters
 from sim.kernel import fused, lean_inlined
+from sim.lanes import store
 from sim.physics.contact import hit_wall
-from sim.physics.tyre import worn_grip
+from sim.physics.tyre import four, worn_grip
 from sim.state import CarRecord
 from sim.track import (
     BANK,
@@ -181,10 +182,14 @@ def stand_on(
         the number of tyres out of bounds.
     """
     line = course.table[car.row]
-    for wheel in range(4):
-        grip[wheel] = worn_grip(car.wear[wheel]) if worn else 1.0
-        drag[wheel] = p.rolling_resistance
-        shake[wheel] = 1.0
+    wear = car.wear
+    if worn:
+        left = (worn_grip(wear[0]), worn_grip(wear[1]), worn_grip(wear[2]), worn_grip(wear[3]))
+        store(grip, 0, left)
+    else:
+        store(grip, 0, four(1.0))
+    store(drag, 0, four(p.rolling_resistance))
+    store(shake, 0, four(1.0))
     reach = p.a * abs(sine) + p.half_front_track * abs(cosine) + 2.0 * abs(line[CURVATURE])
     if car.lateral + reach < line[LEFT] and car.lateral - reach > -line[RIGHT]:
         return 0

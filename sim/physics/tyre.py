@@ -6,10 +6,11 @@ Source: Perantoni & Limebeer, "Optimal control for a Formula One car with variab
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from sim.car import CarParameters
 from sim.kernel import lean_inlined
+from sim.lanes import above, choose, load, madd, minus, negative, over, plus, root, times
 from sim.tyre_curve import CELLS
 
 WORN_GRIP = 0.12
@@ -18,17 +19,51 @@ SPENT_GRIP = 0.4
 """Share of the grip lost for each further wear beyond that."""
 LEAST_GRIP = 0.5
 
+Four = tuple[float, float, float, float]
+"""A number of each wheel: front left, front right, rear left, rear right."""
+
+
+@lean_inlined
+def four(number: float) -> Four:
+    """The same number for each wheel."""
+    return number, number, number, number
+
+
+@lean_inlined
+def highest(a: Four, b: Four) -> Four:
+    """The higher of two numbers of each wheel."""
+    return choose(above(b, a), b, a)
+
+
+@lean_inlined
+def lowest(a: Four, b: Four) -> Four:
+    """The lower of two numbers of each wheel."""
+    return choose(above(a, b), b, a)
+
+
+@lean_inlined
+def curve_shape(combined: Four, curve: np.ndarray) -> Four:
+    """The magic formula over the combined slip, of the table that `sim.tyre_curve` makes."""
+    at = times(over(combined, plus(combined, 1.0)), float(CELLS))
+    a, b = min(int(at[0]), CELLS - 1), min(int(at[1]), CELLS - 1)
+    c, d = min(int(at[2]), CELLS - 1), min(int(at[3]), CELLS - 1)
+    at = minus(at, (float(a), float(b), float(c), float(d)))
+    of_a, of_b, of_c, of_d = load(curve[a], 0), load(curve[b], 0), load(curve[c], 0), load(curve[d], 0)
+    shape = madd(at, (of_a[3], of_b[3], of_c[3], of_d[3]), (of_a[2], of_b[2], of_c[2], of_d[2]))
+    shape = madd(at, shape, (of_a[1], of_b[1], of_c[1], of_d[1]))
+    return madd(at, shape, (of_a[0], of_b[0], of_c[0], of_d[0]))
+
 
 @lean_inlined
 def tyre_force(
-    slip_ratio: float, slip_angle: float, load: float, grip: float, p: CarParameters
-) -> tuple[float, float, float, float]:
-    """Force of one tyre on the car, in the wheel's frame.
+    slip_ratio: Four, slip_angle: Four, loads: Four, grip: Four, p: CarParameters
+) -> tuple[Four, Four, Four, Four]:
+    """Forces of the four tyres on the car, each in its wheel's frame.
 
     Args:
         slip_ratio: longitudinal slip, + drives.
         slip_angle: rad, + pushes left.
-        load: normal load, N.
+        loads: normal loads, N.
         grip: of surface and tyre, 1 is a new tyre on dry road.
         p: the car.
 
@@ -37,21 +72,18 @@ def tyre_force(
         (N per unit of slip ratio, never negative), and the square of the largest longitudinal force
         (N^2) that friction leaves beside the lateral one.
     """
-    above = min(load, 3.0 * p.load_low + 6000.0) - p.load_low
-    x = slip_ratio / (p.peak_x + p.peak_x_slope * above)
-    y = slip_angle / (p.peak_y + p.peak_y_slope * above)
-    combined = math.sqrt(x * x + y * y)
-    at = combined / (1.0 + combined) * CELLS
-    cell = min(int(at), CELLS - 1)
-    at -= cell
-    curve = p.curve[cell]
-    shape = curve[0] + at * (curve[1] + at * (curve[2] + at * curve[3]))
-    most_x = (p.friction_x + p.friction_x_slope * above) * grip * load
-    most_y = (p.friction_y + p.friction_y_slope * above) * grip * load
-    share_y = shape * y
-    left = most_x * most_x * max(1.0 - share_y * share_y, 0.0)
-    stiffness = most_x * shape / (p.peak_x + p.peak_x_slope * above)
-    return stiffness * slip_ratio, most_y * share_y, stiffness, left
+    beyond = minus(lowest(loads, four(3.0 * p.load_low + 6000.0)), p.load_low)
+    per_peak_x = over(1.0, madd(p.peak_x_slope, beyond, p.peak_x))
+    x = times(slip_ratio, per_peak_x)
+    y = over(slip_angle, madd(p.peak_y_slope, beyond, p.peak_y))
+    shape = curve_shape(root(madd(x, x, times(y, y))), p.curve)
+    most_x = times(times(madd(p.friction_x_slope, beyond, p.friction_x), grip), loads)
+    most_y = times(times(madd(p.friction_y_slope, beyond, p.friction_y), grip), loads)
+    share_y = times(y, shape)
+    left = madd(negative(share_y), share_y, four(1.0))
+    left = times(times(most_x, most_x), highest(left, four(0.0)))
+    stiffness = times(times(most_x, shape), per_peak_x)
+    return times(stiffness, slip_ratio), times(most_y, share_y), stiffness, left
 
 
 @lean_inlined

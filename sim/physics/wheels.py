@@ -1,0 +1,204 @@
+"""The four wheels of a car over one dynamics step, side by side in vectors: slips, forces, spins.
+
+Wheel spin is far stiffer than the rest (some 500/s at 20 m/s), so it is advanced by a linearly implicit
+step, together for the two wheels of an axle, which a differential couples.
+
+Where the wheels of an axle are not treated alike to the last bit, it is because loops over them were not
+before there were vectors, and races driven then are to be driven again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.car import CarParameters
+from sim.kernel import fused, lean_inlined
+from sim.lanes import (
+    above,
+    choose,
+    either,
+    load,
+    madd,
+    minus,
+    negative,
+    over,
+    plus,
+    root,
+    signed,
+    size,
+    store,
+    times,
+)
+from sim.physics.body import small_sin_cos
+from sim.physics.tyre import Four, four, highest, lowest, tyre_force
+from sim.state import CarRecord
+
+SLOWEST = 6.0  # m/s: slips are formed with at least this speed, which keeps a car at rest well behaved
+ROLLING_SPEED = 0.5  # m/s over which rolling resistance builds up
+LOCKED = 1e-3  # rad/s below which a brake holds a wheel
+LEFT = (True, False, True, False)
+
+
+@lean_inlined
+def by_axle(front: float, rear: float) -> Four:
+    """A number for the front wheels and one for the rear wheels."""
+    return front, front, rear, rear
+
+
+@lean_inlined
+def beside(numbers: Four) -> Four:
+    """What belongs to the other wheel of the axle."""
+    return numbers[1], numbers[0], numbers[3], numbers[2]
+
+
+@lean_inlined
+def within(force: Four, most_squared: Four, most: Four) -> Four:
+    """Forces cut to the largest ones, which are given with their squares."""
+    return choose(above(times(force, force), most_squared), signed(most, force), force)
+
+
+@lean_inlined
+def less_pull(torque: Four, pull: Four, radius: float) -> Four:
+    """Torque less that of a tyre's pull; the product is rounded on the right and not on the left."""
+    return choose(LEFT, madd(negative(four(radius)), pull, torque), minus(torque, times(radius, pull)))
+
+
+@lean_inlined
+def brake_torque(spin: Four, limit: Four, rest: Four) -> Four:
+    """Torque of brakes that can apply `limit` N m: against the spin, or holding a locked wheel."""
+    holding = negative(lowest(highest(rest, negative(limit)), limit))
+    return choose(above(size(spin), LOCKED), signed(limit, negative(spin)), holding)
+
+
+@lean_inlined
+def solve_axles(torque: Four, own: Four, twist: Four, coupling: Four, dt: float) -> Four:
+    """Changes of spin of wheels that differentials couple: two implicit equations at once for each axle.
+
+    Args:
+        torque: on each wheel, N m.
+        own: inertia with the tyre's resistance, kg m^2.
+        twist: impulse that the differential takes from the wheel as it spins now, N m s.
+        coupling: what the differential adds to the inertia of each wheel of the axle, kg m^2.
+        dt: s.
+    """
+    impulse = madd(torque, dt, negative(twist))
+    own = plus(own, coupling)
+    determinant = madd(own, beside(own), negative(times(coupling, coupling)))
+    left = madd(impulse, beside(own), times(coupling, beside(impulse)))
+    right = madd(coupling, beside(impulse), times(beside(own), impulse))
+    return times(choose(LEFT, left, right), over(1.0, determinant))
+
+
+@lean_inlined
+def controlled(
+    change: Four, spin: Four, along: Four, brake: Four, drive: Four, own: Four, dt: float, p: CarParameters
+) -> Four:
+    """Changes of spin under slip control, which eases the torque that would exceed its slip.
+
+    Args:
+        change: without control, rad/s.
+        spin: before, rad/s.
+        along: velocity of the contact point after the step, m/s.
+        brake, drive: torques that the control can ease, N m.
+        own: inertia with the tyre's resistance, kg m^2.
+        dt: s.
+    """
+    braking, driving = above(brake, 0.0), above(drive, 0.0)
+    slip = choose(braking, four(-p.abs_slip), four(p.traction_slip))
+    limit = madd(madd(slip, highest(size(along), four(SLOWEST)), along), 1.0 / p.radius, negative(spin))
+    eased = plus(change, over(times(choose(braking, brake, negative(drive)), dt), own))
+    slowing = choose(above(change, limit), change, lowest(limit, eased))
+    pulling = choose(above(limit, change), change, highest(limit, eased))
+    change = choose(braking, slowing, choose(driving, pulling, change))
+    # A brake stops a wheel, it does not turn it the other way.
+    turned = above(0.0, times(plus(spin, change), spin))
+    return choose(braking, choose(turned, negative(spin), change), change)
+
+
+@lean_inlined
+def step_wheels(
+    car: CarRecord,
+    loads: Four,
+    torque: float,
+    engine_inertia: float,
+    grip: np.ndarray,
+    drag: np.ndarray,
+    dt: float,
+    p: CarParameters,
+    wear_rate: float,
+) -> tuple[float, float, float]:
+    """Advance the spins and sum the tyre forces.
+
+    Args:
+        car: CAR_STATE record; spins, slips and wear are set.
+        loads: of the tyres, N.
+        torque: that drives the axles, N m.
+        engine_inertia: as the axles feel it, kg m^2.
+        grip, drag: (4,) grip and rolling resistance under each tyre.
+        dt: s.
+        p: the car's parameters.
+        wear_rate: see `Rates`.
+
+    Returns:
+        forces (N) and moment (N m) on the car in its frame.
+    """
+    u, v, r = car.velocity_x, car.velocity_y, car.yaw_rate
+    sine, cosine = small_sin_cos(car.steering)
+    sines, cosines = by_axle(sine, 0.0), by_axle(cosine, 1.0)
+    wide = by_axle(p.half_front_track, p.half_rear_track)
+    side = times(r, wide)
+    point_x = plus(u, choose(LEFT, negative(side), side))
+    point_y = madd(by_axle(p.a, -p.b), r, four(v))
+    along = madd(cosines, point_x, times(sines, point_y))
+    across = madd(negative(sines), point_x, times(cosines, point_y))
+    # The last step's acceleration foretells the road speed, but would set a car at rest swinging.
+    gain_speed = times(cosines, dt * fused(v, r, car.acceleration_x))
+    after = plus(along, choose(above(size(four(u)), SLOWEST), gain_speed, four(0.0)))
+
+    share = by_axle(p.drive_front, 1.0 - p.drive_front)
+    inertia = madd(share, 0.5 * engine_inertia, four(p.wheel_inertia))
+    drive = times(share, 0.5 * torque)
+    brake = by_axle(car.brake * p.brake_torque_front, car.brake * p.brake_torque_rear)
+    coupling = choose(above(share, 0.0), four(dt * p.differential), four(0.0))
+
+    spin = load(car.spin, 0)
+    rolling = times(spin, p.radius)
+    sliding = minus(rolling, along)
+    per_reference = over(1.0, highest(size(along), four(SLOWEST)))
+    slip_ratio = times(sliding, per_reference)
+    slip_angle = times(negative(across), per_reference)
+    store(car.slip_ratio, 0, slip_ratio)
+    store(car.slip_angle, 0, slip_angle)
+    _, fy, stiffness, most_squared = tyre_force(slip_ratio, slip_angle, loads, load(grip, 0), p)
+    most = root(most_squared)
+    per_speed = over(stiffness, highest(size(after), four(SLOWEST)))
+    gain = times(per_speed, p.radius)
+    fx = within(times(per_speed, minus(rolling, after)), most_squared, most)
+    applied = plus(drive, brake_torque(spin, brake, less_pull(drive, fx, p.radius)))
+
+    twist = times(coupling, minus(spin, beside(spin)))
+    own = madd(dt * p.radius, gain, inertia)
+    change = solve_axles(less_pull(applied, fx, p.radius), own, twist, coupling, dt)
+    # The secant overshoots the peak: a saturated tyre pulls with its friction, whatever the spin.
+    pull = madd(gain, change, fx)
+    beyond = above(times(pull, pull), most_squared)
+    held = choose(beyond, signed(most, pull), fx)
+    held_own = choose(beyond, inertia, own)
+    again = solve_axles(madd(-p.radius, held, applied), held_own, twist, coupling, dt)
+    held_axle = either(beyond, beside(beyond))
+    change, own = choose(held_axle, again, change), choose(held_axle, held_own, own)
+    change = controlled(change, spin, after, brake, drive, own, dt, p)
+
+    pull = within(madd(gain, change, fx), most_squared, most)
+    store(car.spin, 0, plus(spin, change))
+    if wear_rate > 0.0:
+        slide = plus(size(times(pull, sliding)), size(times(fy, across)))
+        store(car.wear, 0, madd(wear_rate * p.wear_per_joule * dt, slide, load(car.wear, 0)))
+    rolled = times(times(load(drag, 0), loads), along)
+    pull = minus(pull, over(rolled, plus(size(along), ROLLING_SPEED)))
+    x = madd(cosines, pull, times(negative(sines), fy))
+    y = madd(cosines, fy, times(sines, pull))
+    front_x, front_y, rear_x, rear_y = x[0] + x[1], y[0] + y[1], x[2] + x[3], y[2] + y[3]
+    front_turn = fused(p.a, front_y, p.half_front_track * (x[1] - x[0]))
+    rear_turn = fused(p.half_rear_track, x[3] - x[2], -(p.b * rear_y))
+    return front_x + rear_x, front_y + rear_y, front_turn + rear_turn
