@@ -7,6 +7,7 @@ car side by side, and prints one JSON object.
 from __future__ import annotations
 
 import json
+import math
 from itertools import cycle
 from pathlib import Path
 
@@ -26,6 +27,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 COLOURS = ("#1f6fb4", "#c8590b", "#3a8a3f", "#8a4fa3", "#a8823c", "#c4457d")
+SLOWEST = 1.12
+"""Laps beyond this multiple of the fastest bundled one are cut off."""
 
 Runs = dict[tuple[str, str], list[tuple[Path, list[Card]]]]
 
@@ -40,12 +43,17 @@ def bundled_runs() -> Runs:
     return runs
 
 
+def style(curve: Path) -> str:
+    """What a run is called among those of its circuit."""
+    return curve.stem.rpartition("-")[2]
+
+
 def draw_run(laps: Axes, off: Axes, path: Path, cards: list[Card], colour: str) -> float | None:
     """Draw one run; returns its best mean lap, s."""
     curve = pl.read_csv(path, null_values="nan", schema_overrides={"lap_s": pl.Float64})
     lap = curve.filter(pl.col("lap_s").is_not_null())
     chosen = lap.filter(pl.col("updates").is_in([card.step for card in cards]))
-    laps.plot(lap["updates"] / 1000, lap["lap_s"], color=colour, label=path.stem)
+    laps.plot(lap["updates"] / 1000, lap["lap_s"], color=colour, label=style(path))
     laps.plot(chosen["updates"] / 1000, chosen["lap_s"], "o", color=colour, markersize=4)
     off.plot(curve["updates"] / 1000, 100 * curve["off_course_share"], color=colour)
     return min(lap["lap_s"].to_list(), default=None)
@@ -67,16 +75,19 @@ def main() -> None:
     figure, axes = plt.subplots(
         2, len(runs), figsize=(max(7, 4 * len(runs)), 5), sharex="col", height_ratios=(2, 1), squeeze=False
     )
-    best = {}
+    styles = sorted({style(path) for those in runs.values() for path, _ in those})
+    colours = dict(zip(styles, cycle(COLOURS)))
+    best: dict[str, float | None] = {}
     console = Console(stderr=True)
     for (laps, off), (circuit, car) in track(
         list(zip(axes.T, runs, strict=True)), "circuits", console=console
     ):
-        for (path, cards), colour in zip(runs[circuit, car], cycle(COLOURS)):
-            best[path.stem] = draw_run(laps, off, path, cards, colour)
+        for path, cards in runs[circuit, car]:
+            best[path.stem] = draw_run(laps, off, path, cards, colours[style(path)])
         draw_references(laps, circuit, car)
+        fastest = min(best[path.stem] or math.inf for path, _ in runs[circuit, car])
+        laps.set_ylim(top=min(laps.get_ylim()[1], SLOWEST * fastest))
         laps.set_title(f"{circuit}, {car}", fontsize=9)
-        laps.legend(frameon=False)
         off.set_yscale("symlog", linthresh=1)
         off.set_ylim(0, 100)
         off.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
@@ -85,7 +96,13 @@ def main() -> None:
             axis.spines[["top", "right"]].set_visible(False)
     axes[0, 0].set_ylabel("mean lap, s (dots: bundled)")
     axes[1, 0].set_ylabel("off course, % of time")
-    figure.tight_layout()
+    labelled = {
+        label: line for laps in axes[0] for line, label in zip(*laps.get_legend_handles_labels(), strict=True)
+    }
+    labels = sorted(labelled, key=lambda label: (label not in styles, label))
+    lines = [labelled[label] for label in labels]
+    figure.legend(lines, labels, loc="lower center", ncols=len(labels), frameon=False)
+    figure.tight_layout(rect=(0.0, 0.06, 1.0, 1.0))
     figure.savefig(BUNDLED / "curves.svg", metadata={"Date": None})
     print(json.dumps({"best_lap_s": best}))
 
