@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
@@ -16,7 +18,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from numpy.typing import NDArray
 
 from arena.circuit_mesh import mesh, surfaces
-from arena.race_log import RaceLog
+from arena.race_log import Outline, RaceLog
 
 CAR_HEIGHT_M = 1.25
 TEAM_COLOURS: dict[int, tuple[int, int, int]] = {0: (51, 136, 238), 1: (245, 130, 32), -1: (190, 190, 190)}
@@ -25,9 +27,26 @@ TEAM_COLOURS: dict[int, tuple[int, int, int]] = {0: (51, 136, 238), 1: (245, 130
 
 def scene(log: RaceLog) -> SceneUpdate:
     """The circuit in the world's frame and every car as a box in its own, drawn for the whole race."""
+    box = Pose(position=Vector3(z=CAR_HEIGHT_M / 2), orientation=Quaternion(w=1.0))
+    size = Vector3(x=log.car_length_m, y=log.car_width_m, z=CAR_HEIGHT_M)
+    cars = [
+        SceneEntity(
+            frame_id=f"car_{i}",
+            id=f"car_{i}",
+            frame_locked=True,
+            cubes=[CubePrimitive(pose=box, size=size, color=_colour(*TEAM_COLOURS[team]))],
+        )
+        for i, team in enumerate(log.teams)
+    ]
+    return SceneUpdate(entities=[_circuit(log.outline), *cars])
+
+
+@lru_cache(maxsize=2)
+def _circuit(outline: Outline) -> SceneEntity:
+    """Kept, since the races of a match share their outline."""
     here = Pose(orientation=Quaternion(w=1.0))
     ground = []
-    for colour, quads in surfaces(log.outline).values():
+    for colour, quads in surfaces(outline).values():
         vertices, triangles = mesh(quads)
         ground.append(
             TriangleListPrimitive(
@@ -46,25 +65,13 @@ def scene(log: RaceLog) -> SceneUpdate:
             color=shade,
         )
         for line, above_m, width_m, shade in (
-            (log.outline.left, 0.02, 0.3, _colour(235, 235, 235)),
-            (log.outline.right, 0.02, 0.3, _colour(235, 235, 235)),
-            (log.outline.wall_left, 0.5, 0.3, _colour(150, 150, 160)),
-            (log.outline.wall_right, 0.5, 0.3, _colour(150, 150, 160)),
+            (outline.left, 0.02, 0.3, _colour(235, 235, 235)),
+            (outline.right, 0.02, 0.3, _colour(235, 235, 235)),
+            (outline.wall_left, 0.5, 0.3, _colour(150, 150, 160)),
+            (outline.wall_right, 0.5, 0.3, _colour(150, 150, 160)),
         )
     ]
-    circuit = SceneEntity(frame_id="world", id="circuit", triangles=ground, lines=lines)
-    box = Pose(position=Vector3(z=CAR_HEIGHT_M / 2), orientation=Quaternion(w=1.0))
-    size = Vector3(x=log.car_length_m, y=log.car_width_m, z=CAR_HEIGHT_M)
-    cars = [
-        SceneEntity(
-            frame_id=f"car_{i}",
-            id=f"car_{i}",
-            frame_locked=True,
-            cubes=[CubePrimitive(pose=box, size=size, color=_colour(*TEAM_COLOURS[team]))],
-        )
-        for i, team in enumerate(log.teams)
-    ]
-    return SceneUpdate(entities=[circuit, *cars])
+    return SceneEntity(frame_id="world", id="circuit", triangles=ground, lines=lines)
 
 
 def _points(points: NDArray[np.float64], above_m: float) -> list[Point3]:

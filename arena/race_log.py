@@ -77,7 +77,7 @@ class Stretch:
     end_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outline:
     """The circuit as closed polylines in the world frame, row beside row, each (n, 3) float64, metres.
 

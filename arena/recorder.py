@@ -128,6 +128,7 @@ class _Recorder:
         self._match, self._races = match, list(races)
         self._names = [[names[seat.entrant] for seat in match.races[race].seats] for race in races]
         self._track = load_track(match.circuit)
+        self._outline = outline(self._track)
         rules = load_rules(load_scenario(match.scenario).rules)
         self._watches = [
             IncidentWatch(race, cars, rules, self._track)
@@ -211,7 +212,7 @@ class _Recorder:
             teams=tuple(seat.team for seat in race.seats),
             car_length_m=body.length_m,
             car_width_m=body.width_m,
-            outline=outline(self._track),
+            outline=self._outline,
             sections=tuple(
                 Stretch(section.name, section.kind, section.start_m, section.end_m)
                 for section in self._track.sections
