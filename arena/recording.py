@@ -50,7 +50,7 @@ FOOTER = struct.Struct(
 CHUNK_BYTES = 256 * 1024
 """Of messages, before they are packed: what a damaged file loses at most, some ten seconds of a race."""
 SMALLEST_TURN = 2.0**-22
-"""To which frames are rounded, which are for viewers only: unrounded ones would make files a quarter larger."""
+"""To which frames are rounded, which only viewers use: unrounded ones would make files a quarter larger."""
 FAULTS = (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error)
 """What reading raises where a file is not as it should be."""
 
