@@ -71,7 +71,7 @@ def test_each_target_uses_the_critic_with_the_smaller_mean_there() -> None:
     action, log_density = squashed_normal(outputs, noise.next_action)
     both = update.returns(state.target, batch.next_observation, action)
     chosen = set()
-    for row, found in enumerate(update.targets(state, batch, noise)):
+    for row, found in enumerate(update.targets(state, update.pace(state.step).alpha, batch, noise)):
         critic = int(both[:, row].mean(-1).argmin())
         chosen.add(critic)
         soft = both[critic, row] - 0.3 * log_density[row]
@@ -82,7 +82,7 @@ def test_each_target_uses_the_critic_with_the_smaller_mean_there() -> None:
 def test_a_true_end_leaves_only_the_reward() -> None:
     update = Update(OBSERVATION, ACTION, config(alpha=5.0))
     batch = batches(1)[0]._replace(discount=torch.zeros(ROWS))
-    targets = update.targets(state_of(learner()), batch, noise_of(2))
+    targets = update.targets(state_of(learner()), torch.tensor(5.0), batch, noise_of(2))
     assert targets.equal(batch.reward[:, None].expand(-1, 6))
 
 
@@ -122,7 +122,7 @@ def test_updates_equal_those_of_modules_and_optimisers(bound: float) -> None:
     for i, batch in enumerate(batches(4)):
         noise = noise_of(i)
         with torch.no_grad():
-            state, metrics = update(state, batch, noise)
+            state, metrics = update(state, update.pace(state.step), batch, noise)
             action, log_density = squashed_normal(forward(policy, batch.next_observation), noise.next_action)
             inputs = torch.cat((batch.next_observation, action), -1)
             both = torch.stack([forward(layers, inputs) for layers in targets])
@@ -185,7 +185,7 @@ def test_without_distribution_it_is_soft_actor_critic() -> None:
     adam = torch.optim.Adam(parameters, lr=settings.critic_rate)
     (batch,), noise = batches(1), noise_of(2)
     with torch.no_grad():
-        new, metrics = update(state, batch, noise)
+        new, metrics = update(state, update.pace(state.step), batch, noise)
         outputs = update.policy(state.policy, batch.next_observation)
         action, log_density = squashed_normal(outputs, noise.next_action)
         inputs = torch.cat((batch.next_observation, action), -1)
@@ -222,8 +222,8 @@ def test_layer_norm_is_that_of_torch() -> None:
     expected = torch.stack([network(inputs) for network in networks])
     found = update.returns(state.critic, batch.observation, batch.action)
     torch.testing.assert_close(found, expected.detach())
-    samples = update.targets(state, batch, noise)
-    _, metrics = update(state, batch, noise)
+    samples = update.targets(state, update.pace(state.step).alpha, batch, noise)
+    _, metrics = update(state, update.pace(state.step), batch, noise)
     loss = plain_loss(expected[0], samples) + plain_loss(expected[1], samples)
     slopes = torch.autograd.grad(loss, parameters)
     torch.testing.assert_close(metrics["critic_loss"], loss.detach())
@@ -249,7 +249,9 @@ def test_an_update_uses_the_rates_of_its_time() -> None:
     state = state_of(learner())._replace(step=torch.tensor(10.0, dtype=torch.float64))
     (batch,), noise = batches(1), noise_of(2)
     with torch.no_grad():
-        (found, _), (expected, _) = (each(state, batch, noise) for each in (falling, constant))
+        (found, _), (expected, _) = (
+            each(state, each.pace(state.step), batch, noise) for each in (falling, constant)
+        )
     for name in ("critic", "policy"):
         assert not getattr(found, name).equal(getattr(state, name))
         torch.testing.assert_close(getattr(found, name), getattr(expected, name))
@@ -261,5 +263,7 @@ def test_an_update_uses_alpha_of_its_time() -> None:
     state = state_of(learner())._replace(step=torch.tensor(10.0, dtype=torch.float64))
     (batch,), noise = batches(1), noise_of(2)
     with torch.no_grad():
-        (_, found), (_, expected) = (each(state, batch, noise) for each in (falling, constant))
+        (_, found), (_, expected) = (
+            each(state, each.pace(state.step), batch, noise) for each in (falling, constant)
+        )
     torch.testing.assert_close(found, expected)

@@ -57,12 +57,30 @@ class Noise(NamedTuple):
     Attributes:
         action: (n, a) standard normal, for the actions of the policy update.
         next_action: (n, a) standard normal, for the actions of the targets.
-        kept: (n, sum of hidden widths) dropout factors of the policy update.
+        kept: (n, sum of hidden widths) dropout factors of the policy update; None without dropout.
     """
 
     action: Tensor
     next_action: Tensor
-    kept: Tensor
+    kept: Tensor | None
+
+
+class Pace(NamedTuple):
+    """The scalars of one update, float32 tensors.
+
+    They are made outside the compiled graph: within it they would be computed anew, powers and cosines, for
+    each vector of parameters.
+
+    Attributes:
+        alpha: weight of the entropy bonus.
+        critic, policy: Adam's step sizes, corrected for the start of its mean at zero.
+        square: what Adam's mean square is divided by, for its start at zero, after the root is taken.
+    """
+
+    alpha: Tensor
+    critic: Tensor
+    policy: Tensor
+    square: Tensor
 
 
 def quantile_huber_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
@@ -128,13 +146,11 @@ def annealed(value: float, final: float, made: Tensor, updates: int | None) -> T
 
 
 def _adam(
-    parameters: Tensor, mean: Tensor, square: Tensor, gradient: Tensor, step: Tensor, rate: Tensor | float
+    parameters: Tensor, mean: Tensor, square: Tensor, gradient: Tensor, size: Tensor, scale: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
     first, second = ADAM_DECAY
     mean = first * mean + (1.0 - first) * gradient
     square = second * square + (1.0 - second) * gradient.square()
-    size = rate / (1.0 - torch.pow(first, step))
-    scale = torch.sqrt(1.0 - torch.pow(second, step))
     return parameters - size * mean / (square.sqrt() / scale + ADAM_EPSILON), mean, square
 
 
@@ -164,10 +180,21 @@ class Update:
         inputs = torch.cat((observation, action), -1)
         return self.critics(critics, inputs.expand(2, -1, -1))
 
-    def _alpha(self, state: State) -> Tensor | float:
-        return annealed(self.config.alpha, self.config.final_alpha, state.step, self._updates)
+    def pace(self, made: Tensor) -> Pace:
+        """The scalars of the update that follows those made."""
+        config = self.config
+        first, second = ADAM_DECAY
+        step = made + 1.0
+        correction = 1.0 / (1.0 - torch.pow(first, step))
+        rates = (
+            annealed(rate, config.final_rates, made, self._updates) * correction
+            for rate in (config.critic_rate, config.policy_rate)
+        )
+        alpha = annealed(config.alpha, config.final_alpha, made, self._updates) * torch.ones_like(made)
+        scalars = (alpha, *rates, torch.sqrt(1.0 - torch.pow(second, step)))
+        return Pace(*(scalar.to(torch.float32) for scalar in scalars))
 
-    def targets(self, state: State, batch: Batch, noise: Noise) -> Tensor:
+    def targets(self, state: State, alpha: Tensor, batch: Batch, noise: Noise) -> Tensor:
         """Samples (n, m) of R + discount * (Z_k(s', a') - alpha log pi(a' | s')).
 
         k is, for each sample, the target critic with the smaller mean there; the entropy enters at the
@@ -177,11 +204,11 @@ class Update:
         action, log_density = squashed_normal(outputs, noise.next_action)
         first, second = self.returns(state.target, batch.next_observation, action)
         smaller = torch.where((first.mean(-1) <= second.mean(-1))[:, None], first, second)
-        soft = smaller - self._alpha(state) * log_density[:, None]
+        soft = smaller - alpha * log_density[:, None]
         return batch.reward[:, None] + batch.discount[:, None] * soft
 
     def policy_loss(
-        self, policy: Tensor, critics: Tensor, alpha: Tensor | float, batch: Batch, noise: Noise
+        self, policy: Tensor, critics: Tensor, alpha: Tensor, batch: Batch, noise: Noise
     ) -> tuple[Tensor, Tensor]:
         """The mean of alpha log pi - min Q, and the mean of log pi; the policy runs with dropout."""
         outputs = self.policy(policy, batch.observation, noise.kept)
@@ -189,16 +216,12 @@ class Update:
         value = self.returns(critics, batch.observation, action).mean(-1).amin(0)
         return (alpha * log_density - value).mean(), log_density.mean()
 
-    def __call__(self, state: State, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
+    def __call__(self, state: State, pace: Pace, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
         """The state after one update of critics, policy (against the new critics) and targets."""
         config = self.config
         step = state.step + 1.0
-        critic_rate, policy_rate = (
-            annealed(rate, config.final_rates, state.step, self._updates)
-            for rate in (config.critic_rate, config.policy_rate)
-        )
 
-        targets = self.targets(state, batch, noise)
+        targets = self.targets(state, pace.alpha, batch, noise)
         estimates, pull_back, *_ = torch.func.vjp(
             lambda critics: self.returns(critics, batch.observation, batch.action), state.critic
         )
@@ -207,14 +230,14 @@ class Update:
         norm = gradient.square().sum().sqrt()
         gradient = gradient * (config.gradient_norm / norm.clamp(min=config.gradient_norm))
         critic, critic_mean, critic_square = _adam(
-            state.critic, state.critic_mean, state.critic_square, gradient, step, critic_rate
+            state.critic, state.critic_mean, state.critic_square, gradient, pace.critic, pace.square
         )
 
         gradient, (policy_loss, log_density) = torch.func.grad_and_value(self.policy_loss, has_aux=True)(
-            state.policy, critic, self._alpha(state), batch, noise
+            state.policy, critic, pace.alpha, batch, noise
         )
         policy, policy_mean, policy_square = _adam(
-            state.policy, state.policy_mean, state.policy_square, gradient, step, policy_rate
+            state.policy, state.policy_mean, state.policy_square, gradient, pace.policy, pace.square
         )
 
         target = torch.lerp(state.target, critic, config.polyak)
@@ -234,7 +257,7 @@ class Update:
         return new, metrics
 
 
-def _compiled(update: Update) -> Callable[[State, Batch, Noise], tuple[State, Metrics]]:
+def _compiled(update: Update) -> Callable[[State, Pace, Batch, Noise], tuple[State, Metrics]]:
     if not any(map(shutil.which, ("g++", "c++", "clang++"))):
         log.warning("no C++ compiler found: QR-SAC runs uncompiled, at about half the speed")
         return update
@@ -302,15 +325,18 @@ class QRSAC:
             the policy, an estimate by its samples), gradient_norm (of both critics, before clipping).
         """
         with torch.no_grad():
-            self._state, metrics = self._run(self._state, batch, self._noise(len(batch.reward)))
+            pace = self._update.pace(self._state.step)
+            self._state, metrics = self._run(self._state, pace, batch, self._noise(len(batch.reward)))
         return metrics
 
     def _noise(self, count: int) -> Noise:
+        action, next_action = self._normal(count), self._normal(count)
+        if self.config.dropout == 0.0:
+            return Noise(action, next_action, None)
         keep = 1.0 - self.config.dropout
-        uniform = torch.rand(
-            (count, sum(self.config.hidden)), generator=self._generator, device=self._generator.device
-        )
-        return Noise(self._normal(count), self._normal(count), (uniform < keep) / keep)
+        shape = (count, sum(self.config.hidden))
+        uniform = torch.rand(shape, generator=self._generator, device=self._generator.device)
+        return Noise(action, next_action, (uniform < keep) / keep)
 
     def _normal(self, count: int) -> Tensor:
         shape = (count, self.action_size)

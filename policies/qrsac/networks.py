@@ -80,10 +80,7 @@ class Perceptron:
         return self._affine(inputs, *last)
 
     def _affine(self, inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-        if self.precision != torch.float32:
-            return (inputs.to(self.precision) @ weight.to(self.precision)).float() + bias
-        product = torch.baddbmm if weight.dim() == 3 else torch.addmm
-        return product(bias, inputs, weight)
+        return (inputs.to(self.precision) @ weight.to(self.precision)).float() + bias
 
 
 def _pairs(items: list[T]) -> list[tuple[T, T]]:
