@@ -9,10 +9,10 @@ The JSON has, by circuit and car, `limit_s` (the fastest lap by optimal control,
 null where it is not known), the built-in driver's figures alone under `driver`, and each checkpoint's under
 `champions`, by name:
 
-- `lap_s`, `best_lap_s`: median and best flying lap of the time trial from 8 starts, null where half of them
-  or all gave none; `clean_laps`, how many laps were completed without leaving the course;
-  `off_course_share`, of the time driven;
-- `limit_ratio`, `driver_ratio`: `lap_s` over the limit, and over the driver's in the same time trial;
+- `lap_s`, `best_lap_s`: median and best of the faster of two laps from each of 8 rolling starts, which is the
+  second, a flying one; null where half of the starts or all gave none; `clean_starts`, from how many nothing
+  was driven off the course; `off_course_share`, of the time driven;
+- `limit_ratio`, `driver_ratio`: `lap_s` over the limit, and over the driver's from the same starts;
 - `races`, `finished`, `wins_from_back`, `mean_place`: from the last place of the grid of the scenario `race`
   (eight cars, standing start, two laps, penalties) against seven built-in drivers at full pace; `wins_low`
   and `wins_high` are Wilson's 95 % interval;
@@ -50,7 +50,7 @@ from arena.pool import match_policies
 from arena.results import VOID_ENDINGS
 from arena.runner import run_match
 from arena.statistics import interval, spread
-from benchmarks.time_trial import TimeTrial, drive_alone, limits
+from benchmarks.time_trial import FLYING, TimeTrial, drive_alone, limits
 from policies.bundled import BUNDLED
 from policies.checkpoint import read_card
 from policies.load import DRIVER
@@ -118,7 +118,7 @@ def alone(laps: TimeTrial, limit_s: float | None, driver: TimeTrial) -> Figures:
     return {
         "lap_s": _number(laps.lap_s, 3),
         "best_lap_s": _number(laps.best_s, 3),
-        "clean_laps": laps.clean,
+        "clean_starts": laps.clean,
         "off_course_share": round(laps.off_course_share, 5),
         "limit_ratio": _number(laps.lap_s / limit_s, 4) if limit_s else None,
         "driver_ratio": _number(laps.lap_s / driver.lap_s, 4),
@@ -206,11 +206,11 @@ def measure(
     measured: dict[str, dict[str, Figures]] = {}
     for (circuit, car), those in entrants.items():
         limit_s = limits().get((circuit, car))
-        driver = drive_alone(enter(DRIVER, circuit, car))
+        driver = drive_alone(enter(DRIVER, circuit, car), FLYING)
         champions = {}
         for entrant in track(those, f"{circuit}, {car}", console=console):
             champions[entrant.name] = {
-                **alone(drive_alone(entrant), limit_s, driver),
+                **alone(drive_alone(entrant, FLYING), limit_s, driver),
                 **from_the_back(race(entrant, races), np.random.default_rng(SEED)),
                 "by_pace": {
                     str(pace): places(race(entrant, races, f"{DRIVER}:pace={pace}")) for pace in PACES

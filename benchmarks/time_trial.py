@@ -1,4 +1,4 @@
-"""Time trials: flying laps alone from a few starts, and the fastest lap to hold them against."""
+"""Time trials: laps alone from a few starts, and the fastest lap to hold them against."""
 
 from __future__ import annotations
 
@@ -18,6 +18,11 @@ from arena.pool import match_policies
 from arena.runner import run_match
 
 SCENARIO = "time_trial"
+"""One lap that begins soon after the start, as checkpoints are compared in training and the filter."""
+FLYING = str(Path(__file__).with_name("flying_lap.toml"))
+"""Two laps. The fastest lap by optimal control passes the line at the speed at which it began; the first lap
+after a rolling start does not.
+"""
 STARTS = 8
 SEED = 2024
 LIMITS = Path(__file__).with_name("limits.json")
@@ -26,12 +31,12 @@ LIMITS = Path(__file__).with_name("limits.json")
 
 @dataclass(frozen=True)
 class TimeTrial:
-    """Flying laps alone, one from each start.
+    """Laps alone.
 
     Attributes:
-        laps_s: (starts,) inf where the lap was not completed.
+        laps_s: (starts,) the best of each, inf where none was completed.
         off_course_share: of the time driven.
-        clean: laps completed without leaving the course.
+        clean: starts from which a lap was completed without ever leaving the course.
     """
 
     laps_s: NDArray[np.float64]
@@ -57,11 +62,11 @@ def time_trial(rows: pl.DataFrame) -> TimeTrial:
     return TimeTrial(laps, off_course_share, int(clean.sum()))
 
 
-def drive_alone(entrant: Entrant, starts: int = STARTS) -> TimeTrial:
-    """Let an entrant drive the time trial; the starts are the same for everybody."""
+def drive_alone(entrant: Entrant, scenario: str = SCENARIO, starts: int = STARTS) -> TimeTrial:
+    """Let an entrant drive a scenario for one car; the starts are the same for everybody."""
     races = tuple(Race(SEED + start, (Seat(0),)) for start in range(starts))
     circuit, car = entrant.circuit, entrant.car
-    match = Match("time_trial", SCENARIO, SCENARIO, circuit, car, (entrant.id,), (entrant.source,), races)
+    match = Match("time_trial", SCENARIO, scenario, circuit, car, (entrant.id,), (entrant.source,), races)
     return time_trial(run_match(match, match_policies(match)))
 
 

@@ -159,7 +159,7 @@ def test_a_measurement_in_full(
     monkeypatch.setattr("sys.argv", ["champions", "--json", str(out), str(path)])
     champions.main()
     figures = json.loads(out.read_text())["lindenring"]["gt3"]
-    assert figures["driver"]["clean_laps"] == 8
+    assert figures["driver"]["clean_starts"] == 8
     assert 1.0 < figures["driver"]["limit_ratio"] < 1.1
     assert figures["driver"]["driver_ratio"] == 1.0
     novice = figures["champions"]["novice-1"]
