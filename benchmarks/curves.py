@@ -26,7 +26,7 @@ from policies.load import DRIVER
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-COLOURS = ("#1f6fb4", "#c8590b", "#3a8a3f", "#8a4fa3", "#a8823c", "#c4457d")
+COLOURS = ("#1f6fb4", "#c8590b", "#3a8a3f", "#8a4fa3", "#a8823c", "#c4457d", "#555555")
 SLOWEST = 1.12
 """Laps beyond this multiple of the fastest bundled one are cut off."""
 

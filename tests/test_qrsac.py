@@ -166,6 +166,7 @@ def test_actions_are_made_without_dropout() -> None:
 
 def test_dropout_keeps_its_share_and_the_mean() -> None:
     kept = learner(dropout=0.25, hidden=(300, 200))._noise(400).kept
+    assert kept is not None
     assert ((kept == 0.0) | (kept - 4 / 3).abs().lt(1e-3)).all()
     # four standard deviations of the mean of 200,000 draws
     assert abs(float(kept.mean()) - 1.0) < 4 * np.sqrt(1 / 3 / 200_000)
