@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 
 from policies.qrsac.config import QRSACConfig
-from policies.qrsac.learner import QRSAC, Noise, State
+from policies.qrsac.learner import QRSAC
+from policies.qrsac.update import Noise, State
 from policies.replay import Batch
 
 OBSERVATION, ACTION, ROWS = 5, 2, 16

@@ -14,7 +14,8 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from policies.qrsac.config import QRSACConfig
-from policies.qrsac.learner import QRSAC, Update
+from policies.qrsac.learner import QRSAC
+from policies.qrsac.update import Update
 from policies.replay import Batch
 from sim.errors import InputError
 from tests.qrsac import ACTION, OBSERVATION, batches, config, learner

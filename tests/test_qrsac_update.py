@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from torch.distributions import Normal, TransformedDistribution
 from torch.distributions.transforms import TanhTransform
 
-from policies.qrsac.learner import State, Update, annealed, quantile_huber_loss
 from policies.qrsac.networks import squashed_normal
+from policies.qrsac.update import State, Update, annealed, quantile_huber_loss
 from tests.qrsac import ACTION, OBSERVATION, ROWS, batches, config, learner, noise_of, state_of
 
 

@@ -1,0 +1,236 @@
+"""One update of QR-SAC as a function of tensors.
+
+Wurman et al., "Outracing champion Gran Turismo drivers with deep reinforcement learning", Nature 602
+(2022), Methods; the quantile loss is that of Dabney et al., "Distributional reinforcement learning with
+quantile regression" (AAAI 2018).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from policies.qrsac.config import QRSACConfig
+from policies.qrsac.networks import Perceptron, squashed_normal
+from policies.replay import Batch
+
+ADAM_DECAY = (0.9, 0.999)
+ADAM_EPSILON = 1e-8
+
+Metrics = dict[str, Tensor]
+
+
+class State(NamedTuple):
+    """All that an update changes: flat parameter vectors, Adam's moments of them, the count of updates.
+
+    `target` follows the critics, `average` is the running mean of the policy.
+    """
+
+    policy: Tensor
+    policy_mean: Tensor
+    policy_square: Tensor
+    critic: Tensor
+    critic_mean: Tensor
+    critic_square: Tensor
+    target: Tensor
+    average: Tensor
+    step: Tensor
+
+
+class Noise(NamedTuple):
+    """The random numbers of one update.
+
+    Attributes:
+        action: (n, a) standard normal, for the actions of the policy update.
+        next_action: (n, a) standard normal, for the actions of the targets.
+        kept: (n, sum of hidden widths) dropout factors of the policy update; None without dropout.
+    """
+
+    action: Tensor
+    next_action: Tensor
+    kept: Tensor | None
+
+
+class Pace(NamedTuple):
+    """The scalars of one update, float32 tensors.
+
+    They are made outside the compiled graph: within it they would be computed anew, powers and cosines, for
+    each vector of parameters.
+
+    Attributes:
+        alpha: weight of the entropy bonus.
+        critic, policy: Adam's step sizes, corrected for the start of its mean at zero.
+        square: what Adam's mean square is divided by, for its start at zero, after the root is taken.
+    """
+
+    alpha: Tensor
+    critic: Tensor
+    policy: Tensor
+    square: Tensor
+
+
+def quantile_huber_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+    """Quantile Huber loss with threshold 1 over all pairs of estimates and targets, and its gradient.
+
+    It is averaged over the targets and the batch and *summed* over the quantiles estimated and the
+    critics, as Dabney et al. do: the gradient of one quantile then does not shrink as quantiles are added.
+    The bound on the gradient's norm refers to this sum.
+
+    Args:
+        estimates: (critics, n, m), the quantiles at (2j + 1) / 2m for j = 0 .. m - 1.
+        targets: (n, m), samples of the distribution sought.
+
+    Returns:
+        the loss, and its gradient with respect to the estimates (critics, n, m). It is written out because
+        automatic differentiation stores several numbers for each pair, which costs more than the networks.
+    """
+    count = estimates.shape[-1]
+    levels = (torch.arange(count, device=estimates.device) + 0.5) / count
+    difference = targets[:, None, :] - estimates[..., None]
+    clipped = difference.clamp(-1.0, 1.0)
+    weighted = clipped * torch.where(difference < 0.0, 1.0 - levels[:, None], levels[:, None])
+    loss = (weighted * (difference - 0.5 * clipped)).mean((1, 3)).sum()
+    return loss, -weighted.mean(-1) / len(targets)
+
+
+def squared_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+    """Half the squared error, averaged over the batch and summed over the critics, and its gradient.
+
+    Args:
+        estimates: (critics, n, 1).
+        targets: (n, 1).
+
+    Returns:
+        the loss, and its gradient with respect to the estimates.
+    """
+    error = estimates - targets
+    return 0.5 * error.square().mean((1, 2)).sum(), error / len(targets)
+
+
+def annealed(value: float, final: float, made: Tensor, updates: int | None) -> Tensor | float:
+    """A number that falls by half a cosine, and then stays.
+
+    Args:
+        value: at the beginning.
+        final: share of it that is left at the end; 1 is for one that never changes.
+        made: count of updates so far.
+        updates: after which the end is reached; None is for numbers that never change.
+    """
+    if final == 1.0 or updates is None:
+        return value
+    fallen = 0.5 - 0.5 * torch.cos(torch.pi * (made / updates).clamp(max=1.0))
+    return value * (1.0 - (1.0 - final) * fallen)
+
+
+def _adam(
+    parameters: Tensor, mean: Tensor, square: Tensor, gradient: Tensor, size: Tensor, scale: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    first, second = ADAM_DECAY
+    mean = first * mean + (1.0 - first) * gradient
+    square = second * square + (1.0 - second) * gradient.square()
+    return parameters - size * mean / (square.sqrt() / scale + ADAM_EPSILON), mean, square
+
+
+class Update:
+    """The update as a pure function of tensors, so that one graph can hold all of it."""
+
+    def __init__(
+        self,
+        observation_size: int,
+        action_size: int,
+        config: QRSACConfig,
+        precision: torch.dtype = torch.float32,
+        updates: int | None = None,
+    ) -> None:
+        self.config = config
+        self._updates = updates
+        outputs = config.quantiles if config.distributional else 1
+        inputs = observation_size + action_size
+        self.policy = Perceptron((observation_size, *config.hidden, 2 * action_size), precision=precision)
+        self.critics = Perceptron(
+            (inputs, *config.hidden, outputs), (2,), layer_norm=config.layer_norm, precision=precision
+        )
+        self._loss = quantile_huber_loss if config.distributional else squared_loss
+
+    def returns(self, critics: Tensor, observation: Tensor, action: Tensor) -> Tensor:
+        """Both critics' quantiles (their means for plain SAC) of the return, (2, n, m)."""
+        inputs = torch.cat((observation, action), -1)
+        return self.critics(critics, inputs.expand(2, -1, -1))
+
+    def pace(self, made: Tensor) -> Pace:
+        """The scalars of the update that follows those made."""
+        config = self.config
+        first, second = ADAM_DECAY
+        step = made + 1.0
+        correction = 1.0 / (1.0 - torch.pow(first, step))
+        rates = (
+            annealed(rate, config.final_rates, made, self._updates) * correction
+            for rate in (config.critic_rate, config.policy_rate)
+        )
+        alpha = annealed(config.alpha, config.final_alpha, made, self._updates) * torch.ones_like(made)
+        scalars = (alpha, *rates, torch.sqrt(1.0 - torch.pow(second, step)))
+        return Pace(*(scalar.to(torch.float32) for scalar in scalars))
+
+    def targets(self, state: State, alpha: Tensor, batch: Batch, noise: Noise) -> Tensor:
+        """Samples (n, m) of R + discount * (Z_k(s', a') - alpha log pi(a' | s')).
+
+        k is, for each sample, the target critic with the smaller mean there; the entropy enters at the
+        last step only. The policy runs in evaluation mode (no dropout).
+        """
+        outputs = self.policy(state.policy, batch.next_observation)
+        action, log_density = squashed_normal(outputs, noise.next_action)
+        first, second = self.returns(state.target, batch.next_observation, action)
+        smaller = torch.where((first.mean(-1) <= second.mean(-1))[:, None], first, second)
+        soft = smaller - alpha * log_density[:, None]
+        return batch.reward[:, None] + batch.discount[:, None] * soft
+
+    def policy_loss(
+        self, policy: Tensor, critics: Tensor, alpha: Tensor, batch: Batch, noise: Noise
+    ) -> tuple[Tensor, Tensor]:
+        """The mean of alpha log pi - min Q, and the mean of log pi; the policy runs with dropout."""
+        outputs = self.policy(policy, batch.observation, noise.kept)
+        action, log_density = squashed_normal(outputs, noise.action)
+        value = self.returns(critics, batch.observation, action).mean(-1).amin(0)
+        return (alpha * log_density - value).mean(), log_density.mean()
+
+    def __call__(self, state: State, pace: Pace, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
+        """The state after one update of critics, policy (against the new critics) and targets."""
+        config = self.config
+        step = state.step + 1.0
+
+        targets = self.targets(state, pace.alpha, batch, noise)
+        estimates, pull_back, *_ = torch.func.vjp(
+            lambda critics: self.returns(critics, batch.observation, batch.action), state.critic
+        )
+        critic_loss, slope = self._loss(estimates, targets)
+        (gradient,) = pull_back(slope)
+        norm = gradient.square().sum().sqrt()
+        gradient = gradient * (config.gradient_norm / norm.clamp(min=config.gradient_norm))
+        critic, critic_mean, critic_square = _adam(
+            state.critic, state.critic_mean, state.critic_square, gradient, pace.critic, pace.square
+        )
+
+        gradient, (policy_loss, log_density) = torch.func.grad_and_value(self.policy_loss, has_aux=True)(
+            state.policy, critic, pace.alpha, batch, noise
+        )
+        policy, policy_mean, policy_square = _adam(
+            state.policy, state.policy_mean, state.policy_square, gradient, pace.policy, pace.square
+        )
+
+        target = torch.lerp(state.target, critic, config.polyak)
+        # The mean of all so far, until there are enough.
+        share = torch.clamp(1.0 / step, min=config.averaging).to(policy.dtype)
+        average = torch.lerp(state.average, policy, share)
+        metrics = {
+            "critic_loss": critic_loss,
+            "policy_loss": policy_loss,
+            "mean_q": estimates.mean(),
+            "entropy": -log_density,
+            "gradient_norm": norm,
+        }
+        new = State(
+            policy, policy_mean, policy_square, critic, critic_mean, critic_square, target, average, step
+        )
+        return new, metrics
