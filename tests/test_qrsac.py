@@ -165,6 +165,15 @@ def test_actions_are_made_without_dropout() -> None:
     assert np.abs(with_dropout).max() <= 1.0
 
 
+def test_actions_do_not_depend_on_the_precision_of_training() -> None:
+    observations = np.random.default_rng(0).standard_normal((9, OBSERVATION)).astype(np.float32)
+    for stochastic in (False, True):
+        full, fast = (
+            learner(precision=name).act(observations, stochastic) for name in ("float32", "bfloat16")
+        )
+        np.testing.assert_array_equal(full, fast)
+
+
 def test_dropout_keeps_its_share_and_the_mean() -> None:
     kept = learner(dropout=0.25, hidden=(300, 200))._noise(400).kept
     assert kept is not None

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch._dynamo.types import GuardFilterEntry
 
 from policies.qrsac.config import QRSACConfig
+from policies.qrsac.memory import keep_freed_memory
 from policies.qrsac.networks import Perceptron, act
 from policies.qrsac.update import Metrics, Noise, Pace, State, Update
 from policies.replay import Batch
@@ -32,11 +34,17 @@ def fast_precision(device: torch.device) -> torch.dtype:
     return torch.bfloat16 if fast else torch.float32
 
 
-def _compiled(update: Update) -> Callable[[State, Pace, Batch, Noise], tuple[State, Metrics]]:
+def _compiled(update: Update) -> Callable[[State, Pace, Batch, Noise], Metrics]:
     if not any(map(shutil.which, ("g++", "c++", "clang++"))):
         log.warning("no C++ compiler found: QR-SAC runs uncompiled, at about half the speed")
-        return update
-    return torch.compile(update.__call__, fullgraph=True, dynamic=False)
+        return update.in_place
+    options = {"guard_filter_fn": _of_tensors}
+    return torch.compile(update.in_place, fullgraph=True, dynamic=False, options=options)
+
+
+def _of_tensors(guards: Sequence[GuardFilterEntry]) -> list[bool]:
+    """Only a batch of another shape asks for another graph; to check all else takes long beside an update."""
+    return [guard.guard_type == "TENSOR_MATCH" for guard in guards]
 
 
 class QRSAC:
@@ -77,7 +85,9 @@ class QRSAC:
             else getattr(torch, config.precision)
         )
         self._update = Update(observation_size, action_size, config, precision, updates)
-        self._run = _compiled(self._update) if compiled else self._update
+        if generator.device.type == "cpu":
+            keep_freed_memory()
+        self._run = _compiled(self._update) if compiled else self._update.in_place
         policy = self._update.policy.initial(generator)
         critic = self._update.critics.initial(generator)
         self._state = State(
@@ -89,8 +99,8 @@ class QRSAC:
             critic_square=torch.zeros_like(critic),
             target=critic.clone(),
             average=policy.clone(),
-            step=torch.zeros((), dtype=torch.float64, device=generator.device),
         )
+        self._made = 0
 
     def update(self, batch: Batch) -> Metrics:
         """Learns from one batch.
@@ -100,18 +110,26 @@ class QRSAC:
             the policy, an estimate by its samples), gradient_norm (of both critics, before clipping).
         """
         with torch.no_grad():
-            pace = self._update.pace(self._state.step)
-            self._state, metrics = self._run(self._state, pace, batch, self._noise(len(batch.reward)))
-        return metrics
+            pace = self._update.pace(self._made, self._generator.device)
+            self._made += 1
+            return self._run(self._state, pace, batch, self._noise(len(batch.reward)))
 
     def _noise(self, count: int) -> Noise:
         action, next_action = self._normal(count), self._normal(count)
         if self.config.dropout == 0.0:
             return Noise(action, next_action, None)
-        keep = 1.0 - self.config.dropout
-        shape = (count, sum(self.config.hidden))
-        uniform = torch.rand(shape, generator=self._generator, device=self._generator.device)
-        return Noise(action, next_action, (uniform < keep) / keep)
+        return Noise(action, next_action, self._kept(count * sum(self.config.hidden)).view(count, -1))
+
+    def _kept(self, count: int) -> Tensor:
+        """Dropout factors (n,); the chance of a unit to be dropped holds to 1/65,536.
+
+        Four come of each number of the generator, as one each would take a tenth of an update.
+        """
+        draws = torch.empty(-(-count // 4), dtype=torch.int64, device=self._generator.device)
+        draws.random_(-(2**63), None, generator=self._generator)
+        dropped = min(round(self.config.dropout * 2**16), 2**16 - 1)
+        kept = draws.view(torch.int16)[:count] >= dropped - 2**15
+        return torch.where(kept, 1.0 / (1.0 - self.config.dropout), 0.0)
 
     def _normal(self, count: int) -> Tensor:
         shape = (count, self.action_size)
@@ -125,7 +143,7 @@ class QRSAC:
     @property
     def policy_parameters(self) -> Tensor:
         """Parameters (p,) of the policy on the CPU; later updates leave them as they are."""
-        return self._state.policy.cpu()
+        return self._state.policy.to("cpu", copy=True)
 
     @property
     def finite(self) -> bool:
@@ -135,8 +153,8 @@ class QRSAC:
     def act(self, observations: NDArray[np.float32], stochastic: bool) -> NDArray[np.float32]:
         """Actions (n, a) of the present policy drawn from the learner's generator, or of the mean policy."""
         if stochastic:
-            return act(self._update.policy, self._state.policy, observations, self._generator)
-        return act(self._update.policy, self._state.average, observations, None)
+            return act(self.policy_network, self._state.policy, observations, self._generator)
+        return act(self.policy_network, self._state.average, observations, None)
 
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
         """The mean policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..
@@ -150,8 +168,10 @@ class QRSAC:
         }
 
     def state_dict(self) -> dict[str, Tensor]:
-        """All that an exact resume needs, the generator's state included, as named tensors."""
-        return {**self._state._asdict(), "generator": self._generator.get_state()}
+        """Copies of all that an exact resume needs, the generator's state included, as named tensors."""
+        copies = {name: tensor.clone() for name, tensor in self._state._asdict().items()}
+        made = torch.tensor(self._made, dtype=torch.float64)
+        return {**copies, "step": made, "generator": self._generator.get_state()}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> None:
         """Goes on from what `state_dict` of a learner of the same shape returned.
@@ -161,7 +181,8 @@ class QRSAC:
         """
         self._check(tensors)
         self._generator.set_state(tensors["generator"].cpu())
-        self._state = State(*(tensors[name].to(self._generator.device) for name in State._fields))
+        self._take(tensors, State._fields)
+        self._made = int(tensors["step"])
 
     def load_networks(self, tensors: dict[str, Tensor]) -> None:
         """Takes policy, critics and targets from what `state_dict` of a learner of the same shape returned.
@@ -172,8 +193,11 @@ class QRSAC:
             InputError: naming the tensor that is missing, unknown or of another shape or type.
         """
         self._check(tensors)
-        networks = {name: tensors[name].to(self._generator.device) for name in NETWORKS}
-        self._state = self._state._replace(**networks)
+        self._take(tensors, NETWORKS)
+
+    def _take(self, tensors: dict[str, Tensor], names: Iterable[str]) -> None:
+        for name in names:
+            getattr(self._state, name).copy_(tensors[name])
 
     def _check(self, tensors: dict[str, Tensor]) -> None:
         expected = self.state_dict()

@@ -7,6 +7,7 @@ quantile regression" (AAAI 2018).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -23,7 +24,7 @@ Metrics = dict[str, Tensor]
 
 
 class State(NamedTuple):
-    """All that an update changes: flat parameter vectors, Adam's moments of them, the count of updates.
+    """All that an update changes: flat parameter vectors and Adam's moments of them.
 
     `target` follows the critics, `average` is the running mean of the policy.
     """
@@ -36,7 +37,6 @@ class State(NamedTuple):
     critic_square: Tensor
     target: Tensor
     average: Tensor
-    step: Tensor
 
 
 class Noise(NamedTuple):
@@ -63,12 +63,15 @@ class Pace(NamedTuple):
         alpha: weight of the entropy bonus.
         critic, policy: Adam's step sizes, corrected for the start of its mean at zero.
         square: what Adam's mean square is divided by, for its start at zero, after the root is taken.
+        average: share of the policy that is mixed into its running mean, which is the mean of all so far
+            until there are enough.
     """
 
     alpha: Tensor
     critic: Tensor
     policy: Tensor
     square: Tensor
+    average: Tensor
 
 
 def quantile_huber_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
@@ -91,8 +94,9 @@ def quantile_huber_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Ten
     difference = targets[:, None, :] - estimates[..., None]
     clipped = difference.clamp(-1.0, 1.0)
     weighted = clipped * torch.where(difference < 0.0, 1.0 - levels[:, None], levels[:, None])
-    loss = (weighted * (difference - 0.5 * clipped)).mean((1, 3)).sum()
-    return loss, -weighted.mean(-1) / len(targets)
+    # Over the targets first, as the gradient: both are then one pass over the pairs.
+    losses = (weighted * (difference - 0.5 * clipped)).mean(-1)
+    return losses.mean(1).sum(), -weighted.mean(-1) / len(targets)
 
 
 def squared_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
@@ -109,7 +113,7 @@ def squared_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
     return 0.5 * error.square().mean((1, 2)).sum(), error / len(targets)
 
 
-def annealed(value: float, final: float, made: Tensor, updates: int | None) -> Tensor | float:
+def annealed(value: float, final: float, made: int, updates: int | None) -> float:
     """A number that falls by half a cosine, and then stays.
 
     Args:
@@ -120,7 +124,7 @@ def annealed(value: float, final: float, made: Tensor, updates: int | None) -> T
     """
     if final == 1.0 or updates is None:
         return value
-    fallen = 0.5 - 0.5 * torch.cos(torch.pi * (made / updates).clamp(max=1.0))
+    fallen = 0.5 - 0.5 * math.cos(math.pi * min(made / updates, 1.0))
     return value * (1.0 - (1.0 - final) * fallen)
 
 
@@ -159,19 +163,20 @@ class Update:
         inputs = torch.cat((observation, action), -1)
         return self.critics(critics, inputs.expand(2, -1, -1))
 
-    def pace(self, made: Tensor) -> Pace:
+    def pace(self, made: int, device: torch.device) -> Pace:
         """The scalars of the update that follows those made."""
         config = self.config
         first, second = ADAM_DECAY
-        step = made + 1.0
-        correction = 1.0 / (1.0 - torch.pow(first, step))
-        rates = (
-            annealed(rate, config.final_rates, made, self._updates) * correction
-            for rate in (config.critic_rate, config.policy_rate)
+        step = made + 1
+        correction = 1.0 - first**step
+        scalars = (
+            annealed(config.alpha, config.final_alpha, made, self._updates),
+            annealed(config.critic_rate, config.final_rates, made, self._updates) / correction,
+            annealed(config.policy_rate, config.final_rates, made, self._updates) / correction,
+            math.sqrt(1.0 - second**step),
+            max(1.0 / step, config.averaging),
         )
-        alpha = annealed(config.alpha, config.final_alpha, made, self._updates) * torch.ones_like(made)
-        scalars = (alpha, *rates, torch.sqrt(1.0 - torch.pow(second, step)))
-        return Pace(*(scalar.to(torch.float32) for scalar in scalars))
+        return Pace(*torch.tensor(scalars, device=device).unbind())
 
     def targets(self, state: State, alpha: Tensor, batch: Batch, noise: Noise) -> Tensor:
         """Samples (n, m) of R + discount * (Z_k(s', a') - alpha log pi(a' | s')).
@@ -198,8 +203,6 @@ class Update:
     def __call__(self, state: State, pace: Pace, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
         """The state after one update of critics, policy (against the new critics) and targets."""
         config = self.config
-        step = state.step + 1.0
-
         targets = self.targets(state, pace.alpha, batch, noise)
         estimates, pull_back, *_ = torch.func.vjp(
             lambda critics: self.returns(critics, batch.observation, batch.action), state.critic
@@ -220,9 +223,7 @@ class Update:
         )
 
         target = torch.lerp(state.target, critic, config.polyak)
-        # The mean of all so far, until there are enough.
-        share = torch.clamp(1.0 / step, min=config.averaging).to(policy.dtype)
-        average = torch.lerp(state.average, policy, share)
+        average = torch.lerp(state.average, policy, pace.average)
         metrics = {
             "critic_loss": critic_loss,
             "policy_loss": policy_loss,
@@ -230,7 +231,16 @@ class Update:
             "entropy": -log_density,
             "gradient_norm": norm,
         }
-        new = State(
-            policy, policy_mean, policy_square, critic, critic_mean, critic_square, target, average, step
-        )
+        new = State(policy, policy_mean, policy_square, critic, critic_mean, critic_square, target, average)
         return new, metrics
+
+    def in_place(self, state: State, pace: Pace, batch: Batch, noise: Noise) -> Metrics:
+        """One update that overwrites the state.
+
+        Fresh memory for every update of wide networks costs more than their optimiser: the system must
+        clear it and hand it out page by page.
+        """
+        new, metrics = self(state, pace, batch, noise)
+        for old, fresh in zip(state, new, strict=True):
+            old.copy_(fresh)
+        return metrics
