@@ -2,8 +2,9 @@
 
 Run as `python -m benchmarks.learner --json FILE`. All learners see observations of 231 numbers, act in two,
 have twin critics and sample their own replay for each update. Ours and TQC estimate 32 quantiles a critic,
-SAC the mean. The weight of the entropy is fixed for all, which spares the others an optimiser. They take
-turns, so that what else the machine does meets all of them alike. The entries of the JSON:
+SAC the mean. The weight of the entropy is fixed for all, which spares the others an optimiser. Each has a
+process of its own, as ours tells the C library what to do with freed memory; they take turns, so that what
+else the machine does meets all of them alike. The entries of the JSON:
 
 - `sizes`: for each shape of the networks and batch
     - `ours`, `ours_float32`, `sb3_sac`, `tqc`: updates a second of wall time, medians over the turns; the
@@ -24,9 +25,11 @@ import json
 import platform
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -68,10 +71,11 @@ class Space(gymnasium.Env[Any, Any]):
     action_space = Box(-1.0, 1.0, (ACTION,), np.float32)
 
 
-def our_config(hidden: tuple[int, ...], batch: int, precision: torch.dtype) -> QRSACConfig:
+def our_config(hidden: tuple[int, ...], batch: int, precision: str) -> QRSACConfig:
     """Ours at a size."""
-    name = str(precision).removeprefix("torch.")
-    return QRSACConfig.model_validate({"hidden": hidden, "batch": batch, "alpha": ALPHA, "precision": name})
+    return QRSACConfig.model_validate(
+        {"hidden": hidden, "batch": batch, "alpha": ALPHA, "precision": precision}
+    )
 
 
 def our_replay(rng: np.random.Generator) -> NStepReplay:
@@ -146,37 +150,81 @@ def operations(updates: Updates) -> int:
     return int(counter.get_total_flops())
 
 
-def measure(hidden: tuple[int, ...], batch: int, console: Console) -> tuple[dict[str, Any], dict[str, float]]:
-    """The entry of one size, and the peak in Gflop/s by precision."""
+def contestant(name: str, hidden: tuple[int, ...], batch: int) -> Updates:
+    """Who goes by that name in `measure`, at a size."""
     rng = np.random.default_rng(0)
-    precisions = {"ours_float32": torch.float32, "ours": fast_precision(torch.device("cpu"))}
-    if precisions["ours"] is torch.float32:
-        del precisions["ours"]
-    replay = our_replay(rng)
-    learners = {
-        name: ours(our_config(hidden, batch, precision), replay, rng)
-        for name, precision in precisions.items()
-    }
-    first_s = {name: timed(updates, 1) for name, updates in learners.items()}
-    plain = our_config(hidden, batch, torch.float32)
-    learners |= {"sb3_sac": theirs(SAC, plain, rng), "tqc": theirs(TQC, plain, rng)}
-    products = {str(p).removeprefix("torch."): product(p) for p in precisions.values()}
-    contenders = learners | products
+    kind, _, precision = name.partition(" ")
+    config = our_config(hidden, batch, precision or "float32")
+    if kind == "product":
+        return product(getattr(torch, precision))
+    if kind == "ours":
+        return ours(config, our_replay(rng), rng)
+    return theirs({"sb3_sac": SAC, "tqc": TQC}[kind], config, rng)
 
-    counts = {}
-    for name, updates in contenders.items():
-        updates(1)
-        counts[name] = max(1, round(TURN_S / timed(updates, 1)))
-    seconds: dict[str, list[float]] = {name: [] for name in contenders}
+
+class Contender:
+    """A contestant in a process of its own.
+
+    Attributes:
+        first_s: wall time of the first update, in seconds.
+        count: of updates in a turn.
+        seconds: for one update, of each turn.
+    """
+
+    _updates: ClassVar[Updates]
+
+    def __init__(self, name: str, hidden: tuple[int, ...], batch: int, threads: int) -> None:
+        self._process = ProcessPoolExecutor(
+            1, get_context("spawn"), Contender._begin, (name, hidden, batch, threads)
+        )
+        self.first_s = self._timed(1)
+        self.count = max(1, round(TURN_S / self._timed(1)))
+        self.seconds: list[float] = []
+
+    @staticmethod
+    def _begin(name: str, hidden: tuple[int, ...], batch: int, threads: int) -> None:
+        torch.set_num_threads(threads)
+        Contender._updates = contestant(name, hidden, batch)
+
+    @staticmethod
+    def _time(count: int) -> float:
+        return timed(Contender._updates, count)
+
+    def _timed(self, count: int) -> float:
+        return self._process.submit(Contender._time, count).result()
+
+    def take_turn(self) -> None:
+        """Times one turn."""
+        self.seconds.append(self._timed(self.count))
+
+    def end(self) -> None:
+        """Ends the process."""
+        self._process.shutdown()
+
+
+def measure(
+    hidden: tuple[int, ...], batch: int, threads: int, console: Console
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """The entry of one size, and the peak in Gflop/s by precision."""
+    fast = str(fast_precision(torch.device("cpu"))).removeprefix("torch.")
+    precisions = dict.fromkeys(("float32", fast))
+    names = [f"{kind} {precision}" for precision in precisions for kind in ("ours", "product")]
+    contenders = {name: Contender(name, hidden, batch, threads) for name in (*names, "sb3_sac", "tqc")}
     for _ in track(range(TURNS), f"{'x'.join(map(str, hidden))}, batch {batch}", console=console):
-        for name, updates in contenders.items():
-            seconds[name].append(timed(updates, counts[name]))
+        for contender in contenders.values():
+            contender.take_turn()
+    for contender in contenders.values():
+        contender.end()
 
-    rate = {name: 1.0 / float(np.median(seconds[name])) for name in learners}
-    rate.setdefault("ours", rate["ours_float32"])
-    peak = {name: 2e-9 * PEAK_WIDTH**3 / min(seconds[name]) for name in products}
-    gflop = 1e-9 * operations(ours(plain, replay, rng, compiled=False))
-    fast = str(precisions.get("ours", torch.float32)).removeprefix("torch.")
+    rate = {name: 1.0 / float(np.median(contender.seconds)) for name, contender in contenders.items()}
+    rate |= {"ours": rate[f"ours {fast}"], "ours_float32": rate["ours float32"]}
+    peak = {
+        precision: 2e-9 * PEAK_WIDTH**3 / min(contenders[f"product {precision}"].seconds)
+        for precision in precisions
+    }
+    rng = np.random.default_rng(0)
+    plain = our_config(hidden, batch, "float32")
+    gflop = 1e-9 * operations(ours(plain, our_replay(rng), rng, compiled=False))
     return {
         **{name: round(rate[name], 2) for name in ("ours", "ours_float32", "sb3_sac", "tqc")},
         "ratio": {name: round(rate["ours"] / rate[name], 2) for name in ("sb3_sac", "tqc")},
@@ -184,7 +232,7 @@ def measure(hidden: tuple[int, ...], batch: int, console: Console) -> tuple[dict
         "gflop": round(gflop, 3),
         "peak_share": round(gflop * rate["ours"] / peak[fast], 3),
         "float32_peak_share": round(gflop * rate["ours_float32"] / peak["float32"], 3),
-        "compile_s": round(first_s["ours_float32"], 1),
+        "compile_s": round(contenders["ours float32"].first_s, 1),
     }, peak
 
 
@@ -194,12 +242,11 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True, metavar="FILE")
     parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
-    torch.set_num_threads(options.threads)
     console = Console(stderr=True)
     sizes: dict[str, Any] = {}
     peaks: dict[str, float] = {}
     for name, (hidden, batch) in SIZES.items():
-        sizes[name], peak = measure(hidden, batch, console)
+        sizes[name], peak = measure(hidden, batch, options.threads, console)
         peaks = {precision: max(peaks.get(precision, 0.0), value) for precision, value in peak.items()}
         # After each size: the largest takes long, and may not fit in memory.
         figures = {

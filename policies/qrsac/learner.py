@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch._dynamo.types import GuardFilterEntry
 
 from policies.qrsac.config import QRSACConfig
 from policies.qrsac.memory import keep_freed_memory
@@ -38,13 +37,7 @@ def _compiled(update: Update) -> Callable[[State, Pace, Batch, Noise], Metrics]:
     if not any(map(shutil.which, ("g++", "c++", "clang++"))):
         log.warning("no C++ compiler found: QR-SAC runs uncompiled, at about half the speed")
         return update.in_place
-    options = {"guard_filter_fn": _of_tensors}
-    return torch.compile(update.in_place, fullgraph=True, dynamic=False, options=options)
-
-
-def _of_tensors(guards: Sequence[GuardFilterEntry]) -> list[bool]:
-    """Only a batch of another shape asks for another graph; to check all else takes long beside an update."""
-    return [guard.guard_type == "TENSOR_MATCH" for guard in guards]
+    return torch.compile(update.in_place, fullgraph=True, dynamic=False)
 
 
 class QRSAC:
