@@ -60,6 +60,8 @@ TURN_S = 0.5
 """Of one learner, at least; one update where that takes longer."""
 PEAK_WIDTH = 2048
 
+THEIRS: dict[str, type[SAC] | type[TQC]] = {"sb3_sac": SAC, "tqc": TQC}
+
 Updates = Callable[[int], object]
 """Makes so many updates."""
 
@@ -159,7 +161,7 @@ def contestant(name: str, hidden: tuple[int, ...], batch: int) -> Updates:
         return product(getattr(torch, precision))
     if kind == "ours":
         return ours(config, our_replay(rng), rng)
-    return theirs({"sb3_sac": SAC, "tqc": TQC}[kind], config, rng)
+    return theirs(THEIRS[kind], config, rng)
 
 
 class Contender:

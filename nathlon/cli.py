@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -184,6 +184,7 @@ def train(
     out: Out = Path("runs/training"),
     seed: Seed = 1,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the learner.")] = None,
+    device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where networks are updated.")] = "cpu",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
     origin: Annotated[
         Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
@@ -193,7 +194,7 @@ def train(
     """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
     from nathlon.commands.training import train as run
 
-    run(config, out, seed, threads, resume, origin, as_json)
+    run(config, out, seed, threads, device, resume, origin, as_json)
 
 
 @app.command()

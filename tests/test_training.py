@@ -70,6 +70,25 @@ def test_the_same_seed_gives_the_same_checkpoints(tmp_path: Path) -> None:
     assert contents[0] != contents[2]
 
 
+def test_updates_in_a_row_are_those_made_one_by_one(tmp_path: Path) -> None:
+    """No step of the rollouts comes between them, so that nothing depends on how often it is asked."""
+    ends = []
+    for every in (1, 3, 4):
+        config = changed(updates=40, updates_per_step=4, refresh_every=every)
+        trainer = Trainer.start(tmp_path / str(every), config, 1)
+        train(trainer)
+        ends.append(trainer.learner.policy_parameters)
+    assert ends[0].equal(ends[2])
+    assert not ends[0].equal(ends[1])
+
+
+def test_a_device_that_is_not_there_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(InputError, match="found no GPU that PyTorch can use for 'cuda', expected 'cpu'"):
+        Trainer.start(tmp_path / "run", SMALL, 1, device="cuda")
+    assert not (tmp_path / "run").exists()
+
+
 def test_resume_goes_on_from_the_stop(tmp_path: Path) -> None:
     trainer = Trainer.start(tmp_path, SMALL, seed=1)
 

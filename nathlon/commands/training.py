@@ -12,7 +12,7 @@ import torch
 from nathlon.commands.console import progress_bars, tell, warn
 from policies.training.config import CONFIGS, read_config
 from policies.training.log import Status
-from policies.training.trainer import Trainer
+from policies.training.trainer import Device, Trainer
 from sim.data_file import find_data
 from sim.errors import InputError
 
@@ -22,6 +22,7 @@ def train(
     out: Path,
     seed: int,
     threads: int | None,
+    device: Device,
     resume: bool,
     origin: Path | None,
     as_json: bool,
@@ -31,10 +32,10 @@ def train(
     if resume and origin is not None:
         raise InputError("--from: expected for a new run, not with --resume")
     if resume:
-        trainer = Trainer.resume(out)
+        trainer = Trainer.resume(out, device)
     else:
         path = find_data(config, "training configuration", CONFIGS)
-        trainer = Trainer.start(out, read_config(path), seed, origin)
+        trainer = Trainer.start(out, read_config(path), seed, origin, device)
     # Two threads of matrix products beside a busy process are slower than one.
     torch.set_num_threads(threads or max((os.cpu_count() or 1) - trainer.config.workers, 1))
     gigabytes = trainer.replay.nbytes / 1e9

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from policies.qrsac.captured import CapturedUpdates, Inputs, Run
 from policies.qrsac.config import QRSACConfig
 from policies.qrsac.memory import keep_freed_memory
 from policies.qrsac.networks import Perceptron, act
-from policies.qrsac.update import Metrics, Noise, Pace, State, Update
+from policies.qrsac.update import Metrics, Noise, State, Update
 from policies.replay import Batch
 from sim.errors import InputError
 
@@ -33,7 +35,7 @@ def fast_precision(device: torch.device) -> torch.dtype:
     return torch.bfloat16 if fast else torch.float32
 
 
-def _compiled(update: Update) -> Callable[[State, Pace, Batch, Noise], Metrics]:
+def _compiled(update: Update) -> Run:
     if not any(map(shutil.which, ("g++", "c++", "clang++"))):
         log.warning("no C++ compiler found: QR-SAC runs uncompiled, at about half the speed")
         return update.in_place
@@ -94,6 +96,7 @@ class QRSAC:
             average=policy.clone(),
         )
         self._made = 0
+        self._graphs: dict[int, CapturedUpdates] = {}
 
     def update(self, batch: Batch) -> Metrics:
         """Learns from one batch.
@@ -102,10 +105,39 @@ class QRSAC:
             scalar tensors: critic_loss, policy_loss, mean_q (of the batch, before the update), entropy (of
             the policy, an estimate by its samples), gradient_norm (of both critics, before clipping).
         """
+        return self.updates(lambda: batch, 1)
+
+    def updates(self, sample: Callable[[], Batch], count: int) -> Metrics:
+        """Learns from so many batches, on a CUDA device in one captured graph for each count.
+
+        Args:
+            sample: gives the next batch, which may overwrite the last.
+            count: of updates.
+
+        Returns:
+            the metrics of the last, as `update`.
+        """
         with torch.no_grad():
-            pace = self._update.pace(self._made, self._generator.device)
-            self._made += 1
-            return self._run(self._state, pace, batch, self._noise(len(batch.reward)))
+            inputs = (self._inputs(sample()) for _ in range(count))
+            if self._generator.device.type == "cuda":
+                return self._captured(count, inputs)
+            for each in inputs:
+                metrics = self._run(self._state, *each)
+            return metrics
+
+    def _captured(self, count: int, inputs: Iterator[Inputs]) -> Metrics:
+        if count in self._graphs:
+            return self._graphs[count](inputs)
+        first = next(inputs)
+        self._graphs[count] = CapturedUpdates(self._run, self._state, first, count)
+        return self._graphs[count](chain((first,), inputs))
+
+    def _inputs(self, batch: Batch) -> Inputs:
+        device = self._generator.device
+        pace = self._update.pace(self._made, device)
+        self._made += 1
+        there = Batch(*(tensor.to(device) for tensor in batch))
+        return Inputs(pace, there, self._noise(len(batch.reward)))
 
     def _noise(self, count: int) -> Noise:
         action, next_action = self._normal(count), self._normal(count)
@@ -172,7 +204,7 @@ class QRSAC:
         Raises:
             InputError: naming the tensor that is missing, unknown or of another shape or type.
         """
-        self._check(tensors)
+        self._check(tensors, self.state_dict())
         self._generator.set_state(tensors["generator"].cpu())
         self._take(tensors, State._fields)
         self._made = int(tensors["step"])
@@ -185,15 +217,18 @@ class QRSAC:
         Raises:
             InputError: naming the tensor that is missing, unknown or of another shape or type.
         """
-        self._check(tensors)
+        state = self.state_dict()
+        self._check(
+            {name: tensors[name] for name in NETWORKS if name in tensors},
+            {name: state[name] for name in NETWORKS},
+        )
         self._take(tensors, NETWORKS)
 
     def _take(self, tensors: dict[str, Tensor], names: Iterable[str]) -> None:
         for name in names:
             getattr(self._state, name).copy_(tensors[name])
 
-    def _check(self, tensors: dict[str, Tensor]) -> None:
-        expected = self.state_dict()
+    def _check(self, tensors: dict[str, Tensor], expected: dict[str, Tensor]) -> None:
         if set(tensors) != set(expected):
             name = sorted(set(tensors) ^ set(expected))[0]
             raise InputError(

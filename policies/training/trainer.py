@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
@@ -39,6 +40,9 @@ ACTION_SIZE = 2
 LOG_EVERY = 250
 
 
+Device = Literal["cpu", "cuda"]
+
+
 class Diverged(InputError):
     """Training that has come to numbers that are not finite."""
 
@@ -46,16 +50,21 @@ class Diverged(InputError):
 class Trainer:
     """One training run in a folder of its own."""
 
-    def __init__(self, folder: Path, config: TrainingConfig, seed: int) -> None:
+    def __init__(self, folder: Path, config: TrainingConfig, seed: int, device: Device = "cpu") -> None:
         """A run at its beginning; nothing is written yet.
 
+        Args:
+            device: where networks are updated; all else is on the CPU.
+
         Raises:
-            InputError: if the replay tables are larger than memory.
+            InputError: if the replay tables are larger than memory, or there is no such device.
         """
+        if device == "cuda" and not torch.cuda.is_available():
+            raise InputError("device: found no GPU that PyTorch can use for 'cuda', expected 'cpu'")
         self.folder, self.config, self.seed = folder, config, seed
         replay, learner = np.random.SeedSequence(seed).spawn(2)
         self._rng = np.random.default_rng(replay)
-        generator = torch.Generator().manual_seed(int(learner.generate_state(1)[0]))
+        generator = torch.Generator(device).manual_seed(int(learner.generate_state(1)[0]))
         self._spec = config.observation.spec()
         self.learner = QRSAC(self._spec.size, ACTION_SIZE, config.qrsac, generator, updates=config.updates)
         self.replay = _tables(config)
@@ -65,19 +74,27 @@ class Trainer:
         self._metrics: dict[str, torch.Tensor] = {}
 
     @classmethod
-    def start(cls, folder: Path, config: TrainingConfig, seed: int, origin: Path | None = None) -> Trainer:
+    def start(
+        cls,
+        folder: Path,
+        config: TrainingConfig,
+        seed: int,
+        origin: Path | None = None,
+        device: Device = "cpu",
+    ) -> Trainer:
         """Begin a run in a new folder.
 
         Args:
             origin: folder of a run whose networks the new one starts with.
+            device: where networks are updated.
 
         Raises:
-            InputError: if the folder already holds a run or cannot be made, memory is too small, or the
-                origin holds no state of networks of the same shape.
+            InputError: if the folder already holds a run or cannot be made, memory is too small, there is no
+                such device, or the origin holds no state of networks of the same shape.
         """
         if (folder / CONFIG_FILE).exists():
             raise InputError(f"{folder}: holds a training run already; resume it or choose another folder")
-        trainer = cls(folder, config, seed)
+        trainer = cls(folder, config, seed, device)
         if origin is not None:
             trainer._load_networks(origin)
         try:
@@ -92,16 +109,19 @@ class Trainer:
         return trainer
 
     @classmethod
-    def resume(cls, folder: Path) -> Trainer:
+    def resume(cls, folder: Path, device: Device = "cpu") -> Trainer:
         """Go on with the run in a folder; replay tables that were not kept fill anew.
 
+        Args:
+            device: where networks are updated, of the same kind as before.
+
         Raises:
-            InputError: if the folder holds no run, or one that cannot be read.
+            InputError: if the folder holds no run, or one that cannot be read, or there is no such device.
         """
         path = folder / CONFIG_FILE
         try:
             facts = json.loads(path.read_text("utf-8"))
-            trainer = cls(folder, TrainingConfig.model_validate(facts["config"]), int(facts["seed"]))
+            trainer = cls(folder, TrainingConfig.model_validate(facts["config"]), int(facts["seed"]), device)
         except OSError:
             raise InputError(f"{path}: no training run to resume") from None
         except ValidationError as error:
@@ -200,9 +220,13 @@ class Trainer:
         self.transitions += gathered.tally.steps
 
     def _update(self) -> None:
-        self._metrics = self.learner.update(self.replay.sample(self._rng))
-        self.updates += 1
-        self._owed -= 1
+        """All updates that are owed, but for those after the next policy or checkpoint is due."""
+        config = self.config
+        due = (every - self.updates % every for every in (config.refresh_every, config.checkpoint_every))
+        count = min(self._owed, config.updates - self.updates, *due)
+        self._metrics = self.learner.updates(lambda: self.replay.sample(self._rng), count)
+        self.updates += count
+        self._owed -= count
 
     def _check_metrics(self) -> None:
         for name, value in self._metrics.items():
