@@ -39,7 +39,15 @@ def _compiled(update: Update) -> Run:
     if not any(map(shutil.which, ("g++", "c++", "clang++"))):
         log.warning("no C++ compiler found: QR-SAC runs uncompiled, at about half the speed")
         return update.in_place
-    return torch.compile(update.in_place, fullgraph=True, dynamic=False)
+    # This learner's graph is its own and depends on nothing but the shapes, so that nothing else is checked
+    # before each update, which takes long beside a small one.
+    return torch.compile(  # type: ignore[call-overload]
+        update.in_place,
+        fullgraph=True,
+        dynamic=False,
+        isolate_recompiles=True,
+        options={"guard_filter_fn": torch.compiler.keep_tensor_guards_unsafe},
+    )
 
 
 class QRSAC:
