@@ -2,12 +2,13 @@
 
 Run as `python -m benchmarks.known_answers --json FILE`, with `--tasks` and `--seeds` for fewer or more. Needs
 `gymnasium[mujoco]`. Each finished run is kept in the file at once; called again, the runs that are missing
-are made. 300,000 steps take hours on one core. `--precision bfloat16`, with a file of its own, tells whether
+are made. 300,000 steps take most of an hour on one core; `--until 100000` ends runs before, and another call
+without makes them whole, from their beginning. `--precision bfloat16`, with a file of its own, tells whether
 matrix products in that format learn as well, on processors without it too. The entries of the JSON, by task:
 
 - `runs`: by seed and environment steps, the mean return (not discounted) of ten episodes driven by the
   mean of the policy;
-- `mean`, `std`: of these over the seeds;
+- `mean`, `std`, `seeds`: of these over the seeds that came so far, and how many did;
 - `published`: what others report, by steps, with the spread that they give;
 - `config`: the hyperparameters.
 
@@ -118,6 +119,11 @@ def with_precision(task: Task, precision: str) -> Task:
     return replace(task, config=task.config.model_copy(update={"precision": precision}))
 
 
+def until(task: Task, steps: int) -> Task:
+    """The task with its first evaluations only, those after no more steps."""
+    return replace(task, evaluate_at=tuple(at for at in task.evaluate_at if at <= steps))
+
+
 def returns(name: str, task: Task, seed: int) -> dict[str, float]:
     """Mean returns of one run by steps."""
     environments = gymnasium.make_vec(name, num_envs=1)
@@ -132,11 +138,13 @@ def returns(name: str, task: Task, seed: int) -> dict[str, float]:
 
 def entry(task: Task, runs: dict[str, dict[str, float]]) -> dict[str, Any]:
     """What the file says of a task."""
-    by_steps = {str(steps): [run[str(steps)] for run in runs.values()] for steps in task.evaluate_at}
+    steps = sorted({steps for run in runs.values() for steps in run}, key=int)
+    by_steps = {at: [run[at] for run in runs.values() if at in run] for at in steps}
     return {
         "runs": runs,
         "mean": {steps: round(float(np.mean(values)), 1) for steps, values in by_steps.items()},
         "std": {steps: round(float(np.std(values)), 1) for steps, values in by_steps.items()},
+        "seeds": {steps: len(values) for steps, values in by_steps.items()},
         "published": task.published,
         "config": task.config.model_dump(mode="json"),
     }
@@ -148,10 +156,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True, metavar="FILE")
     parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS))
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
+    parser.add_argument("--until", type=int, default=10**9, metavar="STEPS")
     parser.add_argument("--precision", choices=PRECISIONS, default="auto")
     parser.add_argument("--threads", type=int, default=1)
     options = parser.parse_args()
-    tasks = {name: with_precision(TASKS[name], options.precision) for name in options.tasks}
+    tasks = {
+        name: until(with_precision(TASKS[name], options.precision), options.until) for name in options.tasks
+    }
     torch.set_num_threads(options.threads)
     file: Path = options.json
     found: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
@@ -164,7 +175,8 @@ def main() -> None:
         (name, seed)
         for name in tasks
         for seed in options.seeds
-        if str(seed) not in found.get(name, {}).get("runs", {})
+        if not {str(steps) for steps in tasks[name].evaluate_at}
+        <= set(found.get(name, {}).get("runs", {}).get(str(seed), {}))
     ]
     for name, seed in track(missing, "Runs", console=Console(stderr=True)):
         runs = found.get(name, {}).get("runs", {}) | {str(seed): returns(name, tasks[name], seed)}
