@@ -26,7 +26,10 @@ from policies.load import DRIVER
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-COLOURS = ("#1f6fb4", "#c8590b", "#3a8a3f", "#8a4fa3", "#a8823c", "#c4457d", "#555555")
+COLOURS = (
+    *("#1f6fb4", "#c8590b", "#3a8a3f", "#8a4fa3", "#a8823c", "#c4457d"),
+    *("#555555", "#0f8f8f", "#d9a400", "#7a1f1f", "#86b82a", "#111111"),
+)
 SLOWEST = 1.12
 """Laps beyond this multiple of the fastest bundled one are cut off."""
 
@@ -101,8 +104,8 @@ def main() -> None:
     }
     labels = sorted(labelled, key=lambda label: (label not in styles, label))
     lines = [labelled[label] for label in labels]
-    figure.legend(lines, labels, loc="lower center", ncols=len(labels), frameon=False)
-    figure.tight_layout(rect=(0.0, 0.06, 1.0, 1.0))
+    figure.legend(lines, labels, loc="lower center", ncols=math.ceil(len(labels) / 2), frameon=False)
+    figure.tight_layout(rect=(0.0, 0.1, 1.0, 1.0))
     figure.savefig(BUNDLED / "curves.svg", metadata={"Date": None})
     print(json.dumps({"best_lap_s": best}))
 
