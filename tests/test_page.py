@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from reports.page import render, write_page
 from reports.selection import Selection
@@ -89,11 +89,11 @@ def test_links_lead_from_the_leaderboard_to_a_race(browser: Browser, tmp_path: P
     page, first = opened.page, full.named("ranking").row(0, named=True)
     match = full.results["match"][0]
     page.locator("#leaderboard").get_by_role("link", name=first["name"]).click()
-    assert page.locator("h1").inner_text() == first["name"]
+    expect(page.locator("h1")).to_have_text(first["name"])
     races = full.results.filter(pl.col("entrant") == first["entrant"])
     assert len(opened.column("own-races", 1)) == races.height == 41
     page.locator("#own-races a").last.click()
-    assert page.locator("h1").inner_text() == f"Race 1 of match {match[:12]}"
+    expect(page.locator("h1")).to_have_text(f"Race 1 of match {match[:12]}")
     race = full.results.filter((pl.col("match") == match) & (pl.col("race") == 0))
     names = dict(full.tables["entrants"].select("entrant", "name").iter_rows())
     assert opened.names("result") == [names[entrant] for entrant in race.sort("place")["entrant"]]
