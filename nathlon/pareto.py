@@ -30,8 +30,8 @@ STANDARD = (LAP, OFF_COURSE, CONTACTS)
 BORROWED_RUNS = 4
 """Runs that the pooled spread of the field counts as, beside an entrant's own."""
 
-UNTOLD = 1e-9
-"""Variance between entrants whom their runs do not tell apart: draws then order them by chance."""
+SPREADS = (np.arange(200) + 0.5) / 100
+"""Standard deviations between entrants that a draw may have: normal scores of all runs have 1 in all."""
 
 
 def pareto(
@@ -110,10 +110,8 @@ def draw(objective: Measured, resamples: int, rng: np.random.Generator) -> Float
     runs: in these the spread from run to run is much alike for all entrants, whatever the unit, and
     no lost lap outweighs all else. A variance is pooled from the entrant's own runs and the field's,
     which count as `BORROWED_RUNS` more (Smyth, Statistical Applications in Genetics and Molecular
-    Biology 3, 2004), so that one run is enough. As an extreme value of few runs owes more to luck,
-    draws are about a mean that is shrunk to the field's by the share of luck in it (Efron and
-    Morris, Journal of the American Statistical Association 70, 1975). Where no entrant has two runs,
-    or all runs of an entrant are the same, there is nothing to doubt and nothing is drawn.
+    Biology 3, 2004), so that one run is enough. Where no entrant has two runs, or all runs of an
+    entrant are the same, there is nothing to doubt and nothing is drawn. Otherwise see `draw_means`.
     """
     score = _NormalScores(objective.runs)
     centre, runs, sizes = score(objective.cost), score(objective.runs), objective.sizes
@@ -124,11 +122,31 @@ def draw(objective: Measured, resamples: int, rng: np.random.Generator) -> Float
     pooled = squares.sum() / max(freedom.sum(), 1)
     variance = (BORROWED_RUNS * pooled + squares) / (BORROWED_RUNS + freedom) / sizes
 
-    between = max(centre.var() - variance.mean(), UNTOLD)
-    trust = np.divide(between, between + variance, out=np.ones_like(variance), where=variance > 0)
-    mean = centre.mean()
-    noise = rng.standard_normal((resamples, len(sizes)))
-    return mean + trust * (centre - mean) + noise * np.sqrt(trust * variance)
+    if not variance.any():
+        return np.repeat(centre[None], resamples, axis=0)
+    return draw_means(centre, variance, resamples, rng)
+
+
+def draw_means(seen: Floats, variance: Floats, resamples: int, rng: np.random.Generator) -> Floats:
+    """Draws (resamples, E) of the true means of which `seen` (E,) are estimates of known variance (E,).
+
+    True means are normal about a mean and with a spread that are not known (Gelman et al., Bayesian
+    Data Analysis, 3rd edition, section 5.4). Each draw takes a spread, of flat prior over `SPREADS`,
+    then a mean, of flat prior, then the true means: shrunk towards it, as an extreme estimate owes
+    more to luck. An estimate of the spread would not do: of few entrants it may be nil, and luck
+    alone would then order them.
+    """
+    total = SPREADS[:, None] ** 2 + variance
+    weight = 1 / total
+    means = weight @ seen / weight.sum(axis=1)
+    misfit = (weight * (seen - means[:, None]) ** 2).sum(axis=1)
+    log_density = -(misfit + np.log(total).sum(axis=1) + np.log(weight.sum(axis=1))) / 2
+    density = np.exp(log_density - log_density.max())
+    drawn = rng.choice(len(SPREADS), resamples, p=density / density.sum())
+    noise = rng.standard_normal((resamples, 1 + len(seen)))
+    mean = means[drawn, None] + noise[:, :1] / np.sqrt(weight[drawn].sum(axis=1, keepdims=True))
+    trust = SPREADS[drawn, None] ** 2 / total[drawn]
+    return mean + trust * (seen - mean) + noise[:, 1:] * np.sqrt(trust * variance)
 
 
 class _NormalScores:

@@ -11,7 +11,15 @@ from polars.testing import assert_frame_equal
 
 from arena.results import OBJECTIVES, PARETO, RESULTS
 from nathlon.objective import CONTACTS, Measured, Objective, measure, objectives_table, own_runs
-from nathlon.pareto import STANDARD, draw, in_contention, nondominated_probability, pareto
+from nathlon.pareto import (
+    SPREADS,
+    STANDARD,
+    draw,
+    draw_means,
+    in_contention,
+    nondominated_probability,
+    pareto,
+)
 from tests.race_results import rows
 
 PLACE = Objective(name="place", measure="place", source="race")
@@ -136,6 +144,33 @@ def test_entrants_that_their_runs_do_not_tell_apart_are_ordered_by_chance() -> N
     lap = without_noise([90, 91], 4)
     luck = Measured(lap.entrants, np.zeros(2), np.array([-1.0, 1.0] * 4), lap.sizes)
     assert nondominated_probability([lap, luck], 2000, seeded()) == pytest.approx([1.0, 0.5], abs=0.04)
+
+
+def test_an_order_that_luck_alone_could_have_made_still_counts_for_something() -> None:
+    """Costs spread less than luck spreads them, so that an estimate of the spread between entrants is nil."""
+    cost = np.linspace(-0.9, 0.9, 20)
+    runs = (cost[:, None] + np.linspace(-1.5, 1.5, 4)).ravel()
+    entrants = [f"entrant {index:02}" for index in range(20)]
+    draws = draw(Measured(entrants, cost, runs, np.full(20, 4)), 4000, seeded())
+    assert 0.58 < (draws[:, 0] < draws[:, -1]).mean() < 0.9
+
+
+@pytest.mark.parametrize("entrants", [3, 12])
+def test_draws_of_true_means_are_calibrated(entrants: int) -> None:
+    """What is planted with the spread's prior ranks evenly among its draws, whatever the mean is."""
+    rng = seeded()
+    ranks = []
+    for _ in range(1500):
+        variance = rng.uniform(0.05, 2.0, entrants)
+        true = 7.0 + rng.choice(SPREADS) * rng.standard_normal(entrants)
+        seen = true + np.sqrt(variance) * rng.standard_normal(entrants)
+        draws = draw_means(seen, variance, 39, rng)
+        best, one = true.min(), true[0]
+        ranks.append(((draws.min(axis=1) < best).mean(), (draws[:, 0] < one).mean()))
+    for rank in np.transpose(ranks):
+        assert np.quantile(rank, [0.1, 0.25, 0.5, 0.75, 0.9]) == pytest.approx(
+            [0.1, 0.25, 0.5, 0.75, 0.9], abs=0.04
+        )
 
 
 def test_without_a_lap_one_neither_survives_nor_dominates() -> None:
