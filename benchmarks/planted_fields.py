@@ -23,9 +23,9 @@ from rich.console import Console
 from rich.progress import track
 
 from arena.statistics import group_sums
-from nathlon.filter import SETTLED, FilterSettings
+from nathlon.filter import FilterSettings, undecided
 from nathlon.objective import Measured
-from nathlon.pareto import in_contention, nondominated_probability
+from nathlon.pareto import nondominated_probability
 
 SEED = 2028
 
@@ -123,7 +123,7 @@ def filter_in_rounds(runs: Floats, first: int, rng: np.random.Generator) -> tupl
     sizes = np.full(runs.shape[1], first)
     while True:
         probability = nondominated_probability(measured(runs, sizes), FilterSettings().resamples, rng)
-        again = in_contention(probability) & (probability < SETTLED) & (sizes < runs.shape[-1])
+        again = undecided(probability) & (sizes < runs.shape[-1])
         if not again.any():
             return probability, sizes
         sizes = np.where(again, 2 * sizes, sizes)

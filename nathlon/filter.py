@@ -8,11 +8,13 @@ from typing import Annotated
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from arena.entrant import Entrant
 from arena.match import Match
 from arena.results import RESULTS
+from arena.statistics import Floats
 from nathlon.objective import RACE, TIME_TRIAL, Objective, objectives_table, own_runs
 from nathlon.pareto import STANDARD, came_through, in_contention, pareto
 from nathlon.run import Answer, Run
@@ -130,8 +132,9 @@ def run_filter(run: Run, entrants: Sequence[Entrant], settings: FilterSettings) 
         table = pareto(
             known, settings.objective, run.rng("pareto"), settings.resamples, settings.keep_probability
         )
-        undecided = _undecided(table)
-        again = [e for e in racing if e.id in undecided and driven[e.id] < len(settings.rounds)]
+        open_ = undecided(table["nondominated_probability"].to_numpy())
+        contenders = set(table.filter(pl.Series(open_))["entrant"])
+        again = [e for e in racing if e.id in contenders and driven[e.id] < len(settings.rounds)]
         if not again:
             break
         results.append(run.results("pareto", list(plan.next_rounds(again, driven))))
@@ -143,11 +146,9 @@ def run_filter(run: Run, entrants: Sequence[Entrant], settings: FilterSettings) 
     return Answer(tables, survivors, known)
 
 
-def _undecided(table: pl.DataFrame) -> set[str]:
-    """Of PARETO, the entrants in contention for the front that are not settled."""
-    probability = table["nondominated_probability"].to_numpy()
-    open_ = in_contention(probability) & (probability < SETTLED)
-    return set(table.filter(pl.Series(open_))["entrant"])
+def undecided(probability: Floats) -> NDArray[np.bool_]:
+    """Who of E is in contention for the front and not settled, by the probability (E,) to be on it."""
+    return in_contention(probability) & (probability < SETTLED)
 
 
 def _check(settings: FilterSettings) -> None:
