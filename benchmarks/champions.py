@@ -1,9 +1,10 @@
 """How good the champions are: alone against the limit and the driver, and from the back of the grid.
 
-`python -m benchmarks.champions --json FILE [--circuit NAME ...] [CHECKPOINT ...]` measures checkpoints, or
-folders of them, on the circuit and in the car of their cards. Without any it takes the bundled champions:
-those that `policies/bundled/champions.toml` names, or the last checkpoint of every bundled run where there
-is no such file.
+`python -m benchmarks.champions --json FILE [--circuit NAME ...] [--workers N] [CHECKPOINT ...]` measures
+checkpoints, or folders of them, on the circuit and in the car of their cards. Without any it takes the
+bundled champions: those that `policies/bundled/champions.toml` names, or the last checkpoint of every
+bundled run where there is no such file. Races run side by side in N processes, as many as there are cores if
+it is not given; the figures do not depend on it.
 
 The JSON has, by circuit and car, `limit_s` (the fastest lap by optimal control, see `benchmarks.lap_limit`,
 null where it is not known), the built-in driver's figures alone under `driver`, and each checkpoint's under
@@ -46,9 +47,8 @@ from scipy.stats import binomtest
 
 from arena.entrant import Entrant, enter, enter_all, find_checkpoints
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.pool import run_matches
 from arena.results import VOID_ENDINGS
-from arena.runner import run_match
 from arena.statistics import interval, spread
 from benchmarks.time_trial import FLYING, TimeTrial, drive_alone, limits
 from policies.bundled import BUNDLED
@@ -193,32 +193,43 @@ def _number(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
-def race(entrant: Entrant, races: int, driver: str = DRIVER, scenario: str = RACE) -> pl.DataFrame:
-    """RESULTS of an entrant in its races from the back."""
-    match = race_match(entrant, races, driver, scenario)
-    return run_match(match, match_policies(match)).filter(pl.col("entrant") == entrant.id)
+def all_matches(entrant: Entrant, races: int) -> dict[tuple[str, float], Match]:
+    """Races of an entrant from the back, by the scenario and the pace of the drivers."""
+    wanted = [(RACE, 1.0), *((RACE, pace) for pace in PACES), *((LONG_RACE, pace) for pace in LONG_PACES)]
+    return {
+        (scenario, pace): race_match(
+            entrant, races, DRIVER if pace == 1.0 else f"{DRIVER}:pace={pace}", scenario
+        )
+        for scenario, pace in wanted
+    }
+
+
+def race_all(matches: Sequence[Match], workers: int, title: str, console: Console) -> dict[str, pl.DataFrame]:
+    """RESULTS of the first entrant of each match, by the match's key."""
+    ended = track(run_matches(matches, workers), title, len(matches), console=console)
+    return {match.key: rows.filter(pl.col("entrant") == match.entrants[0]) for match, rows in ended}
 
 
 def measure(
-    entrants: dict[tuple[str, str], list[Entrant]], races: int, console: Console
+    entrants: dict[tuple[str, str], list[Entrant]], races: int, workers: int, console: Console
 ) -> dict[str, dict[str, Figures]]:
     """All figures by circuit and car."""
     measured: dict[str, dict[str, Figures]] = {}
     for (circuit, car), those in entrants.items():
         limit_s = limits().get((circuit, car))
         driver = drive_alone(enter(DRIVER, circuit, car), FLYING)
+        matches = [all_matches(entrant, races) for entrant in those]
+        raced = race_all(
+            [match for own in matches for match in own.values()], workers, f"{circuit}, {car}", console
+        )
         champions = {}
-        for entrant in track(those, f"{circuit}, {car}", console=console):
+        for entrant, own in zip(those, matches, strict=True):
+            rows = {which: raced[match.key] for which, match in own.items()}
             champions[entrant.name] = {
                 **alone(drive_alone(entrant, FLYING), limit_s, driver),
-                **from_the_back(race(entrant, races), np.random.default_rng(SEED)),
-                "by_pace": {
-                    str(pace): places(race(entrant, races, f"{DRIVER}:pace={pace}")) for pace in PACES
-                },
-                "seven_laps": {
-                    str(pace): places(race(entrant, races, f"{DRIVER}:pace={pace}", LONG_RACE))
-                    for pace in LONG_PACES
-                },
+                **from_the_back(rows[RACE, 1.0], np.random.default_rng(SEED)),
+                "by_pace": {str(pace): places(rows[RACE, pace]) for pace in PACES},
+                "seven_laps": {str(pace): places(rows[LONG_RACE, pace]) for pace in LONG_PACES},
             }
         measured.setdefault(circuit, {})[car] = {
             "limit_s": limit_s,
@@ -285,10 +296,12 @@ def main() -> None:
     parser.add_argument("checkpoints", nargs="*", type=Path, help="or folders of them; default: bundled ones")
     parser.add_argument("--json", type=Path, required=True, help="file for the figures")
     parser.add_argument("--circuit", nargs="+", action="extend", default=[], help="measure only these")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     chosen = parser.parse_args()
     try:
         paths = find_checkpoints(chosen.checkpoints) or bundled_champions()
-        measured = measure(entrants_of(paths, chosen.circuit), RACES, Console(stderr=True))
+        entrants = entrants_of(paths, chosen.circuit)
+        measured = measure(entrants, RACES, chosen.workers, Console(stderr=True))
     except InputError as error:
         parser.error(str(error))
     write(chosen.json, measured)

@@ -15,7 +15,7 @@ function raceView([key, index]) {
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)))}`])),
     facts([
       ["Seed", race.seed], ["Grid", race.mirrored ? "mirrored" : "as drawn"],
-      ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2, 1), "each is counted by both cars"],
+      ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "counted once; the cars below count it each"],
       ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown)]),
