@@ -52,6 +52,6 @@ class OutputFolder:
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write `summary.json`, whole or not at all."""
         path = self.root / "summary.json"
-        partial = path.with_suffix(".partial")
+        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
         partial.write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
         os.replace(partial, path)

@@ -44,7 +44,7 @@ def write_page(selection: Selection, folder: Path) -> Path:
     html = render(selection)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "index.html"
-    partial = folder / "index.html.partial"
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         partial.write_text(html, encoding="utf-8")
         os.replace(partial, path)

@@ -92,7 +92,7 @@ def write_spreadsheet(selection: Selection, path: Path) -> Path:
     formula or a link. Races holds at most `ROW_LIMIT` rows, the last stages first; Run counts those left out.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         _write(selection, partial)
         os.replace(partial, path)

@@ -26,7 +26,7 @@ def write_tables(selection: Selection, folder: Path) -> None:
 def _replace(path: Path, write: Callable[[BytesIO], pl.DataFrame | None]) -> None:
     content = BytesIO()
     write(content)
-    partial = path.with_name(path.name + ".partial")
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         partial.write_bytes(content.getbuffer())
         os.replace(partial, path)
