@@ -7,7 +7,6 @@ Topics: `/race`, `/cars` and `/incidents` carry all of a race log in messages of
 from __future__ import annotations
 
 import io
-import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -35,6 +34,7 @@ from arena.foxglove_scene import scene
 from arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
 from sim.errors import InputError
 from sim.track import SURFACES
+from sim.whole_file import whole_file
 
 OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}
 OUTLINE_LINES = ("left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right")
@@ -76,13 +76,8 @@ def recording_name(match: str, race: int) -> str:
 
 def write_recording(path: Path, log: RaceLog) -> None:
     """Write a race log as MCAP. The same log gives the same bytes; a file of that name is replaced whole."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with partial.open("wb") as file:
-            _write_messages(Writer(file, CHUNK_BYTES, enable_data_crcs=True), log)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as partial, partial.open("wb") as file:
+        _write_messages(Writer(file, CHUNK_BYTES, enable_data_crcs=True), log)
 
 
 def read_recording(path: Path) -> RaceLog:

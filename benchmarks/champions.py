@@ -57,6 +57,7 @@ from policies.load import DRIVER
 from sim.data_file import Section, read_toml
 from sim.errors import InputError
 from sim.scenario import load_scenario
+from sim.whole_file import whole_file
 
 CHAMPIONS = BUNDLED / "champions.toml"
 RACE = "race"
@@ -285,9 +286,8 @@ def _rate_cell(figures: Figures, name: str) -> str:
 
 def write(path: Path, measured: dict[str, dict[str, Figures]]) -> None:
     """Write the JSON, whole or not at all."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(measured, indent=1) + "\n", "utf-8")
-    os.replace(partial, path)
+    with whole_file(path) as partial:
+        partial.write_text(json.dumps(measured, indent=1) + "\n", "utf-8")
 
 
 def main() -> None:

@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -36,6 +35,7 @@ from rich.progress import track
 
 from policies.qrsac.config import QRSACConfig
 from policies.qrsac.gymnasium_training import GymnasiumTraining, evaluate
+from sim.whole_file import whole_file
 
 EPISODES = 10
 EVALUATION_SEED = 10_000
@@ -181,9 +181,8 @@ def main() -> None:
     for name, seed in track(missing, "Runs", console=Console(stderr=True)):
         runs = found.get(name, {}).get("runs", {}) | {str(seed): returns(name, tasks[name], seed)}
         found[name] = entry(tasks[name], runs)
-        partial = file.with_name(file.name + ".partial")
-        partial.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
-        os.replace(partial, file)
+        with whole_file(file) as partial:
+            partial.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

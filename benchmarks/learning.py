@@ -42,6 +42,7 @@ from policies.training.log import CURVE_FILE, Status
 from policies.training.state import REPLAY_FILE
 from policies.training.trainer import CONFIG_FILE, Trainer
 from sim.errors import InputError, first_fault
+from sim.whole_file import whole_file
 
 CORES = 2
 MOST_OFF_COURSE = 0.01
@@ -161,9 +162,8 @@ def read(path: Path) -> dict[str, Learning]:
 
 def write(path: Path, measured: dict[str, Learning]) -> None:
     """Write the JSON, whole or not at all."""
-    partial = path.with_suffix(".partial")
-    partial.write_bytes(Measured.dump_json(measured, indent=1) + b"\n")
-    os.replace(partial, path)
+    with whole_file(path) as partial:
+        partial.write_bytes(Measured.dump_json(measured, indent=1) + b"\n")
 
 
 def measure(

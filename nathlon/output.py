@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import InputError
+from sim.whole_file import whole_file
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
 """What a disk says that takes no more."""
@@ -51,7 +51,5 @@ class OutputFolder:
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write `summary.json`, whole or not at all."""
-        path = self.root / "summary.json"
-        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-        partial.write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
-        os.replace(partial, path)
+        with whole_file(self.root / "summary.json") as partial:
+            partial.write_text(json.dumps(summary, indent=1) + "\n", "utf-8")

@@ -7,7 +7,6 @@ checkpoint is data only: opening an unknown one can fail, it cannot run anything
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +22,7 @@ from policies.mlp import Mlp
 from policies.policy import Batch
 from sim.errors import InputError, first_fault
 from sim.observation import ObservationSpec
+from sim.whole_file import whole_file
 
 CARD_KEY = "nathlon"
 ACTION_SIZE = 2
@@ -106,12 +106,8 @@ def save_checkpoint(path: Path, policy_tensors: Mapping[str, NDArray[np.float32]
             halves[name] = np.ascontiguousarray(tensor, np.float16)
         _check_finite(path, name, halves[name])
     content = save(halves, {CARD_KEY: card.model_dump_json()})
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with whole_file(path) as partial:
         partial.write_bytes(content)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def checkpoint_id(path: Path) -> str:

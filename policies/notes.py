@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from policies.speed_profile import Line
+from sim.whole_file import whole_file
 
 FOLDER = "nathlon"
 """In the user's folder of caches."""
@@ -50,10 +50,8 @@ def noted(find: Callable[[], Line], *facts: bytes) -> Line:
         found = find()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, partial = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
+        with whole_file(path) as partial, partial.open("wb") as file:
             np.save(file, found)
-        os.replace(partial, path)
     except OSError:
         pass  # without a writable home it is found out anew each time
     return found

@@ -6,7 +6,6 @@ beyond those of the ONNX standard.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from policies.checkpoint import ACTION_SIZE, CARD_KEY, NetworkPolicy, checkpoint
 from policies.foreign import ForeignCard, observation_spec, parse_card
 from policies.policy import Batch
 from sim.errors import InputError
+from sim.whole_file import whole_file
 
 OPSET, IR_VERSION = 17, 8
 """Old enough for every runtime of the last years."""
@@ -163,14 +163,11 @@ def export_onnx(policy: NetworkPolicy, path: Path) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        partial.write_bytes(_graph(policy))
-        os.replace(partial, path)
+        with whole_file(path) as partial:
+            partial.write_bytes(_graph(policy))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _graph(policy: NetworkPolicy) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from sim.errors import InputError
+from sim.whole_file import whole_file
 
 ABLATION = pl.Schema(
     {
@@ -66,10 +66,9 @@ def write_ablation(table: pl.DataFrame, out: Path) -> None:
 
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    partial = path.with_name(f".{path.name}.partial")
     try:
-        write(partial)
-        os.replace(partial, path)
+        with whole_file(path) as partial:
+            write(partial)
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 

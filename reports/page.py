@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import os
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -15,6 +14,7 @@ from reports.payload import payload
 from reports.player import player_script, player_style
 from reports.selection import Selection
 from reports.verdict import verdict
+from sim.whole_file import whole_file
 
 HERE = Path(__file__).parent
 APP = (
@@ -44,12 +44,8 @@ def write_page(selection: Selection, folder: Path) -> Path:
     html = render(selection)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "index.html"
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with whole_file(path) as partial:
         partial.write_text(html, encoding="utf-8")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 

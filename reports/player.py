@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from markupsafe import Markup
 from arena.race_log import RaceLog
 from reports.race_data import circuit_data, race_data
 from reports.replay import winner
+from sim.whole_file import whole_file
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -25,12 +25,8 @@ PARTS = ("element", "recording", "scene", "player", "order")
 def write_player(log: RaceLog, path: Path, follow: int | None = None) -> None:
     """Write the page, at first with the camera on car `follow` (the winner if None), whole or not at all."""
     html = render_player(log, follow)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with whole_file(path) as partial:
         partial.write_text(html, "utf-8")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def render_player(log: RaceLog, follow: int | None = None) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +16,7 @@ from reports._circuit import log_circuit, log_map, north_up
 from reports._motion import POSE, gaps, poses
 from reports.car_model import car_model
 from sim.errors import InputError
+from sim.whole_file import whole_file
 
 FRAMES_PER_TICK = 3
 """Pictures between two samples of the log: cars at 10 Hz would jump by several metres."""
@@ -48,7 +48,6 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
     A file of that name is replaced whole.
     """
     followed = winner(log) if follow is None else follow
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     stream = rr.RecordingStream("nathlon", recording_id=f"{log.match}-{log.race}", send_properties=False)
     # To a file, Rerun writes from a thread that waits for ever once the disk is full.
     written = rr.binary_stream(stream)
@@ -61,11 +60,8 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
     stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
     content = written.read()
     stream.disconnect()
-    try:
+    with whole_file(path) as partial:
         partial.write_bytes(content or b"")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def open_viewer(replay: Path) -> None:

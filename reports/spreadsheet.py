@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from reports._sheets import (
 )
 from reports._skill_sheets import write_skills, write_weighted
 from reports.selection import Selection
+from sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
 ROW_LIMIT = 10_000  # rows of a sheet; all rows are in the tables beside it, and above this it opens slowly
@@ -92,15 +92,12 @@ def write_spreadsheet(selection: Selection, path: Path) -> Path:
     formula or a link. Races holds at most `ROW_LIMIT` rows, the last stages first; Run counts those left out.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        _write(selection, partial)
-        os.replace(partial, path)
+        with whole_file(path) as partial:
+            _write(selection, partial)
     except FileCreateError as error:
         # It wraps what the system said.
         raise OSError(*error.args[0].args) from None
-    finally:
-        partial.unlink(missing_ok=True)
     return path
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import polars as pl
 
 from reports.selection import Selection
+from sim.whole_file import whole_file
 
 
 def write_tables(selection: Selection, folder: Path) -> None:
@@ -26,9 +26,5 @@ def write_tables(selection: Selection, folder: Path) -> None:
 def _replace(path: Path, write: Callable[[BytesIO], pl.DataFrame | None]) -> None:
     content = BytesIO()
     write(content)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
+    with whole_file(path) as partial:
         partial.write_bytes(content.getbuffer())
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from reports.replay import car_colours, winner
 from sim.errors import InputError
 from sim.render_panels import write
 from sim.render_scene import Camera
+from sim.whole_file import whole_file
 
 SIZE, FINE, RATE = (1280, 720), 2, 30
 """Pixels of a picture, how much larger it is drawn, and pictures a second."""
@@ -62,20 +62,19 @@ def write_video(
             f"{path}: no clip from {start:g} s to {end:g} s, expected times from 0 to {last_s:g} s"
         )
     times = start + np.arange(max(round((end - start) * RATE), 1)) / RATE
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        with av.open(str(partial), "w", format="mp4", options={"movflags": "faststart"}) as container:
+        with (
+            whole_file(path) as partial,
+            av.open(str(partial), "w", format="mp4", options={"movflags": "faststart"}) as container,
+        ):
             stream = container.add_stream("libx264", rate=RATE, options={"crf": "21", "preset": "veryfast"})
             stream.width, stream.height = SIZE
             stream.pix_fmt = "yuv420p"
             for picture in pictures(log, winner(log) if follow is None else follow, times):
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
             container.mux(stream.encode())
-        os.replace(partial, path)
     except OSError as error:
         raise InputError(f"{path}: the video cannot be written: {error.strerror}") from None
-    finally:
-        partial.unlink(missing_ok=True)
     return len(times)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from matplotlib.patches import Patch
 from sim.errors import InputError
 from sim.track import CURVATURE, KERB_LEFT, KERB_RIGHT, RUNOFF_LEFT, RUNOFF_RIGHT, SURFACES, ZONE, Track, Z
 from sim.track_plan import INK, PAPER, PENALTY, ROAD, SECTORS, START, SURFACE, WALL, draw_plan, wall_lines
+from sim.whole_file import whole_file
 
 PLAN_IN, NAMES_IN, MARGIN_IN, DPI = 14.0, 0.9, 0.85, 160
 
@@ -47,10 +47,9 @@ def draw_map(track: Track, path: Path) -> None:
     _draw_heights(heights, track)
     _draw_bends(bends, track)
     _draw_key(figure, track)
-    partial = path.with_name(f".{path.name}.partial")
     try:
-        figure.savefig(partial, format="png", facecolor=PAPER)
-        os.replace(partial, path)
+        with whole_file(path) as partial:
+            figure.savefig(partial, format="png", facecolor=PAPER)
     except OSError as error:
         raise InputError(f"{path}: the map cannot be written: {error.strerror}") from None
 

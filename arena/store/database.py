@@ -14,6 +14,7 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from sim.errors import InputError
+from sim.whole_file import whole_file
 
 APPLICATION_ID = 0x6E41544C  # "nATL", in a file's header: tells a store from any other database
 BUSY_TIMEOUT_S = 30.0  # for a lock that another process holds
@@ -106,19 +107,15 @@ class Database:
 
     def back_up(self, copy: Path) -> None:
         """Copy the SQLite file as it stands, whole or not at all."""
-        partial = copy.with_name(copy.name + ".partial")
         try:
-            with self._blamed(), self._engine.connect() as connection:
+            with whole_file(copy) as partial, self._blamed(), self._engine.connect() as connection:
                 target = sqlite3.connect(partial)
                 try:
                     _driver(connection).backup(target)
                 finally:
                     target.close()
-            partial.replace(copy)
         except (OSError, sqlite3.Error) as error:
             raise InputError(f"{copy}: the copy of the older store cannot be written ({error})") from None
-        finally:
-            partial.unlink(missing_ok=True)
 
     @contextmanager
     def _blamed(self) -> Iterator[None]:

@@ -21,7 +21,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import time
 from pathlib import Path
 from typing import Any
@@ -34,6 +33,7 @@ from benchmarks.lap_limit.plots import plot
 from benchmarks.lap_limit.problem import Lap, fastest_lap
 from sim.car import load_car
 from sim.track import load_track
+from sim.whole_file import whole_file
 
 CIRCUITS = ("porto-sereno", "lindenring", "grandes-landes")
 CARS = ("gt3", "coupe", "prototype")
@@ -61,9 +61,8 @@ def entry(circuit: str, car: str, lap: Lap, solve_s: float, driver: FlyingLaps) 
 
 def write(path: Path, laps: list[Entry]) -> None:
     """Write the laps, whole or not at all."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps({"laps": laps}, indent=1) + "\n", "utf-8")
-    os.replace(partial, path)
+    with whole_file(path) as partial:
+        partial.write_text(json.dumps({"laps": laps}, indent=1) + "\n", "utf-8")
 
 
 def main() -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
@@ -18,6 +17,7 @@ from nathlon.filter import run_filter
 from nathlon.objective import Objective
 from nathlon.run import Answer
 from nathlon.single_run import single_run
+from sim.whole_file import whole_file
 
 
 def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
@@ -37,8 +37,9 @@ def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_js
         run.keep({"entrants": entrants_table(entrants), **answer.tables})
     table = pareto_table(entrants, answer)
     files = {"csv": out / "pareto.csv", "parquet": out / "pareto.parquet"}
-    _write(files["csv"], table.write_csv)
-    _write(files["parquet"], table.write_parquet)
+    with whole_file(files["csv"]) as csv, whole_file(files["parquet"]) as parquet:
+        table.write_csv(csv)
+        table.write_parquet(parquet)
     front = table.filter("survives")
     if as_json:
         summary = {
@@ -64,13 +65,6 @@ def pareto_table(entrants: Sequence[Entrant], answer: Answer) -> pl.DataFrame:
         .join(own, on="entrant", how="left")
         .sort("nondominated_probability", "name", descending=[True, False])
     )
-
-
-def _write(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file whole or not at all."""
-    partial = path.with_name(f".{path.name}.partial")
-    write(partial)
-    os.replace(partial, path)
 
 
 def _print_front(front: pl.DataFrame, entered: int, objectives: Sequence[Objective]) -> None:

@@ -5,7 +5,6 @@ A variant makes a configuration from the base; each run of one, with one seed, i
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from policies.training.log import CURVE_FILE
 from policies.training.state import STATE_FILE, load_state
 from policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
 from sim.errors import InputError, first_fault
+from sim.whole_file import whole_file
 
 Variant = Callable[[TrainingConfig], TrainingConfig]
 
@@ -165,9 +165,8 @@ def claim(out: Path, base: TrainingConfig) -> None:
             _compare(path, TrainingConfig.model_validate_json(path.read_text("utf-8")), base)
         else:
             out.mkdir(parents=True, exist_ok=True)
-            partial = path.with_name(path.name + ".partial")
-            partial.write_text(base.model_dump_json(indent=1), "utf-8")
-            os.replace(partial, path)
+            with whole_file(path) as partial:
+                partial.write_text(base.model_dump_json(indent=1), "utf-8")
     except ValidationError as error:
         raise InputError(f"{path}: {first_fault(error)}") from None
     except OSError as error:

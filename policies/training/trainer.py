@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import time
 from collections.abc import Callable
 from importlib.metadata import version
@@ -33,6 +32,7 @@ from policies.training.state import (
 )
 from policies.training.worker import Experience, Gathered, News, RolloutWorker
 from sim.errors import InputError, first_fault
+from sim.whole_file import whole_file
 
 CONFIG_FILE = "run.json"
 CHECKPOINTS = "checkpoints"
@@ -302,6 +302,5 @@ def _tables(config: TrainingConfig) -> ReplayTables:
 
 
 def _write_text(path: Path, text: str) -> None:
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text, "utf-8")
-    os.replace(partial, path)
+    with whole_file(path) as partial:
+        partial.write_text(text, "utf-8")
