@@ -65,6 +65,7 @@ def leaves(config: TrainingConfig) -> dict[str, Any]:
         ("one-table", "tables", "one"),
         ("no-passing-reward", "reward.passing", 0.0),
         ("no-course-points", "observation.course_points", 0),
+        ("float32", "qrsac.precision", "float32"),
     ],
 )
 def test_a_variant_changes_one_field(base: TrainingConfig, variant: str, field: str, value: Any) -> None:

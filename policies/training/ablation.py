@@ -32,6 +32,11 @@ def no_quantiles(config: TrainingConfig) -> TrainingConfig:
     return config.model_copy(update={"qrsac": config.qrsac.model_copy(update={"distributional": False})})
 
 
+def float32(config: TrainingConfig) -> TrainingConfig:
+    """Matrix products in float32, also where the processor has instructions for bfloat16."""
+    return config.model_copy(update={"qrsac": config.qrsac.model_copy(update={"precision": "float32"})})
+
+
 def n_step(steps: int) -> Variant:
     """Transitions of so many steps."""
 
@@ -85,6 +90,7 @@ VARIANTS: dict[str, Variant] = {
     "no-passing-reward": no_passing_reward,
     "no-skill-scenarios": no_skill_scenarios,
     "no-course-points": no_course_points,
+    "float32": float32,
 }
 """By name, in the order of the figure."""
 
