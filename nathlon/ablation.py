@@ -6,18 +6,23 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import polars as pl
+from scipy.special import stdtrit
 
 from arena.entrant import Entrant, enter
 from arena.match import Match
 from arena.pool import run_matches
+from arena.statistics import precision, standard_error
 from arena.store import Store
 from nathlon.race_off import tournament_matches
 from policies.training.ablation import BASE, Run
-from reports.ablation import ABLATION
+from reports.ablation import ABLATION, EFFECTS, last_checkpoints
 from tournament.points import matchups
 
 CHECKPOINT = ("variant", "seed", "updates")
 DUELS = pl.Schema({name: ABLATION[name] for name in (*CHECKPOINT, "score_difference", "contacts_per_km")})
+
+CONFIDENCE = 0.95
+"""Of the intervals of EFFECTS."""
 
 
 def checkpoints(runs: Sequence[Run], duels: pl.DataFrame) -> pl.DataFrame:
@@ -32,6 +37,38 @@ def checkpoints(runs: Sequence[Run], duels: pl.DataFrame) -> pl.DataFrame:
     if not curves:
         return pl.DataFrame(schema=ABLATION)
     return pl.concat(curves).join(duels, on=CHECKPOINT, how="left", maintain_order="left")
+
+
+def effects(table: pl.DataFrame) -> pl.DataFrame:
+    """What the last checkpoints (of ABLATION) of each variant differ from the base's, EFFECTS.
+
+    Intervals are Welch's, by Student's t with the variances among the seeds; a single seed, of the variant or
+    the base, has none. Where a seed has no lap there is no difference in laps.
+    """
+    last = last_checkpoints(table)
+    base = last.filter(variant=BASE)["lap_s"]
+    rows = []
+    for variant in last["variant"].unique(maintain_order=True):
+        if variant == BASE:
+            continue
+        own = last.filter(variant=variant)
+        rows.append((variant, "lap_s", own.height, *_difference([own["lap_s"], base], [1.0, -1.0])))
+        if len(scores := own["score_difference"].drop_nulls()):
+            rows.append((variant, "score_difference", len(scores), *_difference([scores], [1.0])))
+    return pl.DataFrame(rows, EFFECTS, orient="row").fill_nan(None)
+
+
+def _difference(groups: Sequence[pl.Series], weights: Sequence[float]) -> tuple[float, float, float]:
+    """The weighted sum of the groups' means and its interval; NaN where it is not known."""
+    if any(group.is_empty() or group.has_nulls() for group in groups):
+        return np.nan, np.nan, np.nan
+    estimate = sum(weight * group.to_numpy().mean() for weight, group in zip(weights, groups, strict=True))
+    if any(len(group) < 2 for group in groups):
+        return estimate, np.nan, np.nan
+    known = precision(pl.concat(groups).to_numpy(), np.array([len(group) for group in groups]))
+    (error,), (freedom,) = standard_error(np.array([weights]), known)
+    half = stdtrit(freedom, (1 + CONFIDENCE) / 2) * error
+    return estimate, estimate - half, estimate + half
 
 
 def race_base(

@@ -31,6 +31,17 @@ ABLATION = pl.Schema(
     }
 )
 """One row a checkpoint of one variant with one seed."""
+EFFECTS = pl.Schema(
+    {
+        "variant": pl.String,
+        "measure": pl.String,  # lap_s or score_difference of ABLATION, in its unit
+        "seeds": pl.Int64,  # of the variant
+        "difference": pl.Float64,  # from the base, of means over seeds
+        "low": pl.Float64,  # 95 % confidence interval
+        "high": pl.Float64,
+    }
+)
+"""One row a variant and measure. Numbers are null where they are not known."""
 
 BASE = "base"
 GREY, COLOUR, INK = "#8b9096", "#1f6fb4", "#22262b"
@@ -44,17 +55,19 @@ MEASURES = (
 """What is shown of last checkpoints: column, factor, label."""
 
 
-def write_ablation(table: pl.DataFrame, out: Path) -> None:
-    """Write `ablation.csv`, `ablation.svg` and `ablation.png`.
+def write_ablation(table: pl.DataFrame, effects: pl.DataFrame, out: Path) -> None:
+    """Write `ablation.csv`, `effects.csv`, `ablation.svg` and `ablation.png`.
 
     Args:
         table: schema ABLATION, variants in the order of the figure, one of them `base`.
+        effects: schema EFFECTS.
         out: the folder.
 
     Raises:
         InputError: if one cannot be written.
     """
     _replace(out / "ablation.csv", lambda path: table.write_csv(path))
+    _replace(out / "effects.csv", lambda path: effects.write_csv(path))
     with matplotlib.rc_context(
         {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "svg.hashsalt": "nathlon"}
     ):

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
 from PIL import Image
+from scipy.stats import ttest_1samp, ttest_ind
 
 from arena.store import Store
+from nathlon.ablation import effects
 from nathlon.commands.ablate import ablate
 from policies.checkpoint import load_checkpoint
 from policies.training.ablation import VARIANTS, claim, configurations, plan
 from policies.training.config import TrainingConfig, read_config
 from policies.training.log import Status
-from reports.ablation import ABLATION, last_checkpoints, seed_band
+from reports.ablation import ABLATION, EFFECTS, last_checkpoints, seed_band
 from sim.errors import InputError
 from tests.command_line import nathlon, refused
 from tests.trainings import CHECKPOINTS, TOML
@@ -250,3 +253,65 @@ def test_a_seed_without_a_lap_is_the_slowest() -> None:
     last = last_checkpoints(table)
     assert last["updates"].to_list() == [6, 6, 6, 4, 4, 4]
     assert last["lap_s"].to_list() == [None, None, 60.0, 80.0, 70.0, 75.0]
+
+
+Laps = Sequence[float | None]
+
+
+def last_laps(laps: dict[str, Laps], scores: Sequence[float] = ()) -> pl.DataFrame:
+    """ABLATION of runs with two checkpoints each, the last ones with these laps, and scores of `other`."""
+    scored = {("other", seed, 4): score for seed, score in enumerate(scores)}
+    rows = [
+        {
+            "variant": variant,
+            "seed": seed,
+            "updates": updates,
+            "lap_s": lap if updates == 4 else 200.0,
+            "score_difference": scored.get((variant, seed, updates)),
+        }
+        for variant, seeds in laps.items()
+        for seed, lap in enumerate(seeds)
+        for updates in (2, 4)
+    ]
+    return pl.DataFrame(rows, schema=ABLATION)
+
+
+def test_differences_have_the_intervals_of_welch_and_student() -> None:
+    base, other, scores = [100.0, 101.0, 103.0], [99.0, 98.5, 100.5, 97.0], [3.0, -1.0, 2.0, 2.5]
+    found = effects(last_laps({"base": base, "other": other}, scores))
+    assert found.schema == EFFECTS
+    assert found["variant"].to_list() == ["other", "other"]
+    assert found["measure"].to_list() == ["lap_s", "score_difference"]
+    assert found["seeds"].to_list() == [4, 4]
+    lap, score = found.select("difference", "low", "high").rows()
+    welch = ttest_ind(other, base, equal_var=False).confidence_interval(0.95)
+    assert lap == pytest.approx((sum(other) / 4 - sum(base) / 3, welch.low, welch.high))
+    student = ttest_1samp(scores, 0.0).confidence_interval(0.95)
+    assert score == pytest.approx((sum(scores) / 4, student.low, student.high))
+
+
+@pytest.mark.parametrize(("base", "other"), [([100.0, 101.0], [99.0]), ([100.0], [99.0, 100.0])])
+def test_a_single_seed_has_no_interval(base: Laps, other: Laps) -> None:
+    (row,) = effects(last_laps({"base": base, "other": other}, [1.0])).filter(measure="lap_s").to_dicts()
+    assert row["difference"] < 0.0
+    assert (row["seeds"], row["low"], row["high"]) == (len(other), None, None)
+
+
+@pytest.mark.parametrize(("base", "other"), [([100.0, None], [99.0, 98.0]), ([100.0, 99.0], [None, 98.0])])
+def test_a_seed_without_a_lap_leaves_no_difference(
+    base: list[float | None], other: list[float | None]
+) -> None:
+    (row,) = effects(last_laps({"base": base, "other": other})).to_dicts()
+    assert (row["seeds"], row["difference"], row["low"], row["high"]) == (2, None, None, None)
+
+
+def test_the_differences_are_written_and_printed(
+    toml: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1)
+    printed = capsys.readouterr().out
+    written = pl.read_csv(out / "effects.csv", schema_overrides=EFFECTS)
+    assert written["variant"].to_list() == [name for name in CHOSEN for _ in range(2)]
+    assert all(name in printed for name in CHOSEN)
+    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1, as_json=True)
+    assert json.loads(capsys.readouterr().out)["differences"] == written.to_dicts()

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.lap_search import SEED, TAKEN, Search
+from benchmarks.lap_search import TAKEN, Search
+from benchmarks.time_trial import SEED
 from policies.checkpoint import NetworkPolicy, load_checkpoint
 
 CHECKPOINT = Path("policies/bundled/lindenring/lindenring-s1-020k.safetensors")

@@ -10,10 +10,11 @@ from pathlib import Path
 import polars as pl
 import torch
 from rich.progress import Progress
+from rich.table import Table
 
 from arena.store import Store
-from nathlon.ablation import DUELS, checkpoints, race_base
-from nathlon.commands.console import progress_bars, tell, warn, worker_count
+from nathlon.ablation import DUELS, checkpoints, effects, race_base
+from nathlon.commands.console import console, print_json, progress_bars, tell, warn, worker_count
 from policies.training.ablation import VARIANTS, Run, claim, configurations, plan
 from policies.training.config import CONFIGS, TrainingConfig, read_config
 from policies.training.log import Status
@@ -21,6 +22,9 @@ from policies.training.trainer import Diverged
 from reports.ablation import write_ablation
 from sim.data_file import find_data
 from sim.errors import InputError
+
+NO_DUELS = pl.DataFrame(schema=DUELS)
+MEASURES = {"lap_s": "lap, s", "score_difference": "points a race"}
 
 
 def ablate(
@@ -46,14 +50,21 @@ def ablate(
     try:
         with progress_bars(as_json) as progress:
             diverged = _train(runs, out, progress)
-            if pairs:
-                _publish(runs, out, _race(runs, out, pairs, worker_count(workers), progress))
-            else:
-                _publish(runs, out)
+            raced = _race(runs, out, pairs, worker_count(workers), progress) if pairs else NO_DUELS
+        found = _publish(runs, out, raced)
     except KeyboardInterrupt:
         warn("Stopped. The same command goes on.")
         raise SystemExit(130) from None
-    tell({"runs": len(runs), "figure": out / "ablation.svg", "table": out / "ablation.csv"}, as_json)
+    files = {
+        "figure": out / "ablation.svg",
+        "table": out / "ablation.csv",
+        "effects": out / "effects.csv",
+    }
+    if as_json:
+        print_json({"runs": len(runs), **files, "differences": found.to_dicts()})
+    else:
+        _print_effects(found)
+        tell({"runs": len(runs), **files}, False)
     if diverged:
         raise InputError(
             f"{out}: {diverged} of {len(runs)} runs diverged; figure and table show what they did"
@@ -110,5 +121,24 @@ def _race(runs: Sequence[Run], out: Path, pairs: int, workers: int, progress: Pr
         return race_base(runs, pairs, workers, store, on_match)
 
 
-def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame | None = None) -> None:
-    write_ablation(checkpoints(runs, pl.DataFrame(schema=DUELS) if duels is None else duels), out)
+def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame = NO_DUELS) -> pl.DataFrame:
+    """Write table and figure of the runs so far; what the variants differ from the base, EFFECTS."""
+    table = checkpoints(runs, duels)
+    found = effects(table)
+    write_ablation(table, found, out)
+    return found
+
+
+def _print_effects(found: pl.DataFrame) -> None:
+    shown = Table(title="Last checkpoints minus the base's, 95 % confidence intervals")
+    for column in ("Variant", "Seeds", "Measure", "Difference", "Interval"):
+        shown.add_column(column, justify="right" if column in ("Seeds", "Difference") else "left")
+    for row in found.iter_rows(named=True):
+        cells = [str(row["seeds"]), MEASURES[row["measure"]]]
+        if row["difference"] is None:
+            shown.add_row(row["variant"], *cells, "", "a seed has no lap")
+            continue
+        known = row["low"] is not None
+        interval = f"{row['low']:+.2f} to {row['high']:+.2f}" if known else "not with one seed"
+        shown.add_row(row["variant"], *cells, f"{row['difference']:+.2f}", interval)
+    console.print(shown)
