@@ -42,8 +42,8 @@ def checkpoints(runs: Sequence[Run], duels: pl.DataFrame) -> pl.DataFrame:
 def effects(table: pl.DataFrame) -> pl.DataFrame:
     """What the last checkpoints (of ABLATION) of each variant differ from the base's, EFFECTS.
 
-    Intervals are Welch's, by Student's t with the variances among the seeds; a single seed, of the variant or
-    the base, has none. Where a seed has no lap there is no difference in laps.
+    Intervals are Welch's, by Student's t with the variances among the seeds. Where those of the variant or
+    the base are one or all alike there is none. Where a seed has no lap, laps have no difference.
     """
     last = last_checkpoints(table)
     base = last.filter(variant=BASE)["lap_s"]
@@ -63,7 +63,7 @@ def _difference(groups: Sequence[pl.Series], weights: Sequence[float]) -> tuple[
     if any(group.is_empty() or group.has_nulls() for group in groups):
         return np.nan, np.nan, np.nan
     estimate = sum(weight * group.to_numpy().mean() for weight, group in zip(weights, groups, strict=True))
-    if any(len(group) < 2 for group in groups):
+    if any(group.n_unique() < 2 for group in groups):
         return estimate, np.nan, np.nan
     known = precision(pl.concat(groups).to_numpy(), np.array([len(group) for group in groups]))
     (error,), (freedom,) = standard_error(np.array([weights]), known)

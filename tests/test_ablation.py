@@ -290,8 +290,11 @@ def test_differences_have_the_intervals_of_welch_and_student() -> None:
     assert score == pytest.approx((sum(scores) / 4, student.low, student.high))
 
 
-@pytest.mark.parametrize(("base", "other"), [([100.0, 101.0], [99.0]), ([100.0], [99.0, 100.0])])
-def test_a_single_seed_has_no_interval(base: Laps, other: Laps) -> None:
+@pytest.mark.parametrize(
+    ("base", "other"),
+    [([100.0, 101.0], [99.0]), ([100.0], [99.0, 99.5]), ([100.0, 100.0], [99.0, 99.5])],
+)
+def test_a_single_seed_has_no_interval_nor_seeds_that_are_alike(base: Laps, other: Laps) -> None:
     (row,) = effects(last_laps({"base": base, "other": other}, [1.0])).filter(measure="lap_s").to_dicts()
     assert row["difference"] < 0.0
     assert (row["seeds"], row["low"], row["high"]) == (len(other), None, None)

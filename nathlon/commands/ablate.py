@@ -139,6 +139,6 @@ def _print_effects(found: pl.DataFrame) -> None:
             shown.add_row(row["variant"], *cells, "", "a seed has no lap")
             continue
         known = row["low"] is not None
-        interval = f"{row['low']:+.2f} to {row['high']:+.2f}" if known else "not with one seed"
+        interval = f"{row['low']:+.2f} to {row['high']:+.2f}" if known else "one seed, or all alike"
         shown.add_row(row["variant"], *cells, f"{row['difference']:+.2f}", interval)
     console.print(shown)

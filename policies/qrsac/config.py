@@ -36,8 +36,8 @@ class QRSACConfig(BaseModel):
         gradient_norm: greatest norm of the gradient of both critics together.
         dropout: share of the policy's hidden units dropped in the pass that updates the policy.
         batch: transitions an update.
-        precision: of the matrix products, the parameters are float32 in any case; `auto` takes bfloat16
-            where the processor has instructions for it.
+        precision: of the hidden layers' matrix products, all else is float32 in any case; `auto` takes
+            bfloat16 where the processor has instructions for it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

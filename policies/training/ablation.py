@@ -33,7 +33,7 @@ def no_quantiles(config: TrainingConfig) -> TrainingConfig:
 
 
 def float32(config: TrainingConfig) -> TrainingConfig:
-    """Matrix products in float32, also where the processor has instructions for bfloat16."""
+    """All matrix products in float32, also where the processor has instructions for bfloat16."""
     return config.model_copy(update={"qrsac": config.qrsac.model_copy(update={"precision": "float32"})})
 
 
