@@ -46,6 +46,7 @@ DEVIATION = np.array([0.25, 0.125])
 CORRELATION = 0.7
 """Of a change with the one before it."""
 SPEED_WORTH_S = 0.15
+"""A candidate's speed at the end counts like the way that it makes in this time."""
 OFF_COURSE_COST = 1000.0  # m for each second: whatever stays on the course is better
 LAPS = 2
 BEFORE_LINE_M = 300.0
