@@ -198,6 +198,23 @@ def train(
 
 
 @app.command()
+def polish(
+    checkpoint: Annotated[Path, typer.Argument(help="Checkpoint to start from.")],
+    config: Annotated[
+        str, typer.Option(help="Training configuration whose races and reward count: name or path.")
+    ] = "time_trial",
+    out: Out = Path("runs/polished"),
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds of the whole.")] = 200,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Move a checkpoint's last layer to what earns more in races; the same command goes on after Ctrl-C."""
+    from nathlon.commands.polish import polish as run
+
+    run(checkpoint, config, out, rounds, seed, as_json)
+
+
+@app.command()
 def ablate(
     config: Annotated[
         str, typer.Argument(help="time_trial, racing, or the path of a training configuration (.toml).")

@@ -131,6 +131,25 @@ def read_card(path: Path) -> Card:
         return _card(path, file)
 
 
+def read_checkpoint(path: Path) -> tuple[Card, dict[str, NDArray[np.float32]]]:
+    """The card of a checkpoint and its tensors, as described by `card.shapes`.
+
+    Raises:
+        InputError: if the file is no checkpoint that this program can drive.
+    """
+    with _opened(path) as file:
+        card = _card(path, file)
+        slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+        _check_shapes(path, {name: tuple(part.get_shape()) for name, part in slices.items()}, card)
+        tensors = {}
+        for name, part in slices.items():
+            if part.get_dtype() != "F16":
+                raise InputError(f"{path}: tensor {name!r} is {part.get_dtype()}, expected F16")
+            tensors[name] = file.get_tensor(name).astype(np.float32)
+            _check_finite(path, name, tensors[name])
+    return card, tensors
+
+
 class NetworkPolicy:
     """The policy of a checkpoint: drives with the squashed mean of its actions, without noise.
 
@@ -159,16 +178,7 @@ class NetworkPolicy:
         Raises:
             InputError: if the file is no checkpoint that this program can drive.
         """
-        with _opened(path) as file:
-            card = _card(path, file)
-            slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
-            _check_shapes(path, {name: tuple(part.get_shape()) for name, part in slices.items()}, card)
-            tensors = {}
-            for name, part in slices.items():
-                if part.get_dtype() != "F16":
-                    raise InputError(f"{path}: tensor {name!r} is {part.get_dtype()}, expected F16")
-                tensors[name] = file.get_tensor(name).astype(np.float32)
-                _check_finite(path, name, tensors[name])
+        card, tensors = read_checkpoint(path)
         return cls(card, checkpoint_id(path), tensors)
 
     def initial_memory(self, n: int) -> Batch:

@@ -39,7 +39,8 @@ class Step(NamedTuple):
     valid: Flags
 
 
-def _scenario(rollouts: Rollouts) -> Scenario:
+def scenario_of(rollouts: Rollouts) -> Scenario:
+    """The scenario of the races, with the perception delay that they have in place of its own."""
     scenario = load_scenario(rollouts.scenario)
     delay = rollouts.perception_delay_s
     if delay is None:
@@ -52,8 +53,8 @@ def _scenario(rollouts: Rollouts) -> Scenario:
     return scenario.model_copy(update={"perception_delay_s": delay})
 
 
-def _learners(rollouts: Rollouts, cars: int) -> NDArray[np.int64]:
-    """Indices of the learner's cars in each race."""
+def learners_of(rollouts: Rollouts, cars: int) -> NDArray[np.int64]:
+    """Indices of the learner's cars in each race of so many cars."""
     if rollouts.learners > cars:
         raise InputError(
             f"rollouts {rollouts.scenario}: learners is {rollouts.learners}, "
@@ -84,8 +85,10 @@ class Rollout:
         Raises:
             InputError: if the scenario has fewer cars than learners, or nobody drives the others.
         """
-        episodes = Episodes(config.circuit, config.car, _scenario(rollouts), rollouts.races, stuck_s=STUCK_S)
-        learners = _learners(rollouts, episodes.scenario.cars)
+        episodes = Episodes(
+            config.circuit, config.car, scenario_of(rollouts), rollouts.races, stuck_s=STUCK_S
+        )
+        learners = learners_of(rollouts, episodes.scenario.cars)
         opponents = rollouts.opponents or config.opponents
         self._population = Population(opponents, config.circuit, config.car)
         self.episodes, self._learners = episodes, learners
