@@ -80,7 +80,7 @@ class Trial:
         learners = learners_of(rollouts, self._episodes.scenario.cars)
         self._population = Population(rollouts.opponents or config.opponents, config.circuit, config.car)
         policy = load_checkpoint(checkpoint)
-        self._population.meet(policy, (checkpoint,), np.random.default_rng())
+        self._population.meet(policy, (checkpoint,), np.random.default_rng(0))  # nothing to choose from
         self._heat = Heat(
             self._episodes, learners.tolist(), policy.observation_spec, self._population.policies
         )
