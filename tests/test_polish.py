@@ -120,7 +120,9 @@ def test_a_polished_policy_laps_faster(tmp_path: Path, monkeypatch: pytest.Monke
     assert laps[1].off_course_share == 0.0
     card, before = read_card(found), read_card(CHECKPOINT)
     assert card.algorithm == "QR-SAC, polished"
-    assert card.model_copy(update={"algorithm": before.algorithm, "created_by": before.created_by}) == before
+    assert card.scenarios == tuple(dict.fromkeys((*before.scenarios, "1v0")))
+    assert card.transitions == before.transitions + 25 * 32 * 4 * 300
+    assert (card.step, card.seed, card.hidden) == (before.step, before.seed, before.hidden)
     tensors, old = load_file(found), load_file(CHECKPOINT)
     changed = [name for name in old if not np.array_equal(tensors[name], old[name])]
     assert changed == ["2.weight"]

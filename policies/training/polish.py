@@ -77,6 +77,7 @@ class Trial:
         self._episodes = Episodes(
             config.circuit, config.car, scenario_of(rollouts), count * CANDIDATES, threads, STUCK_S
         )
+        self._length = round(HORIZON_S / self._episodes.step_s)
         learners = learners_of(rollouts, self._episodes.scenario.cars)
         self._population = Population(rollouts.opponents or config.opponents, config.circuit, config.car)
         policy = load_checkpoint(checkpoint)
@@ -86,6 +87,16 @@ class Trial:
         )
         weights = config.reward.model_copy(update={"steering": 0.0})
         self._reward = Reward(weights, self._episodes.world.track)
+
+    @property
+    def scenario(self) -> str:
+        """Name of the scenario."""
+        return self._episodes.scenario.name
+
+    @property
+    def steps(self) -> int:
+        """Steps of the candidates' cars in a round, all together."""
+        return len(self._heat.races) * self._length
 
     def earn(self, act: Act, rng: np.random.Generator) -> Array:
         """What each candidate earns in each of its cars, (CANDIDATES, cars).
@@ -99,7 +110,7 @@ class Trial:
         state["finish"] = np.inf  # so that who is faster goes farther, not home
         self._episodes.limit_s[:] = np.inf
         earned = np.zeros(len(self._heat.races))
-        for _ in range(round(HORIZON_S / self._episodes.step_s)):
+        for _ in range(self._length):
             before = state.copy()
             self._heat.step(act(self._heat.seen))
             components = self._reward.components(
@@ -173,7 +184,6 @@ class Polish:
         }
         weight, _ = self._network.layers[-1]
         self._state = load_state(folder, self._facts, weight.shape) or PolishState.initial(weight.shape)
-        self._spread = DEVIATION / self._features_norm()
 
     @property
     def rounds(self) -> int:
@@ -186,8 +196,9 @@ class Polish:
         Raises:
             InputError: if a file cannot be written.
         """
+        spread = DEVIATION / self._features_norm()
         while self.rounds < self._total:
-            reward = self._round()
+            reward = self._round(spread)
             if self.rounds % CHECKPOINT_EVERY == 0 or self.rounds == self._total:
                 self._checkpoint(reward)
             save_state(self._folder, self._state, self._facts)
@@ -208,16 +219,16 @@ class Polish:
     def _rng(self, turn: int) -> np.random.Generator:
         return np.random.default_rng([self._seed, turn])
 
-    def _round(self) -> float:
-        """Move the weights once; the candidates' mean reward a race."""
+    def _round(self, spread: Array) -> float:
+        """Move the weights once, with candidates so far around; their mean reward a race."""
         state, rng = self._state, self._rng(self.rounds + 1)
         noise = rng.standard_normal((CANDIDATES // 2, *state.change.shape))
         noise = np.concatenate([noise, -noise])
-        act = self._candidates(state.change + noise * self._spread)
+        act = self._candidates(state.change + noise * spread)
         earned = np.concatenate([trial.earn(act, rng) for trial in self._trials], axis=1)
         done = self.rounds / self._total
         rate = FINAL_RATE + (RATE - FINAL_RATE) * (0.5 + 0.5 * np.cos(np.pi * done))
-        self._state = state.moved(ascent(earned, noise), rate * self._spread)
+        self._state = state.moved(ascent(earned, noise), rate * spread)
         return float(earned.mean())
 
     def _candidates(self, changes: Array) -> Act:
@@ -237,9 +248,13 @@ class Polish:
         last = f"{len(self.card.hidden)}.weight"
         tensors[last] = tensors[last].copy()
         tensors[last][:, : self._state.change.shape[1]] += self._state.change.astype(np.float32)
+        scenarios = (*self.card.scenarios, *(trial.scenario for trial in self._trials))
         card = self.card.model_copy(
             update={
                 "algorithm": f"{self.card.algorithm}, polished",
+                "scenarios": tuple(dict.fromkeys(scenarios)),
+                "transitions": self.card.transitions
+                + self.rounds * sum(trial.steps for trial in self._trials),
                 "created_by": {**self.card.created_by, "nathlon": version("nathlon")},
             }
         )

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
 from policies.training.evaluation import LapEvaluation
 from policies.training.log import CURVE_FILE
-from policies.training.state import STATE_FILE
+from policies.training.state import STATE_FILE, write_tensors
 from sim.errors import InputError
 from sim.whole_file import whole_file
 
@@ -70,12 +70,8 @@ def save_state(folder: Path, state: PolishState, facts: Mapping[str, str]) -> No
     Raises:
         InputError: if it cannot be written; the state that was there is left as it is.
     """
-    path = folder / STATE_FILE
-    try:
-        with whole_file(path) as partial:
-            save_file(state._asdict(), partial, dict(facts))
-    except (OSError, SafetensorError) as error:
-        raise InputError(f"{path}: cannot be written: {error}") from None
+    tensors = {name: torch.from_numpy(array) for name, array in state._asdict().items()}
+    write_tensors(folder / STATE_FILE, tensors, dict(facts))
 
 
 def load_state(folder: Path, facts: Mapping[str, str], shape: tuple[int, ...]) -> PolishState | None:
