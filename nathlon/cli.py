@@ -204,11 +204,11 @@ def polish(
         str, typer.Option(help="Training configuration whose races and reward count: name or path.")
     ] = "time_trial",
     out: Out = Path("runs/polished"),
-    rounds: Annotated[int, typer.Option(min=1, help="Rounds of the whole.")] = 200,
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds of the whole.")] = 100,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
-    """Move a checkpoint's last layer to what earns more in races; the same command goes on after Ctrl-C."""
+    """Improve a checkpoint by what its actions bring in races; the same command goes on after Ctrl-C."""
     from nathlon.commands.polish import polish as run
 
     run(checkpoint, config, out, rounds, seed, as_json)

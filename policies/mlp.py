@@ -60,17 +60,10 @@ class Mlp:
     hidden: Literal["relu", "tanh"]
     output: Literal["tanh", "clip"]
 
-    def features(self, inputs: Batch) -> Batch:
-        """What the last layer weighs, (n, units) float32, of inputs (n, inputs) float32."""
-        layer = inputs
-        for weight, bias in self.layers[:-1]:
-            layer = _weigh(layer, weight)
-            FUNCTIONS[self.hidden](layer, bias)
-        return layer
-
     def __call__(self, inputs: Batch) -> Batch:
         """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""
-        weight, bias = self.layers[-1]
-        outputs = _weigh(self.features(inputs), weight)
-        FUNCTIONS[self.output](outputs, bias)
-        return outputs
+        layer = inputs
+        for index, (weight, bias) in enumerate(self.layers, 1):
+            layer = _weigh(layer, weight)
+            FUNCTIONS[self.hidden if index < len(self.layers) else self.output](layer, bias)
+        return layer

@@ -1,0 +1,106 @@
+"""Proximal policy optimisation (Schulman et al., 2017) of a policy's mean actions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.functional import linear
+
+from policies.mlp import Mlp
+from policies.training.trial import DEVIATION, Driven
+
+BATCH = 8192
+CLIP = 0.2
+"""Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
+
+
+class Proximal:
+    """The layers of a policy's mean actions and their optimiser.
+
+    Attributes:
+        layers: weight (in, out) and bias (out,) of each, float32.
+    """
+
+    def __init__(self, layers: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]) -> None:
+        """Copies of the layers, to be improved."""
+        self.layers = [
+            (torch.from_numpy(weight.copy()).requires_grad_(), torch.from_numpy(bias.copy()).requires_grad_())
+            for weight, bias in layers
+        ]
+        self._adam = torch.optim.Adam([tensor for layer in self.layers for tensor in layer])
+
+    @property
+    def network(self) -> Mlp:
+        """The layers as they are, to drive with."""
+        layers = [(weight.detach().numpy(), bias.detach().numpy()) for weight, bias in self.layers]
+        return Mlp(tuple(layers), "relu", "tanh")
+
+    def means(self, seen: Tensor) -> Tensor:
+        """Mean actions (n, 2) for observations (n, size)."""
+        *hidden, (weight, bias) = self.layers
+        layer = seen
+        for each, shift in hidden:
+            layer = torch.relu(linear(layer, each.T, shift))
+        return torch.tanh(linear(layer, weight.T, bias))
+
+    def improve(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> None:
+        """Go once through all that was driven, in minibatches.
+
+        Args:
+            driven: of the policy as it is; what is left over of the last minibatch is not used.
+            rate: of Adam.
+            rng: draws the order.
+        """
+        seen, means, noise, advantage = (
+            torch.from_numpy(np.concatenate(parts)) for parts in zip(*driven, strict=True)
+        )
+        for group in self._adam.param_groups:
+            group["lr"] = rate
+        order = torch.from_numpy(rng.permutation(len(seen)))
+        batches = max(1, len(order) // BATCH)
+        for rows in order[: batches * BATCH].chunk(batches):
+            moved = (self.means(seen[rows]) - means[rows]) / torch.from_numpy(DEVIATION)
+            self._adam.zero_grad()
+            torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
+            self._adam.step()
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Layers and the optimiser's state, by name."""
+        tensors = {}
+        for index, tensor in enumerate(tensor for layer in self.layers for tensor in layer):
+            tensors[f"parameter.{index}"] = tensor.detach().clone()
+            for name, value in self._adam.state[tensor].items():
+                tensors[f"adam.{index}.{name}"] = value.clone()
+        return tensors
+
+    def load(self, tensors: Mapping[str, Tensor]) -> None:
+        """Go on from what `tensors` gave.
+
+        Raises:
+            KeyError: if one is missing.
+            ValueError: if one is of another shape.
+        """
+        for index, tensor in enumerate(tensor for layer in self.layers for tensor in layer):
+            found = tensors[f"parameter.{index}"]
+            moments = {name: tensors[f"adam.{index}.{name}"] for name in ("step", "exp_avg", "exp_avg_sq")}
+            if not found.shape == tensor.shape == moments["exp_avg"].shape == moments["exp_avg_sq"].shape:
+                raise ValueError(f"parameter.{index}")
+            tensor.data.copy_(found)
+            self._adam.state[tensor] = moments
+
+
+def proximal_loss(moved: Tensor, noise: Tensor, advantage: Tensor) -> Tensor:
+    """The clipped loss, equation 7 of the paper, for normal actions of fixed deviation.
+
+    Args:
+        moved: (n, actions) how far the means went since the actions were drawn, in deviations.
+        noise: (n, actions) of the actions then, in deviations.
+        advantage: (n,).
+    """
+    ratio = (moved * noise - 0.5 * moved.square()).sum(dim=1).exp()
+    clipped = ratio.clamp(1.0 - CLIP, 1.0 + CLIP)
+    return -torch.minimum(ratio * advantage, clipped * advantage).mean()

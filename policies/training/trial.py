@@ -1,0 +1,145 @@
+"""Trials: races in groups that leave the same start, driven by one policy with differing noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from policies.checkpoint import load_checkpoint
+from policies.heat import Heat
+from policies.training.advantage import advantages, discounted
+from policies.training.config import Rollouts, TrainingConfig
+from policies.training.population import Population
+from policies.training.rewards import Reward
+from policies.training.rollout import STUCK_S, learners_of, scenario_of
+from sim.episode import Episodes
+
+GROUP = 32
+"""Races that leave the same start."""
+HORIZON_S = 60.0
+DISCOUNT = 0.985
+"""Of a step: what follows within seven seconds counts, which is a bend and the straight after it."""
+UNTOLD_S = 13.0
+"""At the end, where too little follows to tell what an action brings."""
+DEVIATION = np.array([0.04, 0.015], np.float32)
+"""Of the noise on pedals and steering."""
+MOTION = ("x", "y", "yaw", "world_velocity_x", "world_velocity_y", "yaw_rate", "steering", "shifting")
+
+Array = NDArray[np.float32]
+Act = Callable[[Array], Array]
+
+
+class Driven(NamedTuple):
+    """What was done in a trial, a row for each step of each car.
+
+    Attributes:
+        seen: (n, size) float32, observations.
+        means: (n, 2) float32, actions without noise.
+        noise: (n, 2) float32, of the actions, in deviations.
+        advantage: (n,) float32, in deviations.
+    """
+
+    seen: Array
+    means: Array
+    noise: Array
+    advantage: Array
+
+
+class Trial:
+    """Races of one scenario of a configuration.
+
+    Attributes:
+        scenario: name of the scenario.
+        steps: driven by the policy's cars in each turn, all together.
+    """
+
+    def __init__(
+        self, config: TrainingConfig, rollouts: Rollouts, starts: int, checkpoint: Path, threads: int
+    ) -> None:
+        """Races yet to be started.
+
+        Args:
+            config: of which the rollouts are a part.
+            rollouts: scenario, learners and opponents.
+            starts: how many differing ones.
+            checkpoint: drives where `self` and `past` do.
+            threads: on which the world works.
+
+        Raises:
+            InputError: if the races cannot be made.
+        """
+        scenario = scenario_of(rollouts)
+        self._starts = starts
+        self._episodes = Episodes(config.circuit, config.car, scenario, starts * GROUP, threads, STUCK_S)
+        learners = learners_of(rollouts, scenario.cars)
+        self._population = Population(rollouts.opponents or config.opponents, config.circuit, config.car)
+        policy = load_checkpoint(checkpoint)
+        self._population.meet(policy, (checkpoint,), np.random.default_rng(0))  # nothing to choose from
+        self._heat = Heat(
+            self._episodes, learners.tolist(), policy.observation_spec, self._population.policies
+        )
+        weights = config.reward.model_copy(update={"steering": 0.0})
+        self._reward = Reward(weights, self._episodes.world.track)
+        self._length = round(HORIZON_S / self._episodes.step_s)
+        self._told = self._length - round(UNTOLD_S / self._episodes.step_s)
+        self.scenario = scenario.name
+        self.steps = self._length * len(self._heat.races)
+
+    def drive(self, act: Act, rng: np.random.Generator) -> tuple[Driven, float]:
+        """Drive all races once, with noise.
+
+        Args:
+            act: actions (n, 2) without noise for observations (n, size).
+            rng: draws starts, opponents and noise.
+
+        Returns:
+            what was done, and the mean reward of a car, without discount.
+        """
+        self._start(rng)
+        shape = (self._length, len(self._heat.races))
+        seen = np.empty((*shape, self._heat.seen.shape[1]), np.float32)
+        means = np.empty((*shape, 2), np.float32)
+        noise = rng.standard_normal((*shape, 2), np.float32)
+        rewards, driving = np.empty(shape), np.empty(shape, np.bool_)
+        motion = np.empty((*shape, len(MOTION)))
+        for step in range(self._length):
+            cars = self._episodes.world.state[self._heat.races, self._heat.cars]
+            motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
+            driving[step] = cars["driving"]
+            seen[step], means[step] = self._heat.seen, act(self._heat.seen)
+            rewards[step] = self._step(np.clip(means[step] + DEVIATION * noise[step], -1.0, 1.0))
+        returns = discounted(rewards, DISCOUNT)[: self._told]
+        advantage = advantages(self._grouped(returns), self._grouped(motion[: self._told]))
+        told = driving[: self._told]
+        advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
+        advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
+        chosen = (seen[: self._told][told], means[: self._told][told], noise[: self._told][told])
+        return Driven(*chosen, advantage.astype(np.float32)), float(rewards.sum(axis=0).mean())
+
+    def _grouped(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(steps, cars, ..) as (steps, starts and their cars, group, ..)."""
+        steps, cars, *more = values.shape
+        return np.swapaxes(values.reshape(steps, GROUP, cars // GROUP, *more), 1, 2)
+
+    def _start(self, rng: np.random.Generator) -> None:
+        others = self._heat.others
+        if others:
+            who = self._population.draw(self._starts * others, rng).reshape(self._starts, others)
+            self._heat.seat(range(GROUP * self._starts), np.tile(who, (GROUP, 1)))
+        seeds = rng.integers(2**63, size=self._starts).tolist() * GROUP
+        self._heat.start(range(len(seeds)), map(np.random.default_rng, seeds))
+        self._episodes.world.state["finish"] = np.inf  # so that who is faster goes farther, not home
+        self._episodes.limit_s[:] = np.inf
+
+    def _step(self, actions: Array) -> NDArray[np.float64]:
+        """Rewards (cars,) of a step with actions (cars, 2)."""
+        episodes = self._episodes
+        before, after = episodes.world.state.copy(), episodes.world.state
+        self._heat.step(actions)
+        components = self._reward.components(before, after, episodes.contacts, episodes.contact_races)
+        reward = np.where(before["driving"], self._reward.total(components), 0.0)
+        return reward[self._heat.races, self._heat.cars]

@@ -1,0 +1,115 @@
+"""Advantages in a group, and the loss that follows them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from policies.training.advantage import OUTLYING, advantages, discounted
+from policies.training.proximal import CLIP, Proximal, proximal_loss
+from policies.training.trial import DEVIATION, Driven
+
+
+def drawn(seed: int, *shape: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def test_discounted_returns() -> None:
+    returns = discounted(np.ones((50, 2)), 0.9)
+    np.testing.assert_allclose(returns[:, 1], (1.0 - 0.9 ** np.arange(50, 0, -1)) / 0.1)
+    late = np.zeros((3, 1))
+    late[2] = 8.0
+    assert discounted(late, 0.5).ravel().tolist() == [2.0, 4.0, 8.0]
+
+
+@given(st.integers(0, 2**32), st.floats(-1e4, 1e4), st.floats(0.01, 1e3))
+def test_neither_the_start_nor_units_matter(seed: int, start: float, unit: float) -> None:
+    returns, motion = drawn(seed, 3, 32), drawn(seed + 1, 3, 32, 4)
+    found = advantages(returns, motion)
+    np.testing.assert_allclose(advantages(returns + start, motion * unit + start), found, atol=1e-6)
+
+
+def test_what_motion_explains_is_no_advantage() -> None:
+    """Of returns that are a plane over motion and what the action brought, the latter is left."""
+    motion, brought = drawn(0, 200, 32, 4), 0.1 * drawn(1, 200, 32)
+    returns = 50.0 + motion @ np.array([3.0, -2.0, 0.5, 1.0]) + brought
+    found = advantages(returns, motion)
+    assert np.corrcoef(found.ravel(), brought.ravel())[0, 1] > 0.9
+    assert np.corrcoef((returns - returns.mean(axis=1, keepdims=True)).ravel(), brought.ravel())[0, 1] < 0.1
+    still = advantages(returns, np.zeros_like(motion))  # of motion that says nothing the mean is left
+    np.testing.assert_allclose(still, returns - returns.mean(axis=1, keepdims=True), atol=0.01)
+
+
+def test_one_crash_does_not_drown_the_others() -> None:
+    returns, motion = drawn(0, 1, 32), np.zeros((1, 32, 1))
+    crashed = returns.copy()
+    crashed[0, 5] = -1e6
+    found = advantages(crashed, motion)
+    assert found.min() == found[0, 5]
+    assert found[0, 5] > -2.0 * OUTLYING
+    np.testing.assert_allclose(
+        np.delete(found - found[0, 0], 5), np.delete(returns - returns[0, 0], 5), atol=1e-6
+    )
+
+
+def test_the_loss_begins_as_the_policy_gradient() -> None:
+    noise, advantage = torch.from_numpy(drawn(0, 64, 2)), torch.from_numpy(drawn(1, 64))
+    moved = torch.zeros(64, 2, dtype=torch.float64, requires_grad=True)
+    (gradient,) = torch.autograd.grad(proximal_loss(moved, noise, advantage), moved)
+    torch.testing.assert_close(gradient, -noise * advantage[:, None] / 64)
+
+
+def test_the_loss_is_the_ratio_of_normal_densities_clipped() -> None:
+    moved = torch.tensor([[0.05, -0.02], [1.0, 0.0], [1.0, 0.0]], dtype=torch.float64)
+    noise = torch.tensor([[1.0, 0.3], [2.0, 0.0], [2.0, 0.0]], dtype=torch.float64)
+    advantage = torch.tensor([2.0, 1.0, -1.0], dtype=torch.float64)
+    density = [norm.pdf(actions.numpy()).prod(axis=1) for actions in (noise, noise - moved)]
+    ratio = torch.from_numpy(density[1] / density[0])
+    expected = -(2.0 * ratio[0] + (1.0 + CLIP) - ratio[2]) / 3.0
+    torch.testing.assert_close(proximal_loss(moved, noise, advantage), expected)
+
+
+def learner() -> Proximal:
+    widths = (5, 16, 2)
+    return Proximal(
+        [
+            (drawn(i, a, b).astype(np.float32) * 0.3, np.zeros(b, np.float32))
+            for i, (a, b) in enumerate(pairwise(widths))
+        ]
+    )
+
+
+def some(work: Proximal) -> Driven:
+    """Actions of which those with less steering brought more."""
+    seen, noise = drawn(7, 500, 5).astype(np.float32), drawn(8, 500, 2).astype(np.float32)
+    return Driven(seen, work.network(seen), noise, -noise[:, 1])
+
+
+def test_the_policy_moves_to_what_brought_more() -> None:
+    work = learner()
+    driven = some(work)
+    for _ in range(5):
+        work.improve([driven], 1e-4, np.random.default_rng(0))
+    moved = (work.network(driven.seen) - driven.means) / DEVIATION
+    assert moved[:, 1].mean() < -0.02
+    assert abs(moved[:, 0].mean()) < 0.5 * abs(moved[:, 1].mean())
+
+
+def test_going_on_from_its_tensors_is_the_same() -> None:
+    work, other = learner(), learner()
+    driven = some(work)
+    work.improve([driven], 1e-3, np.random.default_rng(0))
+    other.load(work.tensors())
+    for each in (work, other):
+        each.improve([driven], 1e-3, np.random.default_rng(1))
+    assert np.array_equal(work.network(driven.seen), other.network(driven.seen))
+    with pytest.raises(KeyError):
+        other.load({})
+    with pytest.raises(ValueError, match=r"parameter\.0"):
+        other.load({**work.tensors(), "parameter.0": torch.zeros(1)})
