@@ -196,7 +196,7 @@ CURVES = pl.Schema(
         "transitions": pl.Int64,
         "lap_s": pl.Float64,  # null where not all laps were completed
         "off_course_share": pl.Float64,
-        "mean_q": pl.Float64,
+        "mean_q": pl.Float64,  # null of what learnt without critics, as the next
         "entropy": pl.Float64,
     }
 )

@@ -13,6 +13,8 @@ from policies.load import DRIVER
 from policies.plugin import PLUGIN
 
 CURVE_FILE = "curve.csv"
+CRITICS = ("mean_q", "entropy")
+"""What a run of QR-SAC has, and polishing has not."""
 NUMBERS = {name: dtype for name, dtype in CURVES.items() if name != "checkpoints"}
 
 
@@ -55,6 +57,8 @@ def _read(path: Path) -> pl.DataFrame | None:
     if not path.is_file():
         return None
     try:
-        return pl.read_csv(path, schema_overrides=NUMBERS, columns=list(NUMBERS)).fill_nan(None)
+        curve = pl.read_csv(path, schema_overrides=NUMBERS).fill_nan(None)
+        missing = [pl.lit(None, NUMBERS[name]).alias(name) for name in CRITICS if name not in curve.columns]
+        return curve.with_columns(missing).select(list(NUMBERS))
     except (OSError, pl.exceptions.PolarsError):
         return None

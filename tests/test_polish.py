@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file
 
+from nathlon.curves import find_curves
 from policies.bundled import BUNDLED
 from policies.checkpoint import load_checkpoint, read_card
 from policies.training import polish, trial
@@ -128,7 +129,9 @@ def test_a_polished_policy_laps_faster(tmp_path: Path, monkeypatch: pytest.Monke
     assert card.algorithm == "QR-SAC, polished"
     assert card.scenarios == tuple(dict.fromkeys((*before.scenarios, "1v0")))
     assert card.transitions == before.transitions + 4 * 8 * 32 * 400
-    assert (card.step, card.seed, card.hidden) == (before.step, before.seed, before.hidden)
+    assert card.step == before.step + 4 * (8 * 32 * 270 // 8192)
+    assert (card.seed, card.hidden) == (before.seed, before.hidden)
+    assert find_curves([str(found)])["updates"].to_list() == [card.step]
     tensors, old = load_file(found), load_file(CHECKPOINT)
     for name, tensor in old.items():
         assert not np.array_equal(tensors[name], tensor)

@@ -48,6 +48,7 @@ class Polish:
 
     Attributes:
         rounds: those done.
+        updates: of the policy in them.
     """
 
     def __init__(
@@ -90,10 +91,10 @@ class Polish:
             "seed": str(seed),
         }
         self._learner = Proximal(load_checkpoint(checkpoint).network.layers)
-        self.rounds, self._curve = 0, np.zeros((0, len(CURVE)))
+        self.rounds, self.updates, self._curve = 0, 0, np.zeros((0, len(CURVE)))
         state = load_state(folder, self._facts)
         if state:
-            self.rounds, self._curve = state.rounds, state.curve
+            self.rounds, self.updates, self._curve = state.rounds, state.updates, state.curve
             self._learner.load(state.learner)
 
     def run(self, on_round: Callable[[Round], None]) -> None:
@@ -108,7 +109,7 @@ class Polish:
                 self._checkpoint(reward)
             save_state(
                 self._folder,
-                PolishState(self.rounds, self._learner.tensors(), self._curve),
+                PolishState(self.rounds, self.updates, self._learner.tensors(), self._curve),
                 self._facts,
             )
             on_round(Round(self.rounds, reward))
@@ -119,7 +120,7 @@ class Polish:
         network = self._learner.network
         driven, rewards = zip(*(trial.drive(network, rng) for trial in self._trials), strict=True)
         left = 0.5 + 0.5 * math.cos(math.pi * self.rounds / self._total)
-        self._learner.improve(driven, FINAL_RATE + (RATE - FINAL_RATE) * left, rng)
+        self.updates += self._learner.improve(driven, FINAL_RATE + (RATE - FINAL_RATE) * left, rng)
         self.rounds += 1
         return float(np.average(rewards, weights=[trial.steps for trial in self._trials]))
 
@@ -134,6 +135,7 @@ class Polish:
             update={
                 "algorithm": f"{self.card.algorithm}, polished",
                 "scenarios": tuple(dict.fromkeys(scenarios)),
+                "step": self.card.step + self.updates,
                 "transitions": self.card.transitions
                 + self.rounds * sum(trial.steps for trial in self._trials),
                 "created_by": {**self.card.created_by, "nathlon": version("nathlon")},
@@ -146,6 +148,6 @@ class Polish:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         network = load_checkpoint(path).network
         laps = evaluate_laps(card.circuit, card.car, card.observation, network, self._seed)
-        row = [[float(self.rounds), reward, laps.lap_s, laps.off_course_share]]
+        row = [[self.rounds, card.step, card.transitions, reward, laps.lap_s, laps.off_course_share]]
         self._curve = np.concatenate([self._curve, row])
         write_curve(self._folder, self._curve)

@@ -18,20 +18,21 @@ from policies.training.state import STATE_FILE, write_tensors
 from sim.errors import InputError
 from sim.whole_file import whole_file
 
-CURVE = ("rounds", "reward", "lap_s", "off_course_share")
-ROUNDS, CURVE_KEY = "rounds", "curve"
+CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")
+COUNTS, CURVE_KEY = "counts", "curve"
 
 
 class PolishState(NamedTuple):
     """Where polishing stands.
 
     Attributes:
-        rounds: done so far.
+        rounds, updates: done so far.
         learner: what `Proximal.tensors` gave.
-        curve: (checkpoints, 4) what `CURVE` names.
+        curve: (checkpoints, 6) what `CURVE` names.
     """
 
     rounds: int
+    updates: int
     learner: dict[str, Tensor]
     curve: NDArray[np.float64]
 
@@ -42,7 +43,7 @@ def save_state(folder: Path, state: PolishState, facts: Mapping[str, str]) -> No
     Raises:
         InputError: if it cannot be written; the state that was there is left as it is.
     """
-    own = {ROUNDS: torch.tensor([state.rounds]), CURVE_KEY: torch.from_numpy(state.curve)}
+    own = {COUNTS: torch.tensor([state.rounds, state.updates]), CURVE_KEY: torch.from_numpy(state.curve)}
     write_tensors(folder / STATE_FILE, {**state.learner, **own}, dict(facts))
 
 
@@ -70,13 +71,14 @@ def load_state(folder: Path, facts: Mapping[str, str]) -> PolishState | None:
         if found.get(name) != value:
             raise InputError(f"{path}: is of another {name}; choose another folder")
     try:
-        return PolishState(int(tensors.pop(ROUNDS)), tensors, tensors.pop(CURVE_KEY).numpy())
+        rounds, updates = tensors.pop(COUNTS).tolist()
+        return PolishState(rounds, updates, tensors, tensors.pop(CURVE_KEY).numpy())
     except KeyError as missing:
         raise InputError(f"{path}: tensor {missing} is missing") from None
 
 
 def write_curve(folder: Path, curve: NDArray[np.float64]) -> None:
-    """Replace the curve (checkpoints, 4) in a folder.
+    """Replace the curve (checkpoints, 6) in a folder.
 
     Raises:
         InputError: if it cannot be written.
@@ -86,7 +88,8 @@ def write_curve(folder: Path, curve: NDArray[np.float64]) -> None:
         with whole_file(path) as partial, partial.open("w", newline="") as file:
             sheet = csv.writer(file)
             sheet.writerow(CURVE)
-            for rounds, reward, lap_s, off_course in curve.tolist():
-                sheet.writerow([int(rounds), f"{reward:.3f}", f"{lap_s:.3f}", f"{off_course:.4f}"])
+            for *counts, reward, lap_s, off_course in curve.tolist():
+                figures = (f"{reward:.3f}", f"{lap_s:.3f}", f"{off_course:.4f}")
+                sheet.writerow([*map(int, counts), *figures])
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None

@@ -47,13 +47,16 @@ class Proximal:
             layer = torch.relu(linear(layer, each.T, shift))
         return torch.tanh(linear(layer, weight.T, bias))
 
-    def improve(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> None:
+    def improve(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> int:
         """Go once through all that was driven, in minibatches.
 
         Args:
             driven: of the policy as it is; what is left over of the last minibatch is not used.
             rate: of Adam.
             rng: draws the order.
+
+        Returns:
+            how many updates that made.
         """
         seen, means, noise, advantage = (
             torch.from_numpy(np.concatenate(parts)) for parts in zip(*driven, strict=True)
@@ -67,6 +70,7 @@ class Proximal:
             self._adam.zero_grad()
             torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
             self._adam.step()
+        return batches
 
     def tensors(self) -> dict[str, Tensor]:
         """Layers and the optimiser's state, by name."""
