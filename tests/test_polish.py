@@ -159,6 +159,16 @@ def test_going_on_after_a_stop_comes_to_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("few")
+def test_what_is_polished_can_be_polished_further(tmp_path: Path) -> None:
+    polished(tmp_path / "once", 2)
+    once = tmp_path / "once" / "checkpoints" / "round-00002.safetensors"
+    Polish(once, ALONE, tmp_path / "twice", 2, seed=3).run(lambda _: None)
+    card, before = read_card(tmp_path / "twice" / "checkpoints" / once.name), read_card(once)
+    assert card.algorithm == before.algorithm == "QR-SAC, polished"
+    assert card.transitions - before.transitions == before.transitions - read_card(CHECKPOINT).transitions
+
+
+@pytest.mark.usefixtures("few")
 def test_another_polishing_is_refused(tmp_path: Path) -> None:
     polished(tmp_path, 2)
     state = tmp_path / "state.safetensors"

@@ -34,6 +34,8 @@ STARTS = 16
 RATE, FINAL_RATE = 5e-5, 2.5e-6
 """Of Adam, at first and at the end; it falls by half a cosine."""
 CHECKPOINT_EVERY = 10
+POLISHED = ", polished"
+"""What a card says behind its algorithm, once, however often it was."""
 
 
 class Round(NamedTuple):
@@ -133,7 +135,7 @@ class Polish:
         scenarios = (*self.card.scenarios, *(trial.scenario for trial in self._trials))
         card = self.card.model_copy(
             update={
-                "algorithm": f"{self.card.algorithm}, polished",
+                "algorithm": self.card.algorithm.removesuffix(POLISHED) + POLISHED,
                 "scenarios": tuple(dict.fromkeys(scenarios)),
                 "step": self.card.step + self.updates,
                 "transitions": self.card.transitions
