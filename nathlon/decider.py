@@ -78,11 +78,15 @@ def _decided(margins: pl.DataFrame) -> list[Notable]:
         else ("that the first of the ranking won against the second")
     )
     return [
-        _notable(closest, f"the {'' if lost else 'closest '}race {how}: {by:g} points"),
+        _notable(closest, f"the {'' if lost else 'closest '}race {how}: {_points(by)}"),
         _notable(
-            clearest, f"the clearest race between the first two of the ranking: {clearest['by'][0]:g} points"
+            clearest, f"the clearest race between the first two of the ranking: {_points(clearest['by'][0])}"
         ),
     ]
+
+
+def _points(by: float) -> str:
+    return f"{by:g} point{'' if by == 1.0 else 's'}"
 
 
 def _most_faults(results: pl.DataFrame) -> list[Notable]:

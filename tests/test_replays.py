@@ -99,7 +99,7 @@ def test_the_races_that_stand_out_are_found() -> None:
     found = notable_races(results, ranking("a", "b", "c"))
     assert deciding_race(results, ranking("a", "b", "c")) == ("m", 2)
     assert found == [
-        Notable("m", 2, "the closest race that the first of the ranking won against the second: 1 points"),
+        Notable("m", 2, "the closest race that the first of the ranking won against the second: 1 point"),
         Notable("m", 1, "the clearest race between the first two of the ranking: 8 points"),
         Notable("n", 0, "the most contacts at somebody's fault: 5"),
         Notable("n", 1, "the furthest way forward: from 7 on the grid to 2"),
