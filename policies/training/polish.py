@@ -4,9 +4,9 @@ In each round many cars leave the same starts and drive with noise of their own.
 others of its group is laid to its actions (`policies.training.advantage`), and the policy moves towards
 those that brought more (`policies.training.proximal`).
 
-The races are those of a training configuration, in its proportions but for demonstrations, and what counts is
-its reward. Only the price on swinging the steering does not: it is there because critics do not see what that
-costs.
+The races are those of a training configuration, in its proportions but for demonstrations and starts from
+mistakes, and what counts is its reward. Only the price on swinging the steering does not: it is there because
+critics do not see what that costs.
 """
 
 from __future__ import annotations
