@@ -5,18 +5,22 @@ from __future__ import annotations
 import csv
 import resource
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
 import torch
 
 from policies.checkpoint import load_checkpoint
+from policies.qrsac.networks import Perceptron
 from policies.training import rewards
 from policies.training.config import Rollouts, TrainingConfig, read_config
+from policies.training.crew import ProcessCrew
 from policies.training.log import CURVE_FILE, Status
 from policies.training.rollout import Rollout
 from policies.training.state import RunState, load_state, save_state
 from policies.training.trainer import Trainer
+from policies.training.worker import News
 from sim.errors import InputError
 from sim.state import CAR_STATE
 
@@ -196,6 +200,26 @@ def test_workers_in_processes_of_their_own_gather_for_all_tables(tmp_path: Path)
     assert trainer.updates == SMALL.updates
     assert [table.gathered > 0 for table in trainer.replay.tables] == [True] * 4
     assert len(list((tmp_path / "checkpoints").iterdir())) == 1
+
+
+def test_messages_that_no_pipe_holds_pass_both_ways() -> None:
+    rollouts = [{"scenario": "1v0", "races": 1000, "learners": 1}]
+    config = changed(workers=1, rollouts=rollouts)
+    network = Perceptron((config.observation.spec().size, 512, 512, 4))
+    news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
+    crew = ProcessCrew(config, network, news, np.random.SeedSequence(1))
+    taken: list[int] = []
+
+    def exchange() -> None:
+        for _ in range(5):
+            crew.tell(news)
+            taken.extend(worker for worker, _ in crew.take(wait_for_one=True))
+
+    exchanging = Thread(target=exchange, daemon=True)
+    exchanging.start()
+    exchanging.join(120)
+    crew.close()
+    assert taken == [0] * 5
 
 
 def test_a_worker_says_what_it_cannot_do(tmp_path: Path) -> None:

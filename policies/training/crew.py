@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from typing import Protocol
 
@@ -74,16 +75,15 @@ class ProcessCrew:
             there.close()
             self._pipes.append(here)
             self._processes.append(process)
+        # Sent by a thread: a worker that waits until its own message is read takes in none.
+        self._sender = ThreadPoolExecutor(1)
         self._news: dict[int, News] = {}
         for index in range(config.workers):
             for _ in range(STEPS_AHEAD):
                 self._ask(index)
 
     def _ask(self, index: int) -> None:
-        try:
-            self._pipes[index].send(self._news.pop(index, None))
-        except OSError:
-            raise self._ended(index) from None
+        self._sender.submit(self._pipes[index].send, self._news.pop(index, None))
 
     def _ended(self, index: int) -> InputError:
         self._processes[index].join(1.0)
@@ -109,11 +109,13 @@ class ProcessCrew:
         self._news = dict.fromkeys(range(len(self._pipes)), news)
 
     def close(self) -> None:
-        for process, pipe in zip(self._processes, self._pipes, strict=True):
-            pipe.close()
+        for process in self._processes:
             process.terminate()
         for process in self._processes:
             process.join()
+        self._sender.shutdown()  # what was to be sent to the ended fails
+        for pipe in self._pipes:
+            pipe.close()
 
 
 def _serve(
