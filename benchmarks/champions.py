@@ -7,8 +7,8 @@ bundled run where there is no such file. Races run side by side in N processes, 
 it is not given; the figures do not depend on it.
 
 The JSON has, by circuit and car, `limit_s` (the fastest lap by optimal control, see `benchmarks.lap_limit`,
-null where it is not known), the built-in driver's figures alone under `driver`, and each checkpoint's under
-`champions`, by name:
+null where it is not known), the built-in driver's figures under `driver`, and each checkpoint's under
+`champions`, by name. The driver is measured as if it were a champion: in races it takes a champion's place.
 
 - `lap_s`, `best_lap_s`: median and best of the faster of two laps from each of 8 rolling starts, which is the
   second, a flying one; null where half of the starts or all gave none; `clean_starts`, from how many nothing
@@ -17,7 +17,8 @@ null where it is not known), the built-in driver's figures alone under `driver`,
 - `races`, `finished`, `wins_from_back`, `mean_place`: from the last place of the grid of the scenario `race`
   (eight cars, standing start, two laps, penalties) against seven built-in drivers at full pace; `wins_low`
   and `wins_high` are Wilson's 95 % interval;
-- `by_pace`: `wins` and `mean_place` of as many such races against seven built-in drivers of each lower pace;
+- `by_pace`: `wins`, `mean_place` and `at_fault_per_km` of as many such races against seven built-in drivers
+  of each lower pace;
 - `seven_laps`: likewise by pace, of races of seven laps, as long as those in which GT Sophy's ablations were
   compared;
 - `contacts_per_km`, `at_fault_per_km`: contacts with other cars in those races, and those that the stewards
@@ -163,11 +164,16 @@ def from_the_back(rows: pl.DataFrame, rng: np.random.Generator) -> Figures:
 
 
 def places(rows: pl.DataFrame) -> Figures:
-    """Wins and mean place of an entrant's RESULTS, without void races."""
+    """Wins, mean place and contacts at fault of an entrant's RESULTS, without void races."""
     rows = rows.filter(~pl.col("ending").is_in(VOID_ENDINGS))
     finished = pl.col("ending") == "finished"
     wins = rows.filter(finished & (pl.col("place") == 1)).height
-    return {"wins": wins, "mean_place": float(rows["place"].to_numpy().mean())}
+    at_fault, way_m = (float(rows[name].to_numpy().sum()) for name in ("contacts_at_fault", "distance_m"))
+    return {
+        "wins": wins,
+        "mean_place": float(rows["place"].to_numpy().mean()),
+        "at_fault_per_km": round(1000 * at_fault / way_m, 3) if way_m > 0.0 else None,
+    }
 
 
 def rate_interval(
@@ -206,9 +212,9 @@ def all_matches(entrant: Entrant, races: int) -> dict[tuple[str, float], Match]:
 
 
 def race_all(matches: Sequence[Match], workers: int, title: str, console: Console) -> dict[str, pl.DataFrame]:
-    """RESULTS of the first entrant of each match, by the match's key."""
+    """RESULTS of the car that starts last in each match, by the match's key."""
     ended = track(run_matches(matches, workers), title, len(matches), console=console)
-    return {match.key: rows.filter(pl.col("entrant") == match.entrants[0]) for match, rows in ended}
+    return {match.key: rows.filter(pl.col("slot") == pl.col("slot").max()) for match, rows in ended}
 
 
 def measure(
@@ -218,24 +224,28 @@ def measure(
     measured: dict[str, dict[str, Figures]] = {}
     for (circuit, car), those in entrants.items():
         limit_s = limits().get((circuit, car))
-        driver = drive_alone(enter(DRIVER, circuit, car), FLYING)
-        matches = [all_matches(entrant, races) for entrant in those]
+        driver = enter(DRIVER, circuit, car)
+        drivers_laps = drive_alone(driver, FLYING)
+        everybody = [driver, *those]
+        matches = [all_matches(entrant, races) for entrant in everybody]
         raced = race_all(
             [match for own in matches for match in own.values()], workers, f"{circuit}, {car}", console
         )
-        champions = {}
-        for entrant, own in zip(those, matches, strict=True):
+        figures = []
+        for entrant, own in zip(everybody, matches, strict=True):
             rows = {which: raced[match.key] for which, match in own.items()}
-            champions[entrant.name] = {
-                **alone(drive_alone(entrant, FLYING), limit_s, driver),
-                **from_the_back(rows[RACE, 1.0], np.random.default_rng(SEED)),
-                "by_pace": {str(pace): places(rows[RACE, pace]) for pace in PACES},
-                "seven_laps": {str(pace): places(rows[LONG_RACE, pace]) for pace in LONG_PACES},
-            }
+            figures.append(
+                {
+                    **alone(drive_alone(entrant, FLYING), limit_s, drivers_laps),
+                    **from_the_back(rows[RACE, 1.0], np.random.default_rng(SEED)),
+                    "by_pace": {str(pace): places(rows[RACE, pace]) for pace in PACES},
+                    "seven_laps": {str(pace): places(rows[LONG_RACE, pace]) for pace in LONG_PACES},
+                }
+            )
         measured.setdefault(circuit, {})[car] = {
             "limit_s": limit_s,
-            "driver": alone(driver, limit_s, driver),
-            "champions": champions,
+            "driver": figures[0],
+            "champions": dict(zip((entrant.name for entrant in those), figures[1:], strict=True)),
         }
     return measured
 
@@ -258,18 +268,17 @@ def table(circuit: str, car: str, figures: Figures) -> Table:
         title_justify="left",
         box=box.MARKDOWN,
     )
-    rendered.add_row("built-in driver", *_alone_cells(figures["driver"]), *[""] * 8)
-    for name, champion in figures["champions"].items():
-        wins = f"{champion['wins_from_back']} of {champion['races']}"
+    for name, entrant in [("built-in driver", figures["driver"]), *figures["champions"].items()]:
+        wins = f"{entrant['wins_from_back']} of {entrant['races']}"
         rendered.add_row(
             name,
-            *_alone_cells(champion),
-            f"{wins} ({champion['wins_low']:.1f}-{champion['wins_high']:.1f})",
-            f"{champion['mean_place']:.1f}",
-            *(f"{other['mean_place']:.1f}" for other in champion["by_pace"].values()),
-            *(f"{long['mean_place']:.1f}, {long['wins']} won" for long in champion["seven_laps"].values()),
-            _rate_cell(champion, "contacts"),
-            _rate_cell(champion, "at_fault"),
+            *_alone_cells(entrant),
+            f"{wins} ({entrant['wins_low']:.1f}-{entrant['wins_high']:.1f})",
+            f"{entrant['mean_place']:.1f}",
+            *(f"{other['mean_place']:.1f}" for other in entrant["by_pace"].values()),
+            *(f"{long['mean_place']:.1f}, {long['wins']} won" for long in entrant["seven_laps"].values()),
+            _rate_cell(entrant, "contacts"),
+            _rate_cell(entrant, "at_fault"),
         )
     return rendered
 

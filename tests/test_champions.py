@@ -68,6 +68,7 @@ def test_wins_count_only_at_the_flag() -> None:
     assert places(rows({"ending": ends, "place": [1, 2, 1, 1, 8, 3, 1, 2, 1, 1, 1]}, 11)) == {
         "wins": 5,
         "mean_place": 2.1,
+        "at_fault_per_km": 0.0,
     }
     # Wilson's interval of 5 in 10, as tabulated: 0.237 to 0.763.
     assert figures["wins_low"] == pytest.approx(2.37, abs=0.01)
@@ -84,6 +85,7 @@ def test_contacts_are_counted_by_kilometre() -> None:
     )
     assert figures["contacts_per_km"] == 0.5
     assert figures["at_fault_per_km"] == 0.125
+    assert places(rows({"contacts_at_fault": [1, 2], "distance_m": [5e3, 7e3]}, 2))["at_fault_per_km"] == 0.25
     for name in ("contacts", "at_fault"):
         assert figures[f"{name}_low"] < figures[f"{name}_per_km"] < figures[f"{name}_high"]
 
@@ -110,6 +112,7 @@ def test_who_did_not_move_has_no_rate() -> None:
     figures = from_the_back(rows({"distance_m": 0.0, "ending": "policy_raised"}, 2), np.random.default_rng(0))
     assert figures["contacts_per_km"] is None
     assert figures["wins_from_back"] == 0
+    assert places(rows({"distance_m": 0.0, "ending": "stuck"}, 2))["at_fault_per_km"] is None
 
 
 def test_the_champion_starts_last_among_seven_drivers(tmp_path: Path) -> None:
@@ -162,8 +165,13 @@ def test_a_measurement_in_full(
     assert figures["driver"]["clean_starts"] == 8
     assert 1.0 < figures["driver"]["limit_ratio"] < 1.1
     assert figures["driver"]["driver_ratio"] == 1.0
+    driver = figures["driver"]
+    assert (driver["races"], driver["finished"]) == (1, 1)
+    assert driver["mean_place"] > 1.0  # it laps as fast as those in front
+    assert driver["seven_laps"]["0.95"]["mean_place"] < 8.0  # and faster than these
     novice = figures["champions"]["novice-1"]
     assert novice["lap_s"] is None
     assert (novice["wins_from_back"], novice["mean_place"], novice["races"]) == (0, 8.0, 1)
-    assert novice["seven_laps"] == {"0.95": {"wins": 0, "mean_place": 8.0}}
+    seven = novice["seven_laps"]["0.95"]
+    assert (seven["wins"], seven["mean_place"]) == (0, 8.0)
     assert "novice-1" in capsys.readouterr().out
