@@ -71,7 +71,7 @@ LONG_PACES = (1.0, 0.95)
 SEED = 4711
 CONFIDENCE = 0.95
 RESAMPLES = 2000
-WIDTH = 210
+WIDTH = 220
 """Of the printed tables, in characters."""
 
 Figures = dict[str, Any]
