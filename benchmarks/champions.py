@@ -224,19 +224,18 @@ def measure(
     measured: dict[str, dict[str, Figures]] = {}
     for (circuit, car), those in entrants.items():
         limit_s = limits().get((circuit, car))
-        driver = enter(DRIVER, circuit, car)
-        drivers_laps = drive_alone(driver, FLYING)
-        everybody = [driver, *those]
+        everybody = [enter(DRIVER, circuit, car), *those]
+        laps = [drive_alone(entrant, FLYING) for entrant in everybody]
         matches = [all_matches(entrant, races) for entrant in everybody]
         raced = race_all(
             [match for own in matches for match in own.values()], workers, f"{circuit}, {car}", console
         )
         figures = []
-        for entrant, own in zip(everybody, matches, strict=True):
+        for own_laps, own in zip(laps, matches, strict=True):
             rows = {which: raced[match.key] for which, match in own.items()}
             figures.append(
                 {
-                    **alone(drive_alone(entrant, FLYING), limit_s, drivers_laps),
+                    **alone(own_laps, limit_s, laps[0]),
                     **from_the_back(rows[RACE, 1.0], np.random.default_rng(SEED)),
                     "by_pace": {str(pace): places(rows[RACE, pace]) for pace in PACES},
                     "seven_laps": {str(pace): places(rows[LONG_RACE, pace]) for pace in LONG_PACES},
