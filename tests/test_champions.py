@@ -172,6 +172,7 @@ def test_a_measurement_in_full(
     novice = figures["champions"]["novice-1"]
     assert novice["lap_s"] is None
     assert (novice["wins_from_back"], novice["mean_place"], novice["races"]) == (0, 8.0, 1)
-    seven = novice["seven_laps"]["0.95"]
-    assert (seven["wins"], seven["mean_place"]) == (0, 8.0)
+    assert list(novice["seven_laps"]) == ["0.95"]
+    # It does not get away, so it has no rate.
+    assert novice["seven_laps"]["0.95"] == {"wins": 0, "mean_place": 8.0, "at_fault_per_km": None}
     assert "novice-1" in capsys.readouterr().out
