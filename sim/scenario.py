@@ -84,6 +84,7 @@ class AnywhereStart(Section):
     kind: Literal["anywhere"]
     gap_m: Span
     beside_share: Annotated[float, Field(ge=0, le=1)]  # of starts with the first car beside the road
+    spun_share: Annotated[float, Field(ge=0, le=1)] = 0.0  # of starts with it at rest, facing anywhere
 
 
 def _whole_period(hertz: float) -> float:
@@ -249,12 +250,22 @@ class Scenario(Section):
         heading = rng.normal(0.0, 0.04, self.cars)
         if rng.uniform() < start.beside_share:
             heading[0] = rng.uniform(-0.8, 0.8)
-            half = 0.5 * (LENGTH_M * abs(np.sin(heading[0])) + WIDTH_M * np.cos(heading[0]))
-            walls = track.table[(row[0] + np.arange(-2, 3)) % len(track.table)][:, [WALL_RIGHT, WALL_LEFT]]
-            room = (walls.min(axis=0) - half) * (-1.0, 1.0)
-            lateral[0] = np.clip(rng.choice(edge[:, 0] + np.array([-4.0, 4.0])), *room)
+            beside = rng.choice(edge[:, 0] + np.array([-4.0, 4.0]))
+            lateral[0] = _off_the_walls(beside, heading[0], track, int(row[0]))
             speed[0] = rng.uniform(0.0, 12.0)
+        if start.spun_share and rng.uniform() < start.spun_share:
+            heading[0] = rng.uniform(-np.pi, np.pi)
+            lateral[0] = _off_the_walls(lateral[0], heading[0], track, int(row[0]))
+            speed[0] = 0.0
         return Start(distance, lateral, heading, speed, self._finish(track))
+
+
+def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> float:
+    """The nearest place beside the centre line, m to its left, at which a car so turned touches no wall."""
+    half = 0.5 * (LENGTH_M * abs(np.sin(heading)) + WIDTH_M * abs(np.cos(heading)))
+    walls = track.table[(row + np.arange(-2, 3)) % len(track.table)][:, [WALL_RIGHT, WALL_LEFT]]
+    room = (walls.min(axis=0) - half) * (-1.0, 1.0)
+    return float(np.clip(lateral, *room))
 
 
 LAPS = ":laps="

@@ -197,6 +197,26 @@ def test_start_anywhere_is_no_faster_than_the_next_bend_allows(seed: int) -> Non
         assert speed**2 * np.abs(TRACK.table[ahead, CURVATURE]).max() <= SAFE_LATERAL * 1.001
 
 
+@given(seeds, st.sampled_from(sorted(TRACKS)))
+def test_a_spun_car_stands_clear_of_the_walls(seed: int, circuit: str) -> None:
+    track = TRACKS[circuit]
+    start = load_scenario("recovery").place(track, np.random.default_rng(seed))
+    assert start.speed.tolist() == [0.0]
+    assert -np.pi <= start.heading[0] <= np.pi
+    _, lateral = corners(start)
+    row = int(start.distance[0] / track.spacing)
+    assert -track.table[row, WALL_RIGHT] < lateral[0].min()
+    assert lateral[0].max() < track.table[row, WALL_LEFT]
+
+
+def test_spun_cars_face_anywhere() -> None:
+    scenario, rng = load_scenario("recovery"), np.random.default_rng(0)
+    heading = np.array([scenario.place(TRACK, rng).heading[0] for _ in range(400)])
+    counts, _ = np.histogram(heading, 10, (-np.pi, np.pi))
+    assert counts.min() > 40 - 4 * 6
+    assert counts.max() < 40 + 4 * 6
+
+
 def test_start_anywhere_covers_the_lap() -> None:
     scenario, rng = load_scenario("1v0"), np.random.default_rng(0)
     distance = np.array([scenario.place(TRACK, rng).distance[0] for _ in range(400)])
