@@ -15,6 +15,9 @@ from policies.training.advantage import OUTLYING, advantages, discounted
 from policies.training.proximal import CLIP, Proximal, proximal_loss
 from policies.training.trial import DEVIATION, Driven
 
+NONE = np.zeros(32)
+"""Charges."""
+
 
 def drawn(seed: int, *shape: int) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal(shape)
@@ -31,18 +34,18 @@ def test_discounted_returns() -> None:
 @given(st.integers(0, 2**32), st.floats(-1e4, 1e4), st.floats(0.01, 1e3))
 def test_neither_the_start_nor_units_matter(seed: int, start: float, unit: float) -> None:
     returns, motion = drawn(seed, 3, 32), drawn(seed + 1, 3, 32, 4)
-    found = advantages(returns, motion)
-    np.testing.assert_allclose(advantages(returns + start, motion * unit + start), found, atol=1e-6)
+    found = advantages(returns, NONE, motion)
+    np.testing.assert_allclose(advantages(returns + start, NONE, motion * unit + start), found, atol=1e-6)
 
 
 def test_what_motion_explains_is_no_advantage() -> None:
     """Of returns that are a plane over motion and what the action brought, the latter is left."""
     motion, brought = drawn(0, 200, 32, 4), 0.1 * drawn(1, 200, 32)
     returns = 50.0 + motion @ np.array([3.0, -2.0, 0.5, 1.0]) + brought
-    found = advantages(returns, motion)
+    found = advantages(returns, NONE, motion)
     assert np.corrcoef(found.ravel(), brought.ravel())[0, 1] > 0.9
     assert np.corrcoef((returns - returns.mean(axis=1, keepdims=True)).ravel(), brought.ravel())[0, 1] < 0.1
-    still = advantages(returns, np.zeros_like(motion))  # of motion that says nothing the mean is left
+    still = advantages(returns, NONE, np.zeros_like(motion))  # of motion that says nothing the mean is left
     np.testing.assert_allclose(still, returns - returns.mean(axis=1, keepdims=True), atol=0.01)
 
 
@@ -50,12 +53,24 @@ def test_one_crash_does_not_drown_the_others() -> None:
     returns, motion = drawn(0, 1, 32), np.zeros((1, 32, 1))
     crashed = returns.copy()
     crashed[0, 5] = -1e6
-    found = advantages(crashed, motion)
+    found = advantages(crashed, NONE, motion)
     assert found.min() == found[0, 5]
     assert found[0, 5] > -2.0 * OUTLYING
     np.testing.assert_allclose(
         np.delete(found - found[0, 0], 5), np.delete(returns - returns[0, 0], 5), atol=1e-6
     )
+
+
+def test_charges_count_beside_what_motion_explains() -> None:
+    returns, motion = drawn(0, 50, 32), drawn(1, 50, 32, 4)
+    charges = np.zeros((50, 32))
+    charges[:, 3], charges[:, 4] = -8.0, -1e6
+    brought = advantages(returns, charges, motion) - advantages(returns, NONE, motion)
+    brought -= brought[:, :1]
+    np.testing.assert_allclose(brought[:, 5:], 0.0, atol=1e-9)
+    held = brought[:, 4] / (1.5 * np.median(abs(returns - np.median(returns, axis=1)[:, None]), axis=1))
+    np.testing.assert_allclose(brought[:, 3], -8.0)
+    np.testing.assert_allclose(held, -OUTLYING)
 
 
 def test_the_loss_begins_as_the_policy_gradient() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,11 @@ from nathlon.curves import find_curves
 from policies.bundled import BUNDLED
 from policies.checkpoint import load_checkpoint, read_card
 from policies.training import polish, trial
+from policies.training.advantage import advantages
 from policies.training.config import TrainingConfig
 from policies.training.evaluation import evaluate_laps
 from policies.training.polish import Polish
+from policies.training.rewards import Reward
 from policies.training.trial import Driven, Trial
 from sim.errors import InputError
 from tests.command_line import nathlon, refused
@@ -89,6 +92,34 @@ def test_who_drives_alike_earns_alike(settings: TrainingConfig, monkeypatch: pyt
     assert np.array_equal(again.seen, driven.seen)
     assert the_same == reward
     assert drive(settings, seed=6)[1] != reward
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize(("component", "discount"), [("progress", 0.985), ("unsporting", 0.95)])
+def test_a_charge_is_laid_to_what_led_there(
+    component: str, discount: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The longer ago an action was, the less counts for it what a car is charged: least of a contact."""
+    components, laid, step = Reward.components, [], count()
+
+    def charged(self: Reward, before: np.ndarray, after: np.ndarray, *rest: np.ndarray) -> dict:
+        found = {name: np.zeros(after.shape) for name in components(self, before, after, *rest)}
+        found[component][0, 0] = -1.0 if next(step) == 15 else 0.0
+        return found
+
+    def told(returns: np.ndarray, charges: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        laid.append(returns + charges)
+        return advantages(returns, charges, motion)
+
+    monkeypatch.setattr(Reward, "components", charged)
+    monkeypatch.setattr(trial, "advantages", told)
+    drive(config({"scenario": "1v0", "races": 1, "learners": 1}, reward={component: 2.0}))
+    (values,) = laid
+    assert values.shape == (20, 2, 4)  # steps that are told, starts, group
+    np.testing.assert_allclose(values[:16, 0, 0], -2.0 * discount ** np.arange(15, -1, -1))
+    assert not values[16:].any()
+    values[:, 0, 0] = 0.0
+    assert not values.any()
 
 
 def test_reward_is_what_the_configuration_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-OUTLYING = 10.0
-"""Spreads from the median beyond which a return counts no more."""
+OUTLYING = 100.0
+"""Spreads of returns beyond which a return or a charge counts no more; ten would make a spin cheap."""
 AFAR = 6.0
 """The same of motion, where a plane is fitted."""
 RIDGE = 1e-3
@@ -29,11 +29,12 @@ def discounted(rewards: Array, discount: float) -> Array:
     return returns
 
 
-def advantages(returns: Array, motion: Array) -> Array:
+def advantages(returns: Array, charges: Array, motion: Array) -> Array:
     """By how much returns differ from what is usual in their group for cars that move so.
 
     Args:
         returns: (.., group).
+        charges: (.., group), returns that motion does not foretell: their mean is what is usual.
         motion: (.., group, quantities), in any units.
 
     Returns:
@@ -41,13 +42,14 @@ def advantages(returns: Array, motion: Array) -> Array:
     """
     excess, spread = _from_median(returns, axis=-1)
     excess = np.clip(excess, -OUTLYING * spread, OUTLYING * spread)
+    charges = np.clip(charges, -OUTLYING * spread, OUTLYING * spread)
     plane, spread = _from_median(motion, axis=-2)
     plane = np.clip(plane / np.maximum(spread, np.finfo(np.float64).tiny), -AFAR, AFAR)
     plane = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1)
     across = np.swapaxes(plane, -1, -2)
     squares = across @ plane + RIDGE * plane.shape[-2] * np.eye(plane.shape[-1])
     usual = plane @ np.linalg.solve(squares, across @ excess[..., None])
-    return excess - usual[..., 0]
+    return excess - usual[..., 0] + charges - charges.mean(axis=-1, keepdims=True)
 
 
 def _from_median(values: Array, axis: int) -> tuple[Array, Array]:

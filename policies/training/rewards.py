@@ -23,6 +23,8 @@ from sim.track import SECTION, Track
 
 PASSING_AHEAD_M = 40.0
 PASSING_BEHIND_M = 20.0
+CONTACTS = ("contact", "rear_end", "unsporting")
+"""Components that charge contacts with cars."""
 
 Records = NDArray[np.void]
 Indices = NDArray[np.int64]
@@ -194,6 +196,6 @@ class Reward:
         }
 
     def total(self, components: Mapping[str, Rewards]) -> Rewards:
-        """The weighted sum of the components."""
+        """The weighted sum of the given components."""
         weighted = [getattr(self._weights, name) * value for name, value in components.items()]
         return np.sum(weighted, axis=0)

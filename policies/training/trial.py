@@ -14,7 +14,7 @@ from policies.heat import Heat
 from policies.training.advantage import advantages, discounted
 from policies.training.config import Rollouts, TrainingConfig
 from policies.training.population import Population
-from policies.training.rewards import Reward
+from policies.training.rewards import CONTACTS, Reward
 from policies.training.rollout import STUCK_S, learners_of, scenario_of
 from sim.episode import Episodes
 
@@ -23,6 +23,8 @@ GROUP = 32
 HORIZON_S = 60.0
 DISCOUNT = 0.985
 """Of a step: what follows within seven seconds counts, which is a bend and the straight after it."""
+CONTACT_DISCOUNT = 0.95
+"""The same of what contacts with cars cost: what was done in the two seconds before has led there."""
 UNTOLD_S = 13.0
 """At the end, where too little follows to tell what an action brings."""
 DEVIATION = np.array([0.04, 0.015], np.float32)
@@ -104,21 +106,24 @@ class Trial:
         seen = np.empty((*shape, self._heat.seen.shape[1]), np.float32)
         means = np.empty((*shape, 2), np.float32)
         noise = rng.standard_normal((*shape, 2), np.float32)
-        rewards, driving = np.empty(shape), np.empty(shape, np.bool_)
+        rewards, charges, driving = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
         motion = np.empty((*shape, len(MOTION)))
         for step in range(self._length):
             cars = self._episodes.world.state[self._heat.races, self._heat.cars]
             motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
             driving[step] = cars["driving"]
             seen[step], means[step] = self._heat.seen, act(self._heat.seen)
-            rewards[step] = self._step(np.clip(means[step] + DEVIATION * noise[step], -1.0, 1.0))
-        returns = discounted(rewards, DISCOUNT)[: self._told]
-        advantage = advantages(self._grouped(returns), self._grouped(motion[: self._told]))
+            rewards[step], charges[step] = self._step(
+                np.clip(means[step] + DEVIATION * noise[step], -1.0, 1.0)
+            )
+        reward = float((rewards + charges).sum(axis=0).mean())
+        returns, charges = discounted(rewards, DISCOUNT), discounted(charges, CONTACT_DISCOUNT)
+        advantage = advantages(*(self._grouped(each[: self._told]) for each in (returns, charges, motion)))
         told = driving[: self._told]
         advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
         advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
         chosen = (seen[: self._told][told], means[: self._told][told], noise[: self._told][told])
-        return Driven(*chosen, advantage.astype(np.float32)), float(rewards.sum(axis=0).mean())
+        return Driven(*chosen, advantage.astype(np.float32)), reward
 
     def _grouped(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(steps, cars, ..) as (steps, starts and their cars, group, ..)."""
@@ -135,11 +140,15 @@ class Trial:
         self._episodes.world.state["finish"] = np.inf  # so that who is faster goes farther, not home
         self._episodes.limit_s[:] = np.inf
 
-    def _step(self, actions: Array) -> NDArray[np.float64]:
-        """Rewards (cars,) of a step with actions (cars, 2)."""
+    def _step(self, actions: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Rewards of a step with actions (cars, 2), without contacts and of these alone, (cars,) each."""
         episodes = self._episodes
         before, after = episodes.world.state.copy(), episodes.world.state
         self._heat.step(actions)
         components = self._reward.components(before, after, episodes.contacts, episodes.contact_races)
-        reward = np.where(before["driving"], self._reward.total(components), 0.0)
-        return reward[self._heat.races, self._heat.cars]
+        charged = {name: components.pop(name) for name in CONTACTS}
+        rewards, charges = (
+            np.where(before["driving"], self._reward.total(part), 0.0)[self._heat.races, self._heat.cars]
+            for part in (components, charged)
+        )
+        return rewards, charges
