@@ -93,7 +93,7 @@ def test_links_lead_from_the_leaderboard_to_a_race(browser: Browser, tmp_path: P
     races = full.results.filter(pl.col("entrant") == first["entrant"])
     assert len(opened.column("own-races", 1)) == races.height == 41
     page.locator("#own-races a").last.click()
-    expect(page.locator("h1")).to_have_text(f"Race 1 of match {match[:12]}")
+    expect(page.locator("h1")).to_have_text(f"Race {match[:12]}/0")
     race = full.results.filter((pl.col("match") == match) & (pl.col("race") == 0))
     names = dict(full.tables["entrants"].select("entrant", "name").iter_rows())
     assert opened.names("result") == [names[entrant] for entrant in race.sort("place")["entrant"]]

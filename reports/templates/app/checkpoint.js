@@ -110,7 +110,7 @@ function laps(index) {
     marks: [
       Plot.dot(timed, { x: "best_lap_s", y: "test", r: 3, fill: "var(--survivor)", fillOpacity: 0.35 }),
       Plot.dot(timed, Plot.groupY({ x: "median" }, { x: "best_lap_s", y: "test", symbol: "diamond", r: 5, fill: "var(--finalist)", stroke: "var(--paper)" })),
-      Plot.tip(timed, Plot.pointer({ ...tip, x: "best_lap_s", y: "test", title: (car) => `${car.test}, race ${car.race.race + 1}\n${number(car.best_lap_s, 3)} s` })),
+      Plot.tip(timed, Plot.pointer({ ...tip, x: "best_lap_s", y: "test", title: (car) => `${car.test} ${car.race.key.slice(0, 6)}/${car.race.race}\n${number(car.best_lap_s, 3)} s` })),
     ],
   }));
 }

@@ -11,7 +11,7 @@ function raceView([key, index]) {
   const flagged = (value) => (value ? h("span", { class: "fault" }, number(value)) : "0");
   return [
     h("p", { class: "over" }, `${plain(race.stage)} · ${plain(race.test)}`),
-    h("h1", {}, `Race ${race.race + 1} of match ${race.key.slice(0, 12)}`),
+    h("h1", {}, `Race ${race.key.slice(0, 12)}/${race.race}`),
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)))}`])),
     facts([
       ["Seed", race.seed], ["Grid", race.mirrored ? "mirrored" : "as drawn"],
