@@ -95,7 +95,7 @@ class Heat:
         """What is seen from the cars that are driven from outside, (n, size) float32."""
         return self._view.seen
 
-    def seat(self, races: Sequence[int], who: Indices) -> None:
+    def seat(self, races: Sequence[int] | Indices, who: Indices) -> None:
         """Have other opponents drive in some races.
 
         Args:
@@ -104,6 +104,10 @@ class Heat:
         """
         self._who[races] = who
         self._share_out()
+
+    def seated(self, races: Sequence[int]) -> Indices:
+        """Who drives in some races, (races, others) indices of opponents."""
+        return self._who[races].copy()
 
     def replace(self, index: int, policy: Policy) -> None:
         """Have another policy drive the cars of an opponent from here on."""

@@ -17,9 +17,10 @@ from policies.training import polish, trial
 from policies.training.advantage import advantages
 from policies.training.config import TrainingConfig
 from policies.training.evaluation import evaluate_laps
+from policies.training.lapses import Lapse, Lapses
 from policies.training.polish import Polish
 from policies.training.rewards import Reward
-from policies.training.trial import Driven, Trial
+from policies.training.trial import Driven, Trial, lasting
 from sim.errors import InputError
 from tests.command_line import nathlon, refused
 from tests.refusals import refusal
@@ -65,7 +66,9 @@ def polished(folder: Path, rounds: int, stop_after: int | None = None) -> None:
 def drive(settings: TrainingConfig, seed: int = 5) -> tuple[Driven, float]:
     network = load_checkpoint(CHECKPOINT).network
     races = Trial(settings, settings.rollouts[0], 2, CHECKPOINT, threads=1)
-    return races.drive(network, np.random.default_rng(seed))
+    drive = races.drive(network, np.random.default_rng(seed))
+    assert len(drive.driven) == 1
+    return drive.driven[0], drive.reward
 
 
 @pytest.mark.usefixtures("few")
@@ -92,6 +95,52 @@ def test_who_drives_alike_earns_alike(settings: TrainingConfig, monkeypatch: pyt
     assert np.array_equal(again.seen, driven.seen)
     assert the_same == reward
     assert drive(settings, seed=6)[1] != reward
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize("settings", [ALONE, TRAFFIC], ids=["alone", "traffic"])
+def test_what_went_wrong_is_driven_again(settings: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a group of its own, from the same moment, against the same opponents, with bolder noise."""
+    monkeypatch.setattr(trial, "AGAIN_S", 11.0)
+    asked, moments = [], []
+
+    def draw(self: Lapses, count: int) -> list[Lapse]:
+        asked.append(count)
+        moments.append(races._episodes.moment().of(5))
+        return [Lapse(5, moments[0])] * count
+
+    monkeypatch.setattr(Lapses, "draw", draw)
+    rollouts = settings.rollouts[0].model_copy(update={"mistakes": 0.5})
+    races = Trial(settings, rollouts, 2, CHECKPOINT, threads=1)
+    network = load_checkpoint(CHECKPOINT).network
+    done = races.drive(network, np.random.default_rng(5))
+    first, again = done.driven
+    assert asked == [1]  # half of two starts
+    assert done.steps == 30 * 8 + 110 * 4
+    assert len(first.seen) == 20 * 8
+    assert len(again.seen) == 100 * 4
+    begun = again.seen[:4]
+    assert np.array_equal(begun, np.tile(begun[:1], (4, 1)))
+    assert not np.array_equal(again.seen[4], again.seen[5])
+    episodes = races._episodes
+    episodes.start([0], [np.random.default_rng(0)], {0: moments[0]})
+    assert np.array_equal(races._heat.seen[0], begun[0])
+    if settings is TRAFFIC:
+        assert np.array_equal(races._heat.seated([0, 2, 4, 6]), races._heat.seated([5] * 4))
+    noise = again.noise.reshape(100, 8)
+    assert noise.std() == pytest.approx(1.0 / trial.BOLDNESS, rel=0.2)
+    assert np.corrcoef(noise[1:].ravel(), noise[:-1].ravel())[0, 1] == pytest.approx(trial.KEPT, abs=0.15)
+    assert again.advantage.std() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_noise_that_lasts_is_no_larger() -> None:
+    drawn = np.random.default_rng(0).standard_normal((20_000, 3)).astype(np.float32)
+    lasts = lasting(drawn, 0.8)
+    assert lasts.dtype == np.float32
+    assert lasts.std() == pytest.approx(1.0, rel=0.02)
+    for lag in (1, 3):
+        assert np.corrcoef(lasts[lag:, 0], lasts[:-lag, 0])[0, 1] == pytest.approx(0.8**lag, abs=0.02)
+    assert np.array_equal(lasting(drawn, 0.0), drawn)
 
 
 @pytest.mark.usefixtures("few")

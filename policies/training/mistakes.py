@@ -23,13 +23,18 @@ HARD_M_S = 10.0
 """Speed from which touching a wall is a mistake."""
 
 
+def spinning(cars: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Which cars, CAR_STATE records of any shape, face away from the road or slide."""
+    speed = np.hypot(cars["velocity_x"], cars["velocity_y"])
+    sideslip = np.abs(np.arctan2(cars["velocity_y"], cars["velocity_x"]))
+    return (np.abs(cars["heading_error"]) > ASTRAY_RAD) | ((sideslip > SLIDING_RAD) & (speed > SLOW_M_S))
+
+
 def out_of_control(cars: NDArray[np.void]) -> NDArray[np.bool_]:
     """Which cars, CAR_STATE records of any shape, are spinning, off course, or at a wall at speed."""
     speed = np.hypot(cars["velocity_x"], cars["velocity_y"])
-    sideslip = np.abs(np.arctan2(cars["velocity_y"], cars["velocity_x"]))
-    spinning = (np.abs(cars["heading_error"]) > ASTRAY_RAD) | ((sideslip > SLIDING_RAD) & (speed > SLOW_M_S))
     crashed = cars["wall_contact"] & (speed > HARD_M_S)
-    return cars["driving"] & (spinning | cars["off_course"] | crashed)
+    return cars["driving"] & (spinning(cars) | cars["off_course"] | crashed)
 
 
 class Mistakes:

@@ -4,9 +4,9 @@ In each round many cars leave the same starts and drive with noise of their own.
 others of its group is laid to its actions (`policies.training.advantage`), and the policy moves towards
 those that brought more (`policies.training.proximal`).
 
-The races are those of a training configuration, in its proportions but for demonstrations and starts from
-mistakes, and what counts is its reward. Only the price on swinging the steering does not: it is there because
-critics do not see what that costs.
+The races are those of a training configuration, in its proportions but for demonstrations; what went wrong in
+them is driven again in the shares of its `mistakes`. What counts is its reward, but for the price on swinging
+the steering: it is there because critics do not see what that costs.
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ class Polish:
     Attributes:
         rounds: those done.
         updates: of the policy in them.
+        transitions: driven for them.
     """
 
     def __init__(
@@ -93,10 +94,12 @@ class Polish:
             "seed": str(seed),
         }
         self._learner = Proximal(load_checkpoint(checkpoint).network.layers)
-        self.rounds, self.updates, self._curve = 0, 0, np.zeros((0, len(CURVE)))
+        self.rounds = self.updates = self.transitions = 0
+        self._curve = np.zeros((0, len(CURVE)))
         state = load_state(folder, self._facts)
         if state:
-            self.rounds, self.updates, self._curve = state.rounds, state.updates, state.curve
+            self.rounds, self.updates, self.transitions = state.rounds, state.updates, state.transitions
+            self._curve = state.curve
             self._learner.load(state.learner)
 
     def run(self, on_round: Callable[[Round], None]) -> None:
@@ -111,7 +114,9 @@ class Polish:
                 self._checkpoint(reward)
             save_state(
                 self._folder,
-                PolishState(self.rounds, self.updates, self._learner.tensors(), self._curve),
+                PolishState(
+                    self.rounds, self.updates, self.transitions, self._learner.tensors(), self._curve
+                ),
                 self._facts,
             )
             on_round(Round(self.rounds, reward))
@@ -120,11 +125,14 @@ class Polish:
         """Drive, and improve on it; the mean reward of a car."""
         rng = np.random.default_rng([self._seed, self.rounds])
         network = self._learner.network
-        driven, rewards = zip(*(trial.drive(network, rng) for trial in self._trials), strict=True)
+        drives = [trial.drive(network, rng) for trial in self._trials]
+        driven = [each for drive in drives for each in drive.driven]
         left = 0.5 + 0.5 * math.cos(math.pi * self.rounds / self._total)
         self.updates += self._learner.improve(driven, FINAL_RATE + (RATE - FINAL_RATE) * left, rng)
         self.rounds += 1
-        return float(np.average(rewards, weights=[trial.steps for trial in self._trials]))
+        self.transitions += sum(drive.steps for drive in drives)
+        rewards = [drive.reward for drive in drives]
+        return float(np.average(rewards, weights=[trial.cars for trial in self._trials]))
 
     def _checkpoint(self, reward: float) -> None:
         tensors = dict(self._tensors)
@@ -138,8 +146,7 @@ class Polish:
                 "algorithm": self.card.algorithm.removesuffix(POLISHED) + POLISHED,
                 "scenarios": tuple(dict.fromkeys(scenarios)),
                 "step": self.card.step + self.updates,
-                "transitions": self.card.transitions
-                + self.rounds * sum(trial.steps for trial in self._trials),
+                "transitions": self.card.transitions + self.transitions,
                 "created_by": {**self.card.created_by, "nathlon": version("nathlon")},
             }
         )

@@ -20,19 +20,21 @@ from sim.whole_file import whole_file
 
 CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")
 COUNTS, CURVE_KEY = "counts", "curve"
+COUNTED = ("rounds", "updates", "transitions")
 
 
 class PolishState(NamedTuple):
     """Where polishing stands.
 
     Attributes:
-        rounds, updates: done so far.
+        rounds, updates, transitions: done so far.
         learner: what `Proximal.tensors` gave.
         curve: (checkpoints, 6) what `CURVE` names.
     """
 
     rounds: int
     updates: int
+    transitions: int
     learner: dict[str, Tensor]
     curve: NDArray[np.float64]
 
@@ -43,7 +45,10 @@ def save_state(folder: Path, state: PolishState, facts: Mapping[str, str]) -> No
     Raises:
         InputError: if it cannot be written; the state that was there is left as it is.
     """
-    own = {COUNTS: torch.tensor([state.rounds, state.updates]), CURVE_KEY: torch.from_numpy(state.curve)}
+    own = {
+        COUNTS: torch.tensor([state.rounds, state.updates, state.transitions]),
+        CURVE_KEY: torch.from_numpy(state.curve),
+    }
     write_tensors(folder / STATE_FILE, {**state.learner, **own}, dict(facts))
 
 
@@ -71,10 +76,13 @@ def load_state(folder: Path, facts: Mapping[str, str]) -> PolishState | None:
         if found.get(name) != value:
             raise InputError(f"{path}: is of another {name}; choose another folder")
     try:
-        rounds, updates = tensors.pop(COUNTS).tolist()
-        return PolishState(rounds, updates, tensors, tensors.pop(CURVE_KEY).numpy())
+        counts, curve = tensors.pop(COUNTS).tolist(), tensors.pop(CURVE_KEY).numpy()
     except KeyError as missing:
         raise InputError(f"{path}: tensor {missing} is missing") from None
+    if len(counts) != len(COUNTED):
+        raise InputError(f"{path}: {COUNTS} has {len(counts)} numbers, expected {', '.join(COUNTED)}")
+    rounds, updates, transitions = counts
+    return PolishState(rounds, updates, transitions, tensors, curve)
 
 
 def write_curve(folder: Path, curve: NDArray[np.float64]) -> None:

@@ -1,8 +1,13 @@
-"""Trials: races in groups that leave the same start, driven by one policy with differing noise."""
+"""Trials: races in groups that leave the same start, driven by one policy with differing noise.
+
+What goes wrong is driven again by groups of its own, from shortly before, with bolder noise: it happens too
+seldom to be learnt from otherwise, and too much alike.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +18,7 @@ from policies.checkpoint import load_checkpoint
 from policies.heat import Heat
 from policies.training.advantage import advantages, discounted
 from policies.training.config import Rollouts, TrainingConfig
+from policies.training.lapses import Lapse, Lapses
 from policies.training.population import Population
 from policies.training.rewards import CONTACTS, Reward
 from policies.training.rollout import STUCK_S, learners_of, scenario_of
@@ -20,7 +26,8 @@ from sim.episode import Episodes
 
 GROUP = 32
 """Races that leave the same start."""
-HORIZON_S = 60.0
+HORIZON_S, AGAIN_S = 60.0, 25.0
+"""Driven from a start, and again from before a lapse."""
 DISCOUNT = 0.985
 """Of a step: what follows within seven seconds counts, which is a bend and the straight after it."""
 CONTACT_DISCOUNT = 0.95
@@ -29,6 +36,8 @@ UNTOLD_S = 13.0
 """At the end, where too little follows to tell what an action brings."""
 DEVIATION = np.array([0.04, 0.015], np.float32)
 """Of the noise on pedals and steering."""
+BOLDNESS, KEPT = 2.0, 0.8
+"""Of the noise of those who drive again: in deviations, and the share of it that is left a step later."""
 MOTION = ("x", "y", "yaw", "world_velocity_x", "world_velocity_y", "yaw_rate", "steering", "shifting")
 
 Array = NDArray[np.float32]
@@ -41,7 +50,8 @@ class Driven(NamedTuple):
     Attributes:
         seen: (n, size) float32, observations.
         means: (n, 2) float32, actions without noise.
-        noise: (n, 2) float32, of the actions, in deviations.
+        noise: (n, 2) float32, of the actions, in deviations; where it was bolder, over the square of the
+            boldness, since that is what the gradient of its density goes by.
         advantage: (n,) float32, in deviations.
     """
 
@@ -51,12 +61,26 @@ class Driven(NamedTuple):
     advantage: Array
 
 
+class Drive(NamedTuple):
+    """What came of a trial.
+
+    Attributes:
+        driven: from the starts, and again if anything went wrong.
+        reward: mean of a car from the starts, without discount.
+        steps: driven by the policy's cars, all together.
+    """
+
+    driven: tuple[Driven, ...]
+    reward: float
+    steps: int
+
+
 class Trial:
     """Races of one scenario of a configuration.
 
     Attributes:
         scenario: name of the scenario.
-        steps: driven by the policy's cars in each turn, all together.
+        cars: that the policy drives, in all races.
     """
 
     def __init__(
@@ -75,7 +99,7 @@ class Trial:
             InputError: if the races cannot be made.
         """
         scenario = scenario_of(rollouts)
-        self._starts = starts
+        self._starts, self._again = starts, round(rollouts.mistakes * starts)
         self._episodes = Episodes(config.circuit, config.car, scenario, starts * GROUP, threads, STUCK_S)
         learners = learners_of(rollouts, scenario.cars)
         self._population = Population(rollouts.opponents or config.opponents, config.circuit, config.car)
@@ -86,44 +110,61 @@ class Trial:
         )
         weights = config.reward.model_copy(update={"steering": 0.0})
         self._reward = Reward(weights, self._episodes.world.track)
-        self._length = round(HORIZON_S / self._episodes.step_s)
-        self._told = self._length - round(UNTOLD_S / self._episodes.step_s)
-        self.scenario = scenario.name
-        self.steps = self._length * len(self._heat.races)
+        self.scenario, self.cars = scenario.name, len(self._heat.races)
 
-    def drive(self, act: Act, rng: np.random.Generator) -> tuple[Driven, float]:
-        """Drive all races once, with noise.
+    def drive(self, act: Act, rng: np.random.Generator) -> Drive:
+        """Drive all races once, with noise; then some again, from moments before what went wrong.
 
         Args:
             act: actions (n, 2) without noise for observations (n, size).
-            rng: draws starts, opponents and noise.
-
-        Returns:
-            what was done, and the mean reward of a car, without discount.
+            rng: draws starts, opponents, noise, and what is driven again.
         """
         self._start(rng)
-        shape = (self._length, len(self._heat.races))
+        lapses = Lapses(self._episodes, self._heat.races, self._heat.cars, rng)
+        driven, reward, steps = self._drive(HORIZON_S, act, rng, lapses=lapses)
+        again = lapses.draw(self._again)
+        if not again:
+            return Drive((driven,), reward, steps)
+        self._start_again(again)
+        more, _, further = self._drive(AGAIN_S, act, rng, BOLDNESS, KEPT)
+        return Drive((driven, more), reward, steps + further)
+
+    def _drive(
+        self,
+        length_s: float,
+        act: Act,
+        rng: np.random.Generator,
+        boldness: float = 1.0,
+        kept: float = 0.0,
+        lapses: Lapses | None = None,
+    ) -> tuple[Driven, float, int]:
+        """What was done, the mean reward of a car without discount, and the steps driven by all."""
+        step_s = self._episodes.step_s
+        length, until = round(length_s / step_s), round((length_s - UNTOLD_S) / step_s)
+        shape = (length, self.cars)
         seen = np.empty((*shape, self._heat.seen.shape[1]), np.float32)
         means = np.empty((*shape, 2), np.float32)
-        noise = rng.standard_normal((*shape, 2), np.float32)
+        noise = lasting(rng.standard_normal((*shape, 2), np.float32), kept)
         rewards, charges, driving = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
         motion = np.empty((*shape, len(MOTION)))
-        for step in range(self._length):
+        for step in range(length):
             cars = self._episodes.world.state[self._heat.races, self._heat.cars]
             motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
             driving[step] = cars["driving"]
             seen[step], means[step] = self._heat.seen, act(self._heat.seen)
             rewards[step], charges[step] = self._step(
-                np.clip(means[step] + DEVIATION * noise[step], -1.0, 1.0)
+                np.clip(means[step] + boldness * DEVIATION * noise[step], -1.0, 1.0)
             )
+            if lapses:
+                lapses.watch()
         reward = float((rewards + charges).sum(axis=0).mean())
         returns, charges = discounted(rewards, DISCOUNT), discounted(charges, CONTACT_DISCOUNT)
-        advantage = advantages(*(self._grouped(each[: self._told]) for each in (returns, charges, motion)))
-        told = driving[: self._told]
+        advantage = advantages(*(self._grouped(each[:until]) for each in (returns, charges, motion)))
+        told = driving[:until]
         advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
         advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
-        chosen = (seen[: self._told][told], means[: self._told][told], noise[: self._told][told])
-        return Driven(*chosen, advantage.astype(np.float32)), reward
+        chosen = (seen[:until][told], means[:until][told], noise[:until][told] / boldness)
+        return Driven(*chosen, advantage.astype(np.float32)), reward, int(driving.sum())
 
     def _grouped(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(steps, cars, ..) as (steps, starts and their cars, group, ..)."""
@@ -140,6 +181,17 @@ class Trial:
         self._episodes.world.state["finish"] = np.inf  # so that who is faster goes farther, not home
         self._episodes.limit_s[:] = np.inf
 
+    def _start_again(self, lapses: Sequence[Lapse]) -> None:
+        """Have a group begin at each of the moments, at most one a start; the other races stand still."""
+        which = np.arange(GROUP * self._starts) % self._starts
+        races = np.flatnonzero(which < len(lapses))
+        if self._heat.others:
+            self._heat.seat(races, self._heat.seated([lapses[which[race]].race for race in races]))
+        moments = {int(race): lapses[which[race]].moment for race in races}
+        self._episodes.world.state["driving"] = False
+        self._heat.start(list(moments), map(np.random.default_rng, moments), moments)
+        self._episodes.limit_s[:] = np.inf
+
     def _step(self, actions: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Rewards of a step with actions (cars, 2), without contacts and of these alone, (cars,) each."""
         episodes = self._episodes
@@ -152,3 +204,12 @@ class Trial:
             for part in (components, charged)
         )
         return rewards, charges
+
+
+def lasting(noise: Array, kept: float) -> Array:
+    """Noise (steps, ..) of which a share is left a step later, and the deviation is the same."""
+    drawn = math.sqrt(1.0 - kept * kept) * noise
+    lasts = noise.copy()
+    for step in range(1, len(noise)):
+        lasts[step] = kept * lasts[step - 1] + drawn[step]
+    return lasts
