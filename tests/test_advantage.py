@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from policies.training.advantage import OUTLYING, advantages, discounted
-from policies.training.proximal import CLIP, Proximal, proximal_loss
+from policies.training.proximal import CLIP, LEAST_SLOPE, UTMOST, Proximal, Saturating, proximal_loss
 from policies.training.trial import DEVIATION, Driven
 
 NONE = np.zeros(32)
@@ -88,6 +88,20 @@ def test_the_loss_is_the_ratio_of_normal_densities_clipped() -> None:
     ratio = torch.from_numpy(density[1] / density[0])
     expected = -(2.0 * ratio[0] + (1.0 + CLIP) - ratio[2]) / 3.0
     torch.testing.assert_close(proximal_loss(moved, noise, advantage), expected)
+
+
+@given(st.floats(-8.0, 8.0), st.sampled_from([-1.0, 1.0]))
+def test_what_saturates_can_be_unlearnt(at: float, push: float) -> None:
+    """The slope is the tangent's, but never so small that a pedal stays down for good."""
+    sums = torch.tensor([at], dtype=torch.float64, requires_grad=True)
+    means = Saturating.apply(sums)
+    assert means.item() == pytest.approx(np.tanh(at))
+    (slope,) = torch.autograd.grad(push * means.sum(), sums)
+    own = 1.0 - np.tanh(at) ** 2
+    outward = push * at < 0.0  # a loss with this slope falls that way
+    assert push * slope.item() == pytest.approx(
+        own if outward and abs(np.tanh(at)) > UTMOST else max(own, LEAST_SLOPE)
+    )
 
 
 def learner() -> Proximal:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-OUTLYING = 100.0
+OUTLYING = 300.0
 """Spreads of returns beyond which a return or a charge counts no more; ten would make a spin cheap."""
 AFAR = 6.0
 """The same of motion, where a plane is fitted."""

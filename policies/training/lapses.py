@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from policies.training.mistakes import spinning
 from sim.episode import Episodes, Moment
 
-KINDS = {"spin": 2.0, "contact": 1.0, "off_course": 1.0}
+KINDS = {"spin": 3.0, "contact": 2.0, "off_course": 1.0}
 """How often a lapse of each kind is drawn: more often what costs more. A contact is one at fault."""
 EXCURSION_S = 0.25
 """Off course for longer is a lapse."""
 EVERY_S = 1.0
-LATEST_S, EARLIEST_S = 2.0, 8.0
-"""A lapse is tried again from any of the moments kept, one a second, so long before."""
+EARLIEST_S = 8.0
+"""A lapse is tried again from any of the moments kept, one a second, up to so long before."""
 STRAIGHT_RAD = 0.6
 """Angle to the road up to which a car may still be saved."""
 
@@ -77,7 +77,7 @@ class Lapses:
 
     def _note(self, kind: str, index: int) -> None:
         latest_s = (self._steps % self._period or self._period) * self._episodes.step_s
-        back = max(math.ceil((self._rng.uniform(LATEST_S, EARLIEST_S) - latest_s) / EVERY_S), 0)
+        back = max(math.ceil((self._rng.uniform(0.0, EARLIEST_S) - latest_s) / EVERY_S), 0)
         moment = self._recent[-1 - min(back, len(self._recent) - 1)]
         race, car = int(self._races[index]), self._cars[index]
         own = moment.state[race, car]

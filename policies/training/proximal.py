@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,6 +17,29 @@ from policies.training.trial import DEVIATION, Driven
 BATCH = 8192
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
+LEAST_SLOPE, UTMOST = 0.1, 0.9993
+"""Of the tangent, and the action beyond which it has its own."""
+
+
+class Saturating(torch.autograd.Function):
+    """The hyperbolic tangent, with a slope that lets go of what saturates.
+
+    Its own slope all but ends where a pedal is down, so that no return could lift a foot. Further out than
+    `UTMOST` nothing is pushed, so that it stays within reach.
+    """
+
+    @staticmethod
+    def forward(context: Any, sums: Tensor) -> Tensor:
+        means = torch.tanh(sums)
+        context.save_for_backward(means)
+        return means
+
+    @staticmethod
+    def backward(context: Any, gradient: Tensor) -> Tensor:
+        (means,) = context.saved_tensors
+        slope = 1.0 - means.square()
+        outward = (gradient * means < 0.0) & (means.abs() > UTMOST)
+        return gradient * torch.where(outward, slope, slope.clamp(min=LEAST_SLOPE))
 
 
 class Proximal:
@@ -45,7 +69,8 @@ class Proximal:
         layer = seen
         for each, shift in hidden:
             layer = torch.relu(linear(layer, each.T, shift))
-        return torch.tanh(linear(layer, weight.T, bias))
+        means: Tensor = Saturating.apply(linear(layer, weight.T, bias))
+        return means
 
     def improve(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> int:
         """Go once through all that was driven, in minibatches.
@@ -63,7 +88,8 @@ class Proximal:
         )
         for group in self._adam.param_groups:
             group["lr"] = rate
-        order = torch.from_numpy(rng.permutation(len(seen)))
+        for _ in range(2):
+            order = torch.from_numpy(rng.permutation(len(seen)))
         batches = max(1, len(order) // BATCH)
         for rows in order[: batches * BATCH].chunk(batches):
             moved = (self.means(seen[rows]) - means[rows]) / torch.from_numpy(DEVIATION)
