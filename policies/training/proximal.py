@@ -88,8 +88,7 @@ class Proximal:
         )
         for group in self._adam.param_groups:
             group["lr"] = rate
-        for _ in range(2):
-            order = torch.from_numpy(rng.permutation(len(seen)))
+        order = torch.from_numpy(rng.permutation(len(seen)))
         batches = max(1, len(order) // BATCH)
         for rows in order[: batches * BATCH].chunk(batches):
             moved = (self.means(seen[rows]) - means[rows]) / torch.from_numpy(DEVIATION)
