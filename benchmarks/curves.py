@@ -30,6 +30,7 @@ COLOURS = (
     *("#1f6fb4", "#c8590b", "#3a8a3f", "#8a4fa3", "#a8823c", "#c4457d"),
     *("#e0007a", "#555555", "#0f8f8f", "#d9a400", "#7a1f1f", "#86b82a", "#111111"),
     *("#4fb3e8", "#f08a8a", "#5a4fcf", "#c9c900", "#9b6b43", "#00c2a8", "#b39ddb"),
+    *("#ff4d00", "#0b3d1e", "#ff8fd0"),
 )
 SLOWEST = 1.12
 """Laps beyond this multiple of the fastest bundled one are cut off."""

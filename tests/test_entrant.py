@@ -16,20 +16,24 @@ from policies.onnx import export_onnx
 from sim.errors import InputError
 from tests.checkpoints import BUNDLED
 
+POLISHED, TRAINED = (
+    BUNDLED[0].with_name(f"lindenring-{name}.safetensors") for name in ("again-056k", "wake-028k")
+)
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Two checkpoints, the state of a training run, and an ONNX graph that does not tell its circuit."""
     (tmp_path / "run").mkdir()
-    shutil.copy(BUNDLED[0], tmp_path / "b.safetensors")
-    shutil.copy(BUNDLED[-1], tmp_path / "run" / "step.safetensors")
+    shutil.copy(POLISHED, tmp_path / "b.safetensors")
+    shutil.copy(TRAINED, tmp_path / "run" / "step.safetensors")
     for name in ("state", "replay"):
         (tmp_path / "run" / f"{name}.safetensors").write_bytes(b"no policy")
     (tmp_path / "notes.txt").write_text("no policy")
-    export_onnx(load_checkpoint(BUNDLED[0]), tmp_path / "a.onnx")
+    export_onnx(load_checkpoint(POLISHED), tmp_path / "a.onnx")
     model = onnx.load(tmp_path / "a.onnx")
     del model.metadata_props[:]
-    card = {"observation": load_checkpoint(BUNDLED[0]).observation_spec.to_dict()}
+    card = {"observation": load_checkpoint(POLISHED).observation_spec.to_dict()}
     helper.set_model_props(model, {"nathlon": json.dumps(card)})
     onnx.save(model, tmp_path / "a.onnx")
     return tmp_path
@@ -56,5 +60,5 @@ def test_files_of_every_kind_stand_in_one_table(folder: Path) -> None:
     sources = [str(path) for path in find_checkpoints([folder])]
     table = entrants_table(enter_all(sources, "lindenring", "gt3"))
     assert table["name"].to_list() == ["a", "b", "step"]
-    assert table["algorithm"].to_list() == ["ONNX", "QR-SAC", "QR-SAC"]
+    assert table["algorithm"].to_list() == ["ONNX", "QR-SAC, polished", "QR-SAC"]
     assert table["step"].null_count() == 1
