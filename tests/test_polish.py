@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from safetensors.numpy import load_file
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
 
 from nathlon.curves import find_curves
 from policies.bundled import BUNDLED
@@ -260,6 +261,12 @@ def test_another_polishing_is_refused(tmp_path: Path) -> None:
         Polish(CHECKPOINT, TRAFFIC, tmp_path, 2, seed=3)
     with refusal(state, "another checkpoint"):
         Polish(CHECKPOINT.with_name("lindenring-grid-044k.safetensors"), ALONE, tmp_path, 2, seed=3)
+    with safe_open(state, framework="np") as file:
+        facts = file.metadata()
+    counts = np.array([2, 6])  # as states had them that did not count transitions
+    save_file({**load_file(state), "counts": counts}, state, facts)
+    with refusal(state, "counts has 2 numbers, expected rounds, updates, transitions"):
+        Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
     state.write_bytes(state.read_bytes()[:100])
     with refusal(state, "not the state of a polishing"):
         Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
