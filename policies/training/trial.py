@@ -120,9 +120,9 @@ class Trial:
             rng: draws starts, opponents, noise, and what is driven again.
         """
         self._start(rng)
-        lapses = Lapses(self._episodes, self._heat.races, self._heat.cars, rng)
+        lapses = Lapses(self._episodes, self._heat.races, self._heat.cars, rng) if self._again else None
         driven, reward, steps = self._drive(HORIZON_S, act, rng, lapses=lapses)
-        again = lapses.draw(self._again)
+        again = lapses.draw(self._again) if lapses else []
         if not again:
             return Drive((driven,), reward, steps)
         self._start_again(again)
