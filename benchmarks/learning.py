@@ -157,7 +157,7 @@ def read(path: Path) -> dict[str, Learning]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+        raise InputError(f"{path}: {first_fault(error, Learning)}") from None
 
 
 def write(path: Path, measured: dict[str, Learning]) -> None:

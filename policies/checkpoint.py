@@ -225,7 +225,7 @@ def _card(path: Path, file: Any) -> Card:
     except ValidationError as error:
         if error.errors()[0]["type"] == "json_invalid":
             raise InputError(f"{path}: the card in the header is not valid JSON") from None
-        raise InputError(f"{path}: the card: {first_fault(error)}") from None
+        raise InputError(f"{path}: the card: {first_fault(error, Card)}") from None
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 

@@ -40,7 +40,7 @@ def parse_card(path: Path, text: str) -> ForeignCard:
     try:
         return ForeignCard.model_validate_json(text)
     except ValidationError as error:
-        raise InputError(f"{path}: the card: {first_fault(error)}") from None
+        raise InputError(f"{path}: the card: {first_fault(error, ForeignCard)}") from None
     except InputError as error:
         raise InputError(f"{path}: the card: {error}") from None
 

@@ -57,4 +57,4 @@ def read_toml(path: Path, model: type[Model], kind: str) -> Model:
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: not a TOML file: {error}") from None
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+        raise InputError(f"{path}: {first_fault(error, model)}") from None

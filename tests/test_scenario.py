@@ -306,7 +306,12 @@ class TestConditions:
         ("cars = 2", "cars = 21", "field cars is 21: .*less than or equal to 20"),
         ("cars = 2", "cars = 2.5", "field cars is 2.5: .*integer"),
         ("cars = 2", "", "field cars: Field required"),
-        ("cars = 2", "cars = 2\nboats = 1", "field boats: Extra"),
+        ("cars = 2", "cars = 2\nboats = 1", "field boats is unknown; expected one of action_hz, cars, .*"),
+        (
+            'kind = "grid"',
+            'kind = "grid"\ngap_m = 9.0',
+            "field start.grid.gap_m is unknown; expected one of jitter_m, kind$",
+        ),
         ("laps = 1", "laps = 1\nfinish_m = 100.0", "laps and finish_m exclude each other"),
         ("time_s = 60.0", "time_s = -1.0", "field time_s is -1.0"),
         ("time_s = 60.0", "time_s = inf", "field time_s is inf"),

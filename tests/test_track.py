@@ -302,7 +302,7 @@ def edited(folder: Path, file: str, old: str, new: str) -> Path:
     [
         ('runoff = "grass"', 'runoff = "sand"', "circuit.toml: field runoff is 'sand': .*'tarmac', 'grass'"),
         ('runoff = "grass"', "", "circuit.toml: field runoff: Field required"),
-        ("[grid]", "verge = 1\n[grid]", "circuit.toml: field verge: Extra"),
+        ("[grid]", "verge = 1\n[grid]", "field verge is unknown; expected one of .*grid, "),
         ("[grid]", "[grid", "circuit.toml: not a TOML file"),
         ("spacing_m = ", "spacing_m = -", "circuit.toml: field grid.spacing_m is -"),
         ("centre_line.csv", "lost.csv", "lost.csv: cannot read the centre line"),

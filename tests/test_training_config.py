@@ -87,6 +87,8 @@ def test_rollouts_without_opponents_race_those_of_the_run(tmp_path: Path) -> Non
         (tables("share = 0.5", ""), "share must be given for all rollouts or for none"),
         (tables("share = 0.0"), "field rollouts.0.share is 0.0"),
         (tables("mistakes = 1.5"), "field rollouts.0.mistakes is 1.5"),
+        (tables("mistake = 1.0"), "field rollouts.0.mistake is unknown; expected one of .*mistakes, "),
+        (tables("") + "[qrsac]\nrate = 1.0", "field qrsac.rate is unknown; expected one of alpha, .*_rate"),
         (tables("places = [1, 2]"), "places must be 1 different ones"),
         (tables("places = [0]"), "field rollouts.0.places.0 is 0"),
         (

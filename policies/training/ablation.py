@@ -174,7 +174,7 @@ def claim(out: Path, base: TrainingConfig) -> None:
             with whole_file(path) as partial:
                 partial.write_text(base.model_dump_json(indent=1), "utf-8")
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from None
+        raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read or written: {error.strerror}") from None
 

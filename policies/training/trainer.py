@@ -125,7 +125,7 @@ class Trainer:
         except OSError:
             raise InputError(f"{path}: no training run to resume") from None
         except ValidationError as error:
-            raise InputError(f"{path}: {first_fault(error)}") from None
+            raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
         except (ValueError, KeyError, TypeError):
             raise InputError(f"{path}: expected the JSON of a training run with config and seed") from None
         if (folder / STATE_FILE).exists():
