@@ -41,8 +41,7 @@ def batches(count: int, seed: int = 1) -> list[Batch]:
     ]
 
 
-def noise_of(seed: int, hidden: int = 20, dropout: float = 0.1) -> Noise:
+def noise_of(seed: int) -> Noise:
     random = torch.Generator().manual_seed(seed)
-    kept = (torch.rand(ROWS, hidden, generator=random) >= dropout) / (1.0 - dropout)
     action, next_action = torch.randn(2, ROWS, ACTION, generator=random)
-    return Noise(action, next_action, kept)
+    return Noise(action, next_action, torch.randint(2**31, (2,), dtype=torch.int32, generator=random))

@@ -211,14 +211,6 @@ def test_actions_do_not_depend_on_the_precision_of_training() -> None:
         np.testing.assert_array_equal(full, fast)
 
 
-def test_dropout_keeps_its_share_and_the_mean() -> None:
-    kept = learner(dropout=0.25, hidden=(300, 200))._noise(400).kept
-    assert kept is not None
-    assert ((kept == 0.0) | (kept - 4 / 3).abs().lt(1e-3)).all()
-    # four standard deviations of the mean of 200,000 draws
-    assert abs(float(kept.mean()) - 1.0) < 4 * np.sqrt(1 / 3 / 200_000)
-
-
 def test_same_seed_same_updates() -> None:
     first, again, other = (learner(seed) for seed in (0, 0, 1))
     for batch in batches(2):

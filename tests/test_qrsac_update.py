@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.distributions import Normal, TransformedDistribution
 from torch.distributions.transforms import TanhTransform
 
+from policies.qrsac.dropout import dropout_factors
 from policies.qrsac.networks import squashed_normal
 from policies.qrsac.update import State, Update, annealed, quantile_huber_loss
 from tests.qrsac import ACTION, OBSERVATION, ROWS, batches, config, learner, noise_of, state_of
@@ -139,7 +140,9 @@ def test_updates_equal_those_of_modules_and_optimisers(bound: float) -> None:
         norm = nn.utils.clip_grad_norm_(critic_parameters, bound)
         critic_adam.step()
 
-        action, log_density = squashed_normal(forward(policy, batch.observation, noise.kept), noise.action)
+        assert noise.seed is not None
+        kept = dropout_factors(noise.seed, (ROWS, 20), settings.dropout)
+        action, log_density = squashed_normal(forward(policy, batch.observation, kept), noise.action)
         inputs = torch.cat((batch.observation, action), -1)
         value = torch.stack([forward(layers, inputs).mean(-1) for layers in critics]).amin(0)
         policy_loss = (0.2 * log_density - value).mean()

@@ -28,14 +28,14 @@ class Inputs(NamedTuple):
 
     def clone(self) -> Inputs:
         """Copies in memory of their own."""
-        kept = self.noise.kept
+        seed = self.noise.seed
         return Inputs(
             Pace(*(tensor.clone() for tensor in self.pace)),
             Batch(*(tensor.clone() for tensor in self.batch)),
             Noise(
                 self.noise.action.clone(),
                 self.noise.next_action.clone(),
-                kept.clone() if kept is not None else None,
+                seed.clone() if seed is not None else None,
             ),
         )
 

@@ -151,18 +151,8 @@ class QRSAC:
         action, next_action = self._normal(count), self._normal(count)
         if self.config.dropout == 0.0:
             return Noise(action, next_action, None)
-        return Noise(action, next_action, self._kept(count * sum(self.config.hidden)).view(count, -1))
-
-    def _kept(self, count: int) -> Tensor:
-        """Dropout factors (n,); the chance of a unit to be dropped holds to 1/65,536.
-
-        Four come of each number of the generator, as one each would take a tenth of an update.
-        """
-        draws = torch.empty(-(-count // 4), dtype=torch.int64, device=self._generator.device)
-        draws.random_(-(2**63), None, generator=self._generator)
-        dropped = min(round(self.config.dropout * 2**16), 2**16 - 1)
-        kept = draws.view(torch.int16)[:count] >= dropped - 2**15
-        return torch.where(kept, 1.0 / (1.0 - self.config.dropout), 0.0)
+        seed = torch.empty(2, dtype=torch.int32, device=self._generator.device)
+        return Noise(action, next_action, seed.random_(-(2**31), None, generator=self._generator))
 
     def _normal(self, count: int) -> Tensor:
         shape = (count, self.action_size)

@@ -59,18 +59,26 @@ class Perceptron:
         parts = torch.split(parameters, [math.prod(shape) for shape in self.shapes])
         return [part.view(shape) for part, shape in zip(parts, self.shapes, strict=True)]
 
-    def __call__(self, parameters: Tensor, inputs: Tensor, kept: Tensor | None = None) -> Tensor:
-        """The outputs (*stack, n, widths[-1]) for inputs (*stack, n, widths[0]).
+    def __call__(
+        self, parameters: Tensor, inputs: Tensor, exact: Tensor | None = None, kept: Tensor | None = None
+    ) -> Tensor:
+        """The outputs (*stack, n, widths[-1]) for inputs of widths[0] numbers in all.
 
         Args:
             parameters: (p,).
-            inputs: one matrix of rows for each network of the stack.
+            inputs: (*stack, n, i), one matrix of rows for each network of the stack.
+            exact: (*stack, n, e), further inputs behind these, multiplied in float32 and on their own: what
+                wants a gradient of such alone does without the product for all others.
             kept: factors (n, sum of the hidden widths) on the hidden units: 0 for a dropped one,
                 1 / (1 - dropout) for a kept one; None for evaluation.
         """
         hidden = self.widths[1:-1]
         factors = torch.split(kept, list(hidden), dim=-1) if kept is not None else None
         *layers, (last_weight, last_bias) = _pairs(self.tensors(parameters))
+        if exact is not None:
+            (weight, bias), *others = layers
+            rows = inputs.shape[-1]
+            layers = [(weight[..., :rows, :], bias + exact @ weight[..., rows:, :]), *others]
         for i, (weight, bias) in enumerate(layers):
             inputs = (inputs.to(self.precision) @ weight.to(self.precision)).float() + bias
             if self.layer_norm:

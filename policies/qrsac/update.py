@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from policies.qrsac.config import QRSACConfig
+from policies.qrsac.dropout import dropout_factors
 from policies.qrsac.networks import Perceptron, squashed_normal
 from policies.replay import Batch
 
@@ -45,12 +46,12 @@ class Noise(NamedTuple):
     Attributes:
         action: (n, a) standard normal, for the actions of the policy update.
         next_action: (n, a) standard normal, for the actions of the targets.
-        kept: (n, sum of hidden widths) dropout factors of the policy update; None without dropout.
+        seed: (2,) int32, of the units dropped in the policy update; None without dropout.
     """
 
     action: Tensor
     next_action: Tensor
-    kept: Tensor | None
+    seed: Tensor | None
 
 
 class Pace(NamedTuple):
@@ -90,13 +91,16 @@ def quantile_huber_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Ten
         automatic differentiation stores several numbers for each pair, which costs more than the networks.
     """
     count = estimates.shape[-1]
-    levels = (torch.arange(count, device=estimates.device) + 0.5) / count
-    difference = targets[:, None, :] - estimates[..., None]
+    levels = (torch.arange(count, device=estimates.device) + 0.5) * (1.0 / count)
+    # This has a compiled graph write the targets down: they come of so much that it would write down all the
+    # pairs instead, which are far more.
+    targets = targets.as_strided(targets.shape, targets.stride())
+    difference = targets[..., None] - estimates[..., None, :]
     clipped = difference.clamp(-1.0, 1.0)
-    weighted = clipped * torch.where(difference < 0.0, 1.0 - levels[:, None], levels[:, None])
+    weighted = clipped * torch.where(difference < 0.0, 1.0 - levels, levels)
     # Over the targets first, as the gradient: both are then one pass over the pairs.
-    losses = (weighted * (difference - 0.5 * clipped)).mean(-1)
-    return losses.mean(1).sum(), -weighted.mean(-1) / len(targets)
+    losses = (weighted * (difference - 0.5 * clipped)).mean(-2)
+    return losses.mean(1).sum(), -weighted.mean(-2) / len(targets)
 
 
 def squared_loss(estimates: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
@@ -160,8 +164,7 @@ class Update:
 
     def returns(self, critics: Tensor, observation: Tensor, action: Tensor) -> Tensor:
         """Both critics' quantiles (their means for plain SAC) of the return, (2, n, m)."""
-        inputs = torch.cat((observation, action), -1)
-        return self.critics(critics, inputs.expand(2, -1, -1))
+        return self.critics(critics, observation.expand(2, -1, -1), action.expand(2, -1, -1))
 
     def pace(self, made: int, device: torch.device) -> Pace:
         """The scalars of the update that follows those made."""
@@ -195,10 +198,15 @@ class Update:
         self, policy: Tensor, critics: Tensor, alpha: Tensor, batch: Batch, noise: Noise
     ) -> tuple[Tensor, Tensor]:
         """The mean of alpha log pi - min Q, and the mean of log pi; the policy runs with dropout."""
-        outputs = self.policy(policy, batch.observation, noise.kept)
+        outputs = self.policy(policy, batch.observation, kept=self._kept(noise.seed, len(batch.reward)))
         action, log_density = squashed_normal(outputs, noise.action)
         value = self.returns(critics, batch.observation, action).mean(-1).amin(0)
         return (alpha * log_density - value).mean(), log_density.mean()
+
+    def _kept(self, seed: Tensor | None, count: int) -> Tensor | None:
+        if seed is None:
+            return None
+        return dropout_factors(seed, (count, sum(self.config.hidden)), self.config.dropout)
 
     def __call__(self, state: State, pace: Pace, batch: Batch, noise: Noise) -> tuple[State, Metrics]:
         """The state after one update of critics, policy (against the new critics) and targets."""
