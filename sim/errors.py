@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -29,15 +29,14 @@ def first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     return f"field {field} is {fault['input']!r}: {message}"
 
 
-def _known(models: Iterable[type[BaseModel]], place: Sequence[int | str]) -> list[str]:
+def _known(models: Sequence[type[BaseModel]], place: Sequence[int | str]) -> list[str]:
     """The fields that there may be at a place in one of some models."""
-    models = list(models)
     if not place:
         return sorted({name for model in models for name in model.model_fields})
     first, *rest = place
     fields = [field for model in models for name, field in model.model_fields.items() if name == first]
     if fields:
-        return _known((inner for field in fields for inner in _models(field.annotation)), rest)
+        return _known([inner for field in fields for inner in _models(field.annotation)], rest)
     # An index, a key, or the tag of one of several models.
     tagged = [
         model
