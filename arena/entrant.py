@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,11 +11,11 @@ from pathlib import Path
 import polars as pl
 
 from arena.results import ENTRANTS
-from policies.checkpoint import checkpoint_id
 from policies.composite import SUFFIX as COMPOSITE
 from policies.composite import CompositeSource
+from policies.identity import policy_id
 from policies.load import DRIVER, SUFFIXES, load_file, load_policy
-from policies.plugin import PLUGIN, plugin_id
+from policies.plugin import PLUGIN
 from sim.errors import InputError
 
 TRAINING_STATE = ("state.safetensors", "replay.safetensors")
@@ -58,7 +59,7 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
         return Entrant(source, source, source, "built-in driver", circuit, car, None, None)
     if kind == PLUGIN:
         load_policy(source, circuit, car)
-        return Entrant(plugin_id(name), name, source, "plugin", circuit, car, None, None)
+        return Entrant(policy_id(source), name, source, "plugin", circuit, car, None, None)
     if source.endswith(COMPOSITE):
         return _enter_composite(source, circuit, car)
     policy = load_file(Path(source))
@@ -72,26 +73,27 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
 
 def _enter_composite(source: str, circuit: str, car: str) -> Entrant:
     composite = CompositeSource.read(Path(source))
-    ids = [_part_id(composite.source(part), part.circuit, circuit, car) for part in composite.file.part]
+    for part in composite.file.part:
+        # One for another circuit is not checked: there the car may be another.
+        if part.circuit in (None, circuit):
+            enter(composite.source(part), circuit, car)
     load_policy(source, circuit, car)
-    identity = composite.identity(ids)
-    return Entrant(identity, composite.file.name, source, "composite", circuit, car, None, None)
-
-
-def _part_id(source: str, home: str | None, circuit: str, car: str) -> str:
-    """The id of a composite's part; one for another circuit is not checked: there the car may be another."""
-    if home in (None, circuit):
-        return enter(source, circuit, car).id
-    kind, _, name = source.partition(":")
-    if kind == PLUGIN:
-        load_policy(source, home, car)
-        return plugin_id(name)
-    return source if kind == DRIVER else checkpoint_id(Path(source))
+    return Entrant(policy_id(source), composite.file.name, source, "composite", circuit, car, None, None)
 
 
 def checkpoints_below(folder: Path) -> list[Path]:
-    """The checkpoints in a folder and those below it, without the states of training runs."""
-    return sorted(p for p in folder.rglob("*") if p.suffix in SUFFIXES and p.name not in TRAINING_STATE)
+    """The checkpoints in a folder and those below it, without the states of training runs.
+
+    A folder that cannot be looked into is one of them, so that whoever opens it says so.
+    """
+    closed: list[Path] = []
+    found = [
+        Path(place) / name
+        for place, _, names in os.walk(folder, onerror=lambda error: closed.append(Path(error.filename)))
+        for name in names
+        if Path(name).suffix in SUFFIXES and name not in TRAINING_STATE
+    ]
+    return sorted([*found, *closed])
 
 
 def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
@@ -112,44 +114,28 @@ def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
     return found
 
 
-def trained_on(sources: Iterable[str]) -> tuple[str, str]:
-    """Circuit and car of the first of some files that tells them, or else the environments' own.
-
-    Raises:
-        InputError: if a file that comes before it cannot be read.
-    """
-    for path in _weights(sources):
-        card = load_file(path).card
-        if card.circuit is not None and card.car is not None:
-            return card.circuit, card.car
-    return CIRCUIT, CAR
-
-
-def _weights(sources: Iterable[str]) -> Iterator[Path]:
+def weights(sources: Iterable[str]) -> Iterator[Path]:
     """The files of weights among some sources, those of composites in their place."""
     for source in sources:
         if source.endswith(COMPOSITE):
-            yield from _weights(CompositeSource.read(Path(source)).sources)
+            yield from weights(CompositeSource.read(Path(source)).sources)
         elif source.partition(":")[0] not in (DRIVER, PLUGIN):
             yield Path(source)
 
 
-def enter_all(sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:
+def only_once(entrants: Sequence[Entrant]) -> list[Entrant]:
     """Entrants with unique names; of several with the same contents only the first is kept.
 
     Raises:
-        InputError: if one cannot drive, or there is none.
+        InputError: if there is none.
     """
-    entrants = list(
-        {entrant.id: entrant for entrant in reversed([enter(s, circuit, car) for s in sources])}.values()
-    )
-    entrants.reverse()
-    if not entrants:
+    first = list({entrant.id: entrant for entrant in reversed(entrants)}.values())[::-1]
+    if not first:
         raise InputError("no checkpoint given, expected at least one")
-    shared = Counter(entrant.name for entrant in entrants)
+    shared = Counter(entrant.name for entrant in first)
     return [
         replace(e, name=f"{Path(e.source).parent.name}/{e.name}-{e.id[:6]}") if shared[e.name] > 1 else e
-        for e in entrants
+        for e in first
     ]
 
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from arena.entrant import Entrant
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
-from arena.runner import run_match
+from arena.pool import Pool
 
 SCENARIO = "time_trial"
 
@@ -19,16 +18,20 @@ def qualifying_match(entrant: Entrant, circuit: str, car: str, seed: int) -> Mat
 
 
 def qualify(
-    entrants: Sequence[Entrant], circuit: str, car: str, seed: int
+    pool: Pool, entrants: Sequence[Entrant], circuit: str, car: str, seed: int
 ) -> list[tuple[Entrant, float | None]]:
     """Entrants by their flying lap, fastest first, with its time in s.
 
     Who completes none, or leaves the course on it, has no time and starts behind the others, in the
     order given.
+
+    Raises:
+        InputError: if one cannot be loaded, or is another one by now.
     """
-    times: list[tuple[Entrant, float | None]] = []
-    for entrant in entrants:
-        match = qualifying_match(entrant, circuit, car, seed)
-        row = run_match(match, match_policies(match)).row(0, named=True)
-        times.append((entrant, row["best_lap_s"] if row["off_course_s"] == 0.0 else None))
+    matches = {qualifying_match(entrant, circuit, car, seed): entrant for entrant in entrants}
+    laps = {match: results.row(0, named=True) for match, results in pool.run(list(matches))}
+    times = [
+        (entrant, laps[match]["best_lap_s"] if laps[match]["off_course_s"] == 0.0 else None)
+        for match, entrant in matches.items()
+    ]
     return sorted(times, key=lambda timed: (timed[1] is None, timed[1] or 0.0))

@@ -138,7 +138,8 @@ class _Meeting:
                 elif isinstance(policy, ROW_WISE):
                     shared[id(policy)].append(Team(policy, cars, number, entrant))
                 else:
-                    views[policy.observation_spec].append(Team(policy, cars, number, entrant))
+                    team = Team(policy, cars, number, entrant, match.races[0].seed + entrant)
+                    views[policy.observation_spec].append(team)
         for teams in shared.values():
             everybody = Team(teams[0].policy, np.concatenate([team.cars for team in teams]), 0, 0)
             views[everybody.policy.observation_spec].append(everybody)

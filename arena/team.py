@@ -1,24 +1,36 @@
-"""A policy and all cars for which it is asked in one call."""
+"""A policy and all cars for which it is asked in one call.
+
+A policy gets memory of its own, so that whatever it writes to reaches nobody else; one that is code also
+gets random generators of its own.
+"""
 
 from __future__ import annotations
 
 import logging
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arena.isolation import Apart
 from arena.watch import Watch
+from policies.checkpoint import NetworkPolicy
 from policies.driver import Driver
 from policies.early_braker import EarlyBraker
+from policies.onnx import OnnxPolicy
 from policies.policy import Batch, Policy
+from policies.sb3 import Sb3Policy
 
 log = logging.getLogger(__name__)
 
 ROW_WISE = (Driver, EarlyBraker)
 """Policies whose answer for a car does not depend, to the last bit, on the cars beside it in the batch. All
 others round differently with the number of rows: matrix products do."""
+
+OWN = (*ROW_WISE, NetworkPolicy, OnnxPolicy, Sb3Policy)
+"""Policies whose code is this program's, whatever file their weights come from."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +52,21 @@ class Team:
         cars: (n,) int64, indices in the world, race by race.
     """
 
-    def __init__(self, policy: Policy, cars: NDArray[np.int64], match: int, entrant: int) -> None:
-        """Cars that have not been driven yet; `match` and `entrant` say whose policy it is."""
+    def __init__(
+        self, policy: Policy, cars: NDArray[np.int64], match: int, entrant: int, seed: int = 0
+    ) -> None:
+        """Cars that have not been driven yet.
+
+        Args:
+            policy: drives them.
+            cars: see above.
+            match, entrant: whose policy it is, for the watch.
+            seed: of the random generators that it finds.
+        """
         self.policy, self.cars = policy, cars
         self._match, self._entrant = match, entrant
         self._memory: Batch | None = None
+        self._apart = None if isinstance(policy, OWN) else Apart(seed)
 
     def keep(self, driving: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Forget cars that are out, if the answers for the others do not depend on them or there are none.
@@ -82,12 +104,20 @@ class Team:
             watch.work()
         else:
             watch.ask(self._match, self._entrant, self._memory is None)
+            seen = np.array(seen)
+        if watch.used_up(self._match, self._entrant):
+            log.warning("a policy has used up its time for a match: its cars are out")
+            return np.full((n, 2), np.nan, np.float32), "timed_out"
         try:
-            if self._memory is None:
-                self._memory = _initial_memory(self.policy, n)
-            answer = self.policy.act(seen, self._memory)
+            with self._entered():
+                if self._memory is None:
+                    self._memory = _initial_memory(self.policy, n)
+                answer = self.policy.act(seen, self._memory)
         except _IllegalError as error:
             return self._refused(str(error))
+        except MemoryError:
+            # Another one may have taken the memory: who pays for it is decided outside of this process.
+            raise
         # Whatever a policy raises, an exit too, is its own fault and must not stop the others.
         except (Exception, SystemExit) as error:
             log.warning("a policy raised %r: its cars are out", error)
@@ -105,6 +135,9 @@ class Team:
             # What is finite as given must stay so.
             actions = np.where(np.isfinite(actions), np.clip(actions, -1.0, 1.0), np.nan)
         return actions.astype(np.float32, copy=False), ""
+
+    def _entered(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._apart is None else self._apart.entered()
 
     def _refused(self, what: str) -> tuple[Batch, str]:
         log.warning("a policy gave %s: its cars are out", what)

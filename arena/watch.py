@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 import time
+from collections import defaultdict
 from collections.abc import MutableSequence
 from typing import NamedTuple
+
+from policies.memory import data_bytes
 
 ANSWER_S = 10.0
 """A policy that has not answered for so long has timed out: a hundred times what is between two ticks."""
 FIRST_ANSWER_S = 120.0
 """Its first answer may take longer, and so may its loading: libraries start and compile."""
+MATCH_S = 300.0
+"""All its answers in a match may take so long together, the first one apart."""
 WORK_S = 600.0
 """What the simulator may take for a tick; the first one may have to compile it."""
 LOOK_S = 1.0
@@ -34,27 +39,58 @@ class Asked(NamedTuple):
     limit_s: float
 
 
+class Taken(NamedTuple):
+    """Memory that a policy has taken and kept.
+
+    Attributes:
+        entrant: index of the policy's entrant in the match that runs; NOBODY where none has taken any.
+        size: in bytes.
+    """
+
+    entrant: int
+    size: float
+
+
+TOLD = len(Asked._fields) + len(Taken._fields)
+"""Numbers that a watch tells."""
+
+
 class Watch:
     """Who is asked at the moment: told by the process that asks, read by the one that watches it.
 
     Args:
         answer_s, first_answer_s: time that a policy has for an answer, and for its first one.
-        told: four numbers, which the two processes share.
+        match_s: time that it has for all its other answers in a match together.
+        told: as many numbers as `Asked` and `Taken` have, which the two processes share.
     """
 
     def __init__(
         self,
         answer_s: float = ANSWER_S,
         first_answer_s: float = FIRST_ANSWER_S,
+        match_s: float = MATCH_S,
         told: MutableSequence[float] | None = None,
     ) -> None:
-        self._answer_s, self._first_answer_s = answer_s, first_answer_s
-        self._told = [0.0] * len(Asked._fields) if told is None else told
+        self._answer_s, self._first_answer_s, self._match_s = answer_s, first_answer_s, match_s
+        self._told = [0.0] * TOLD if told is None else told
         self._begun = 0
+        self._clock: tuple[tuple[int, int], float] | None = None
+        self.begin()
+
+    def begin(self, weighs: bool = False) -> None:
+        """Count anew what policies take; their memory only if asked, for one match by itself."""
+        self._weighs = weighs
+        self._spent_s: defaultdict[tuple[int, int], float] = defaultdict(float)
+        self._taken: defaultdict[int, int] = defaultdict(int)
+        self._had = data_bytes() if weighs else 0
+        self._told[-2:] = NOBODY, 0.0
+        self.rest()
 
     def ask(self, match: int, entrant: int, first: bool) -> None:
         """A policy is asked now, perhaps for the first time."""
         self._tell(match, entrant, self._first_answer_s if first else self._answer_s)
+        if not first:
+            self._clock = (match, entrant), time.perf_counter()
 
     def work(self) -> None:
         """The simulator is at work, or a driver that is part of it."""
@@ -64,16 +100,41 @@ class Watch:
         """Nobody is asked and nothing is run."""
         self._tell(NOBODY, NOBODY, math.inf)
 
+    def used_up(self, match: int, entrant: int) -> bool:
+        """Whether a policy has used up the time that it has for a match."""
+        return self._spent_s[match, entrant] > self._match_s
+
     def _tell(self, match: int, entrant: int, limit_s: float) -> None:
+        if self._clock is not None:
+            asked, since_s = self._clock
+            self._spent_s[asked] += time.perf_counter() - since_s
+            self._clock = None
+        if self._weighs:
+            self._weigh()
         self._begun += 1
         told = self._told
         told[0], told[1], told[2], told[3] = self._begun, match, entrant, limit_s
 
+    def _weigh(self) -> None:
+        """Lay what memory the process has more than before to whom was asked."""
+        has, entrant = data_bytes(), self.asked.entrant
+        if entrant != NOBODY:
+            self._taken[entrant] += has - self._had
+            most = max(self._taken, key=self._taken.__getitem__)
+            self._told[-2:] = most, self._taken[most]
+        self._had = has
+
     @property
     def asked(self) -> Asked:
         """What was told last."""
-        begun, match, entrant, limit_s = self._told
+        begun, match, entrant, limit_s = self._told[: len(Asked._fields)]
         return Asked(int(begun), int(match), int(entrant), limit_s)
+
+    @property
+    def taken(self) -> Taken:
+        """Who has taken most memory in the match that is weighed."""
+        entrant, size = self._told[-2:]
+        return Taken(int(entrant), size)
 
 
 class Patience:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
-from arena.watch import Patience, Watch
+from arena.output_log import OutputLog
+from arena.watch import TOLD, Patience, Watch
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+NO_MEMORY = 71
+"""With what a worker exits that has run out of memory."""
 READY = "ready"
 """What a worker sends when it waits for something to do."""
 
@@ -20,6 +24,11 @@ SHARED = ["policies.load"]
 
 _CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
 _CONTEXT.set_forkserver_preload(SHARED)
+
+
+def new_output_log() -> OutputLog:
+    """A log that workers can print into."""
+    return OutputLog(lambda: _CONTEXT.Pipe(duplex=False))
 
 
 class Worker:
@@ -32,14 +41,20 @@ class Worker:
         fresh: whether it has not been given anything yet.
     """
 
-    def __init__(self, serve: Callable[[Connection, Watch], None], answer_s: float, first_answer_s: float):
-        """Start a process that calls `serve`; see `Watch` for the times."""
-        self.watch = Watch(answer_s, first_answer_s, _CONTEXT.RawArray("d", 4))
-        self.watch.rest()
+    def __init__(
+        self,
+        serve: Callable[[Connection, Watch, Connection], None],
+        sink: Connection,
+        answer_s: float,
+        first_answer_s: float,
+        match_s: float,
+    ) -> None:
+        """Start a process that calls `serve`, printing into the sink of a log; see `Watch` for the times."""
+        self.watch = Watch(answer_s, first_answer_s, match_s, _CONTEXT.RawArray("d", TOLD))
         self.patience = Patience(self.watch)
         self.idle, self.fresh, self.began = False, True, False
         self._pipe, theirs = _CONTEXT.Pipe()
-        self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch), daemon=True)
+        self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch, sink), daemon=True)
         with _one_blas_thread():
             self._process.start()
         theirs.close()
@@ -52,6 +67,11 @@ class Worker:
     @property
     def dead(self) -> bool:
         return not self._process.is_alive()
+
+    @property
+    def out_of_memory(self) -> bool:
+        """Whether it has died for want of memory, which the system may have killed it for."""
+        return self._process.exitcode in (NO_MEMORY, -signal.SIGKILL)
 
     def give(self, work: object) -> None:
         """Send it something to do; if it has died meanwhile, that is noticed later."""

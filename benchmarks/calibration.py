@@ -40,7 +40,7 @@ from rich.progress import track
 from scipy.special import ndtri
 from scipy.stats import binomtest
 
-from arena.entrant import Entrant, enter_all
+from arena.entrant import Entrant, enter, only_once
 from arena.match import Match, Race, Seat
 from arena.pool import run_matches
 from arena.results import RESULTS
@@ -69,7 +69,7 @@ Pairs = list[pl.DataFrame]
 def ladder() -> list[Entrant]:
     """The last two checkpoints, the champion last."""
     paths = sorted((BUNDLED / CIRCUIT).glob(f"{LADDER}-*.safetensors"))[-2:]
-    return enter_all([str(path) for path in paths], CIRCUIT, CAR)
+    return only_once([enter(str(path), CIRCUIT, CAR) for path in paths])
 
 
 def against_itself(entrant: Entrant, pairs: int) -> Pairs:

@@ -46,7 +46,7 @@ from rich.table import Table
 from scipy.special import gammaincinv
 from scipy.stats import binomtest
 
-from arena.entrant import Entrant, enter, enter_all, find_checkpoints
+from arena.entrant import Entrant, enter, find_checkpoints, only_once
 from arena.match import Match, Race, Seat
 from arena.pool import run_matches
 from arena.results import VOID_ENDINGS
@@ -112,7 +112,10 @@ def entrants_of(paths: Sequence[Path], circuits: Sequence[str]) -> dict[tuple[st
     for circuit in circuits:
         if circuit not in {known for known, _ in sources}:
             raise InputError(f"circuit {circuit}: no checkpoint for it, expected at least one")
-    return {where: enter_all(found, *where) for where, found in sorted(sources.items())}
+    return {
+        where: only_once([enter(source, *where) for source in found])
+        for where, found in sorted(sources.items())
+    }
 
 
 def alone(laps: TimeTrial, limit_s: float | None, driver: TimeTrial) -> Figures:

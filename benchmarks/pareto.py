@@ -15,7 +15,7 @@ import numpy as np
 import polars as pl
 from safetensors.numpy import load_file
 
-from arena.entrant import Entrant, enter_all
+from arena.entrant import Entrant, enter, only_once
 from arena.pool import Pool
 from arena.store import Store
 from nathlon.filter import FilterSettings, run_filter
@@ -47,7 +47,7 @@ def make_field(folder: Path, count: int, rng: np.random.Generator) -> list[Path]
 def time_filter(sources: Sequence[Path], store: Path, workers: int) -> dict[str, Any]:
     """Enter checkpoints and filter them with the default settings, into a new store."""
     began = time.perf_counter()
-    entrants: list[Entrant] = enter_all([str(path) for path in sources], CIRCUIT, CAR)
+    entrants: list[Entrant] = only_once([enter(str(path), CIRCUIT, CAR) for path in sources])
     entered = time.perf_counter()
     with Store(store) as kept, Pool(workers) as pool:
         kept.begin_run("benchmark", {})

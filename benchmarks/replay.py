@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.match_policies import match_policies
 from arena.race_log import RaceLog
 from arena.recorder import record_races
 from arena.recording import read_recording, write_recording

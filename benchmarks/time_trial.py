@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from arena.entrant import Entrant
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.match_policies import match_policies
 from arena.runner import run_match
 
 SCENARIO = "time_trial"

@@ -32,9 +32,10 @@ from rich.console import Console
 from rich.progress import track
 
 import sim
-from arena.entrant import Entrant, enter_all
+from arena.entrant import Entrant, enter, only_once
 from arena.match import Match
-from arena.pool import Pool, match_policies
+from arena.match_policies import match_policies
+from arena.pool import Pool
 from nathlon.race_off import plan
 from policies.bundled import BUNDLED
 from tournament.event import Event, EventRace
@@ -51,13 +52,13 @@ SEED = 2024
 def entrants() -> list[Entrant]:
     """Twelve bundled checkpoints."""
     paths = sorted((BUNDLED / CIRCUIT).glob(f"{RUN}-*.safetensors"))[-ENTRANTS:]
-    return enter_all([str(path) for path in paths], CIRCUIT, CAR)
+    return only_once([enter(str(path), CIRCUIT, CAR) for path in paths])
 
 
 def round_robin(racing: Sequence[Entrant], pairs: int) -> list[Match]:
     """All matches, one a matchup."""
     race = EventRace(name="4v4", circuit=CIRCUIT, car=CAR, scenario=SCENARIO)
-    fixtures = plan(Event(race=(race,)), racing, pairs, np.random.SeedSequence(SEED))
+    fixtures = plan(Event(race=(race,)), [racing], pairs, np.random.SeedSequence(SEED))
     return [fixture.match(slice(None)) for fixture in fixtures]
 
 

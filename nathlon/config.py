@@ -17,7 +17,7 @@ from nathlon.n_athlon import BatterySettings
 from nathlon.race_off import TournamentSettings
 from nathlon.recordings import Kept
 from nathlon.skill import load_skills
-from nathlon.trials import policy_id
+from policies.identity import policy_id
 from policies.load import DRIVER
 from sim.data_file import Section, read_toml
 
@@ -89,7 +89,7 @@ class Config(Section):
             [race.model_dump(mode="json") for race in races],
             [surroundings(scenario, self.circuit, self.car) for scenario in sorted(here)],
             [surroundings(race.raced, race.circuit, race.car) for race in races],
-            [policy_id(opponent, self.circuit, self.car) for opponent in self.pareto.opponents],
+            [policy_id(opponent) for opponent in self.pareto.opponents],
         ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from arena.entrant import Entrant
+from arena.pool import Pool
 from nathlon.config import Config
 from nathlon.field import Field
 from nathlon.output import OutputFolder
@@ -17,7 +18,7 @@ from reports.selection import Selection
 
 
 def evaluate(
-    entrants: Sequence[Entrant], output: OutputFolder, config: Config, workers: int, on_match: OnMatch
+    entrants: Sequence[Entrant], output: OutputFolder, config: Config, pool: Pool, on_match: OnMatch
 ) -> Selection | None:
     """Run the whole selection and leave its report.
 
@@ -27,13 +28,13 @@ def evaluate(
         entrants: the candidates, all of one circuit and car.
         output: where everything goes.
         config: how to select, with the circuit and the car of the entrants.
-        workers: processes.
+        pool: where policies run.
         on_match: told about progress.
 
     Returns:
         what the report shows; None where people must vote first.
     """
-    with single_run("selection", entrants, config, output.store, workers, on_match) as run:
+    with single_run("selection", entrants, config, output.store, pool, on_match) as run:
         run.status = select(run, Field(tuple(entrants)), config)
         if run.status == WAITING:
             return None

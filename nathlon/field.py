@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from arena.entrant import Entrant, checkpoints_below, enter
+from arena.entrance import enter_each
+from arena.entrant import Entrant, checkpoints_below
+from arena.pool import Pool
+from policies.identity import policy_id
 from policies.plugin import PLUGIN
 from sim.errors import InputError
 
 
 @dataclass(frozen=True)
 class Exclusion:
-    """A file that is set aside, and why.
+    """A file or plugin that is set aside, and why.
 
     Attributes:
-        digest: SHA-256 of its bytes; None where it cannot be read.
+        digest: its id as far as it can be known without opening it; None where it cannot be read.
     """
 
     source: str
     reason: str
     digest: str | None
+
+    @property
+    def key(self) -> str:
+        """By which it is known again as long as it has not changed."""
+        return self.digest or self.source
 
 
 @dataclass(frozen=True)
@@ -49,38 +56,40 @@ class Field:
 
 
 def newcomers(
+    pool: Pool,
     watched: Iterable[str],
     circuit: str,
     car: str,
     known: Mapping[str, str],
-    refused: Container[str | None] = (),
+    refused: Container[str] = (),
 ) -> tuple[list[Entrant], list[Exclusion]]:
     """The entrants among the watched folders and files that are not known yet, and what is set aside.
 
     Files with the same contents are one entrant. Names are unique, also among those known.
 
     Args:
+        pool: opens them.
         watched: folders, files and `plugin:NAME`.
         circuit, car: what they must be able to drive.
         known: names by entrant ids.
-        refused: digests of files that were set aside before.
+        refused: keys of what was set aside before.
 
     Raises:
         InputError: if a watched path does not exist.
     """
     found: dict[str, Entrant] = {}
     excluded: list[Exclusion] = []
-    for source in _sources(watched):
-        digest = _digest(source)
-        if digest in known or digest in refused:
-            continue
-        try:
-            entrant = enter(source, circuit, car)
-        except InputError as error:
-            excluded.append(Exclusion(source, str(error), digest))
-            continue
-        if entrant.id not in known:
-            found.setdefault(entrant.id, entrant)
+    digests = {source: _digest(source) for source in _sources(watched)}
+    new = [
+        source
+        for source, digest in digests.items()
+        if digest not in known and (digest or source) not in refused
+    ]
+    for source, answer in zip(new, enter_each(pool, new, circuit, car), strict=True):
+        if isinstance(answer, InputError):
+            excluded.append(Exclusion(source, str(answer), digests[source]))
+        elif answer.id not in known:
+            found.setdefault(answer.id, answer)
     taken = set(known.values())
     named = []
     for entrant in found.values():
@@ -105,11 +114,9 @@ def _sources(watched: Iterable[str]) -> list[str]:
 
 
 def _digest(source: str) -> str | None:
-    """The id that a file of weights has, without reading what is in it; None for anything else."""
     try:
-        with Path(source).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
+        return policy_id(source)
+    except InputError:
         return None
 
 

@@ -11,6 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from arena.entrance import check_opponents
 from arena.entrant import Entrant
 from arena.match import Match
 from arena.results import RESULTS
@@ -121,6 +122,8 @@ def run_filter(run: Run, entrants: Sequence[Entrant], settings: FilterSettings) 
     """
     began = time.perf_counter()
     _check(settings)
+    for circuit, car in {(entrant.circuit, entrant.car) for entrant in entrants}:
+        check_opponents(run.pool, settings.opponents, circuit, car, "field pareto.opponents")
     plan = Plan(settings, run.seeds("pareto"))
     results = [pl.DataFrame(schema=RESULTS), run.results("pareto", plan.time_trials(entrants, 0))]
     through = came_through(own_runs(results[-1]), TIME_TRIAL)

@@ -8,8 +8,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from arena.job import Wanted
 from arena.match import Match
-from arena.pool import Pool, Wanted
+from arena.pool import Pool
 from arena.race_log import RaceLog, lap_length, origin, progress
 from arena.results import COURSE, LAPS
 from arena.store import Store

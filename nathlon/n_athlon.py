@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from pydantic import Field
 
+from arena.entrance import check_opponents
 from arena.entrant import Entrant, enter
 from arena.match import Match
 from arena.results import RESULTS
@@ -19,7 +20,7 @@ from nathlon.battery import MARKS, rank_battery, skills
 from nathlon.run import Answer, Run
 from nathlon.skill import Marks, Skill, load_skills
 from nathlon.trials import against, draw_seeds
-from policies.load import DRIVER, load_policy
+from policies.load import DRIVER
 from sim.data_file import Section
 from sim.errors import InputError
 from sim.scenario import load_scenario
@@ -88,7 +89,8 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     circuit, car = entrants[0].circuit, entrants[0].car
     set_aside = _without_room(tests, circuit)
     held = [skill for skill in tests if skill.name not in set_aside]
-    _check_opponents(held, circuit, car)
+    for skill in held:
+        check_opponents(run.pool, skill.opponents, circuit, car, f"test {skill.name!r}: field opponents")
     own = marking_matches(held, circuit, car)
     planned = skill_matches(entrants, held, run.seeds("battery"), settings.runs)
     results = run.results("battery", [*own.values(), *planned.values()])
@@ -129,16 +131,6 @@ def _without_room(tests: Sequence[Skill], circuit: str) -> dict[str, str]:
         except InputError as error:
             lacking[skill.name] = str(error)
     return lacking
-
-
-def _check_opponents(tests: Sequence[Skill], circuit: str, car: str) -> None:
-    """Raise InputError for an opponent that cannot drive, before anything runs."""
-    for skill in tests:
-        for opponent in skill.opponents:
-            try:
-                load_policy(opponent, circuit, car)
-            except InputError as error:
-                raise InputError(f"test {skill.name!r}: field opponents: {error}") from None
 
 
 def marking_matches(tests: Sequence[Skill], circuit: str, car: str) -> dict[str, Match]:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from arena.entrant import Entrant, enter
+from arena.entrance import enter_all, intact
+from arena.entrant import Entrant
 from arena.match import code_fingerprint
 from arena.pool import Pool
 from arena.results import RANKING
 from arena.store import RunRecord, Store
 from nathlon.config import Config
 from nathlon.field import Exclusion, Field, newcomers
-from nathlon.output import OutputFolder
+from nathlon.output import POLICY_LOG, OutputFolder
 from nathlon.pipeline import select
 from nathlon.publish import publish
 from nathlon.recordings import record_tournament
@@ -69,7 +71,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         InputError: if a watched folder or the store cannot be used.
     """
     with Store(config.store) as store, Pool(workers) as pool:
-        night, excluded = _open(store, config)
+        night, excluded = _open(store, config, pool)
         if night is None and excluded:
             return Night(None, DONE, HEALTH, f"All that is new was set aside: {excluded[0].reason}.", None)
         if night is None:
@@ -77,11 +79,12 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         field = _field(night.config)
         number = [record.name for record in _nights(store)].index(night.name)
         run = Run(store, night.name, (config.seed, number), pool, on_match)
+        output = OutputFolder(Path(config.out) / night.name)
+        pool.log.keep_in(output.root / POLICY_LOG)
         if select(run, field, config) == WAITING:
             store.end_run(night.name, WAITING)
             return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
         run.keep({"pool": _pool(store, night, run)})
-        output = OutputFolder(Path(config.out) / night.name)
         selection = publish(store, night.name, output, pool)
         if config.recordings == "all":
             record_tournament(store, night.name, output, pool, on_match)
@@ -108,7 +111,7 @@ def _nights(store: Store) -> list[RunRecord]:
     return [record for record in store.runs() if record.name.startswith(NIGHT)]
 
 
-def _open(store: Store, config: Config) -> tuple[RunRecord | None, Sequence[Exclusion]]:
+def _open(store: Store, config: Config, pool: Pool) -> tuple[RunRecord | None, Sequence[Exclusion]]:
     """The night that has not ended if it can go on, a new one if there is something new, or None.
 
     And the new files that are set aside.
@@ -117,25 +120,26 @@ def _open(store: Store, config: Config) -> tuple[RunRecord | None, Sequence[Excl
     for night in nights:
         if night.status in (DONE, ABANDONED):
             continue
-        if night.config["world"] == _world(config) and all(map(_intact, _field(night.config).entrants)):
-            return night, _field(night.config).excluded
+        field = _field(night.config)
+        if night.config["world"] == _world(config) and all(intact(pool, field.entrants)):
+            return night, field.excluded
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
     judged = {e.id: e.name for night in done for e in _field(night.config).newcomers}
-    anchors = tuple(enter(anchor, config.circuit, config.car) for anchor in config.nightly.anchors)
+    anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
-    refused = {item.digest for night in done for item in _field(night.config).excluded}
-    new, excluded = newcomers(config.checkpoints, config.circuit, config.car, known, refused)
+    refused = {item.key for night in done for item in _field(night.config).excluded}
+    new, excluded = newcomers(pool, config.checkpoints, config.circuit, config.car, known, refused)
     if not new:
         return None, excluded
-    incumbents = _incumbents(store, done, config.nightly.incumbents, {anchor.id for anchor in anchors})
+    incumbents = _incumbents(store, done, pool, config.nightly.incumbents, {anchor.id for anchor in anchors})
     field = Field(tuple(new), tuple(incumbents), anchors, tuple(excluded))
     plan = {"world": _world(config), "field": asdict(field)}
     try:
         return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan), excluded
     except InputError:
         # Another process has begun this night meanwhile, with what it found.
-        return _open(store, config)
+        return _open(store, config, pool)
 
 
 def _world(config: Config) -> dict[str, str]:
@@ -152,15 +156,15 @@ def _field(plan: Mapping[str, Any]) -> Field:
     return Field(**groups, excluded=tuple(Exclusion(**item) for item in stored["excluded"]))
 
 
-def _intact(entrant: Entrant) -> bool:
-    """Whether an entrant can still be loaded, and is the same."""
-    try:
-        return enter(entrant.source, entrant.circuit, entrant.car).id == entrant.id
-    except InputError:
-        return False
+def _anchors(pool: Pool, config: Config) -> tuple[Entrant, ...]:
+    if not config.nightly.anchors:
+        return ()
+    return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car))
 
 
-def _incumbents(store: Store, done: list[RunRecord], count: int, anchors: set[str]) -> list[Entrant]:
+def _incumbents(
+    store: Store, done: list[RunRecord], pool: Pool, count: int, anchors: set[str]
+) -> list[Entrant]:
     """The best of the last night's pool whose files are still there."""
     if not done:
         return []
@@ -170,8 +174,8 @@ def _incumbents(store: Store, done: list[RunRecord], count: int, anchors: set[st
         .drop_nulls("rank")
         .sort("rank", "points_per_race", descending=[False, True])
     )
-    ids = [entrant for entrant in best["entrant"] if entrant in entrants and entrant not in anchors]
-    return [entrants[entrant] for entrant in ids if _intact(entrants[entrant])][:count]
+    there = [entrants[id] for id in best["entrant"] if id in entrants and id not in anchors]
+    return list(compress(there, intact(pool, there)))[:count]
 
 
 def _pool(store: Store, night: RunRecord, run: Run) -> pl.DataFrame:

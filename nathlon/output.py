@@ -17,6 +17,10 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
 """What a disk says that takes no more."""
 
 
+POLICY_LOG = "policies.log"
+"""What policies print that are code, beside the report's folder."""
+
+
 class OutputFolder:
     """Where each part of a run goes."""
 

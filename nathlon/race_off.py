@@ -13,11 +13,14 @@ import numpy as np
 import polars as pl
 from pydantic import Field
 
-from arena.entrant import Entrant, enter
+from arena.entrance import enter_each
+from arena.entrant import Entrant
 from arena.match import Match, Race, Seat
+from arena.pool import Pool
 from arena.results import RESULTS
 from nathlon.run import CONFIDENCE, Answer, Run
 from sim.data_file import Section
+from sim.errors import InputError
 from tournament.conduct import Gate
 from tournament.event import Event, EventRace, load_event
 from tournament.formats import FormatName
@@ -105,7 +108,8 @@ def run_round_robin(
     """
     began = time.perf_counter()
     event = _event(entrants, settings)
-    fixtures = plan(event, entrants, settings.pairs, run.seeds("tournament"))
+    fields = [_entered(run.pool, entrants, race.circuit, race.car) for race in event.race]
+    fixtures = plan(event, fields, settings.pairs, run.seeds("tournament"))
     matches, results = _race(run, fixtures, event, settings)
     confidence = repeated(CONFIDENCE, len(_rounds(fixtures, settings)))
     tables = _tables(run, entrants, results, event.weights, settings, confidence)
@@ -124,7 +128,8 @@ def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]
 def tournament_matches(entrants: Sequence[Entrant], pairs: int, seeds: np.random.SeedSequence) -> list[Match]:
     """A 4v4 round robin of mirrored pairs, one match a matchup."""
     event = _event(entrants, TournamentSettings())
-    return [fixture.match(slice(None)) for fixture in plan(event, entrants, pairs, seeds)]
+    fixtures = plan(event, [list(entrants)] * len(event.race), pairs, seeds)
+    return [fixture.match(slice(None)) for fixture in fixtures]
 
 
 def _event(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
@@ -134,23 +139,31 @@ def _event(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
     return settings.held(entrants[0].circuit, entrants[0].car)
 
 
+def _entered(pool: Pool, entrants: Sequence[Entrant], circuit: str, car: str) -> list[Entrant]:
+    """Entrants on a circuit that may not be their own, where a composite is another policy."""
+    sources = [e.source for e in entrants if (e.circuit, e.car) != (circuit, car)]
+    there: dict[str, Entrant] = {}
+    for source, answer in zip(sources, enter_each(pool, sources, circuit, car), strict=True):
+        if isinstance(answer, InputError):
+            raise answer
+        there[source] = answer
+    return [there.get(entrant.source, entrant) for entrant in entrants]
+
+
 def plan(
-    event: Event, entrants: Sequence[Entrant], pairs: int, seeds: np.random.SeedSequence
+    event: Event, fields: Sequence[Sequence[Entrant]], pairs: int, seeds: np.random.SeedSequence
 ) -> list[Fixture]:
     """All meetings of an event, race by race.
 
     Args:
         event: what is raced.
-        entrants: who takes part.
+        fields: of each race who takes part, entered for its circuit and car.
         pairs: units of evidence of every matchup, at most, of races that do not say how many.
         seeds: of all units.
-
-    Raises:
-        InputError: if an entrant cannot drive a race.
     """
     fixtures: list[Fixture] = []
-    for race, stream in zip(event.race, seeds.spawn(len(event.race)), strict=True):
-        here = {entrant.id: enter(entrant.source, race.circuit, race.car) for entrant in entrants}
+    for race, field, stream in zip(event.race, fields, seeds.spawn(len(event.race)), strict=True):
+        here = {entrant.id: entrant for entrant in field}
         fixtures += [
             Fixture(race, meeting, tuple(here[entrant] for entrant in meeting.entrants))
             for meeting in round_robin(list(here), race.made, race.pairs or pairs, stream)

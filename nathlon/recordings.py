@@ -9,8 +9,9 @@ from typing import Literal
 
 import polars as pl
 
+from arena.job import Wanted
 from arena.match import Match
-from arena.pool import Pool, Wanted
+from arena.pool import Pool
 from arena.race_log import RaceLog
 from arena.recording import recording_name
 from arena.store import Store

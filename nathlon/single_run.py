@@ -12,12 +12,13 @@ from arena.entrant import Entrant
 from arena.pool import Pool
 from arena.store import Store
 from nathlon.config import Config
+from nathlon.output import POLICY_LOG
 from nathlon.run import OnMatch, Run
 
 
 @contextmanager
 def single_run(
-    kind: str, entrants: Sequence[Entrant], config: Config, store: Path, workers: int, on_match: OnMatch
+    kind: str, entrants: Sequence[Entrant], config: Config, store: Path, pool: Pool, on_match: OnMatch
 ) -> Iterator[Run]:
     """Begin a run, or go on with the one of the same kind, entrants and configuration that was stopped.
 
@@ -28,7 +29,7 @@ def single_run(
         entrants: who takes part.
         config: how.
         store: the SQLite file, which may hold other runs.
-        workers: processes.
+        pool: where matches run.
         on_match: told about progress.
 
     Raises:
@@ -36,8 +37,9 @@ def single_run(
     """
     plan = {"config": config.digest, "entrants": [entrant.id for entrant in entrants]}
     name = f"{kind}-{hashlib.sha256(json.dumps(plan).encode()).hexdigest()[:12]}"
-    with Store(store) as opened, Pool(workers) as pool:
+    with Store(store) as opened:
         opened.begin_run(name, plan)
+        pool.log.keep_in(store.with_name(POLICY_LOG))
         run = Run(opened, name, (config.seed,), pool, on_match)
         yield run
         opened.end_run(name, run.status)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arena.entrant import Entrant, enter
+from arena.entrant import Entrant
 from arena.match import Match, Race, Seat
-from policies.load import DRIVER
+from policies.identity import policy_id
 from sim.scenario import load_scenario
 
 
@@ -24,7 +24,7 @@ def against(
     """One entrant among others, once for each seed, from the given slots in turn.
 
     Raises:
-        InputError: if an opponent cannot drive here.
+        InputError: if there is no such opponent.
     """
     drivers = tuple(dict.fromkeys(opponents))
     cars = load_scenario(scenario).cars
@@ -39,20 +39,10 @@ def against(
         scenario,
         entrant.circuit,
         entrant.car,
-        (entrant.id, *(policy_id(driver, entrant.circuit, entrant.car) for driver in drivers)),
+        (entrant.id, *map(policy_id, drivers)),
         (entrant.source, *drivers),
         tuple(races),
     )
-
-
-def policy_id(source: str, circuit: str, car: str) -> str:
-    """The id of a policy; a built-in driver's is its name, known without making it.
-
-    Raises:
-        InputError: if it cannot drive there.
-    """
-    built_in = source.partition(":")[0] == DRIVER
-    return source if built_in else enter(source, circuit, car).id
 
 
 def draw_seeds(seeds: np.random.SeedSequence, count: int) -> list[int]:

@@ -9,6 +9,7 @@ from policies.composite import SUFFIX as COMPOSITE
 from policies.composite import CompositeSource
 from policies.driver import Driver
 from policies.early_braker import EarlyBraker
+from policies.memory import memory_limit
 from policies.onnx import OnnxPolicy
 from policies.plugin import PLUGIN, load_plugin
 from policies.policy import Policy
@@ -47,14 +48,16 @@ def load_file(path: Path) -> FilePolicy:
     """The policy in a file: a checkpoint, a `.zip` of Stable-Baselines3 or an `.onnx` graph.
 
     Raises:
-        InputError: if there is no such file, or no policy in it that can drive.
+        InputError: if there is no such file, no policy in it that can drive, or opening it takes too much
+            memory.
     """
-    match path.suffix:
-        case ".zip":
-            return Sb3Policy.load(path)
-        case ".onnx":
-            return OnnxPolicy.load(path)
-    return load_checkpoint(path)
+    with memory_limit():
+        match path.suffix:
+            case ".zip":
+                return Sb3Policy.load(path)
+            case ".onnx":
+                return OnnxPolicy.load(path)
+        return load_checkpoint(path)
 
 
 def _driver(name: str, settings: str, circuit: str, car: str) -> Policy:

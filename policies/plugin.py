@@ -7,8 +7,8 @@ policy's class. Unlike a file of weights it is code, and is loaded only when a u
 from __future__ import annotations
 
 import hashlib
-import sys
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
 
 from policies.policy import Policy
@@ -28,6 +28,8 @@ def load_plugin(name: str, circuit: str, car: str) -> Policy:
     point = _entry_point(name)
     try:
         policy = point.load()(circuit, car)
+    except MemoryError:
+        raise
     # It is foreign code: whatever it raises, the user wants to know whose it is.
     except Exception as error:
         raise InputError(
@@ -44,15 +46,21 @@ def load_plugin(name: str, circuit: str, car: str) -> Policy:
 def plugin_id(name: str) -> str:
     """SHA-256 in hexadecimal of the entry point and of all files of the top package that it lies in.
 
-    The package has been imported by `load_plugin`.
+    Nothing of the package is run.
+
+    Raises:
+        InputError: if no package or more than one offers it, or its module is not there.
     """
     point = _entry_point(name)
     digest = hashlib.sha256(f"{name}={point.value}".encode())
-    top = sys.modules[point.module.partition(".")[0]]
-    folders = [Path(folder) for folder in getattr(top, "__path__", [])]
+    top = point.module.partition(".")[0]
+    spec = find_spec(top)
+    if spec is None:
+        raise InputError(f"{PLUGIN}:{name}: offered as {point.value}, but there is no module {top!r}")
+    folders = [Path(folder) for folder in spec.submodule_search_locations or []]
     files = [(path, path.relative_to(folder)) for folder in folders for path in folder.rglob("*")]
     if not folders:
-        file = Path(str(top.__file__))
+        file = Path(str(spec.origin))
         files = [(file, Path(file.name))]
     for path, relative in sorted(files):
         if path.is_file() and "__pycache__" not in relative.parts:

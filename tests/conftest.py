@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
+from arena.pool import Pool
+
 # Two test processes share two cores: BLAS and torch must not take more than one each.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
@@ -38,6 +40,13 @@ def uncompiled() -> Iterator[None]:
 
     with torch.compiler.set_stance("force_eager"):
         yield
+
+
+@pytest.fixture
+def pool() -> Iterator[Pool]:
+    """A pool of one process, which sees what the test has put on the path."""
+    with Pool(1) as pool:
+        yield pool
 
 
 @pytest.fixture(scope="session")

@@ -13,9 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from arena.entrant import enter, find_checkpoints, trained_on
+from arena.entrance import trained_on
+from arena.entrant import enter, find_checkpoints
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.match_policies import match_policies
+from arena.pool import Pool
 from arena.runner import run_match
 from policies.composite import Composite, Part, columns, joint_spec
 from policies.load import load_policy
@@ -202,7 +204,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_file_races_as_its_parts_would(folder: Path) -> None:
+def test_a_file_races_as_its_parts_would(folder: Path, pool: Pool) -> None:
     source = written(folder, RELAY)
     entrant = enter(source, CIRCUIT, CAR)
     assert (entrant.name, entrant.algorithm, entrant.source) == ("relay", "composite", source)
@@ -210,7 +212,7 @@ def test_a_file_races_as_its_parts_would(folder: Path) -> None:
     match = Match("race", "t", "slipstream_pass", CIRCUIT, CAR, (entrant.id,), (source,), races)
     same = run_match(match, [relay(WEIGHTS, "driver:pace=0.95", 300.0)])
     assert run_match(match, match_policies(match)).equals(same)
-    assert trained_on([source]) == (CIRCUIT, CAR)
+    assert trained_on(pool, [source]) == (CIRCUIT, CAR)
 
 
 def test_the_id_stands_for_contents_and_not_for_paths(folder: Path) -> None:

@@ -10,7 +10,9 @@ import onnx
 import pytest
 from onnx import helper
 
-from arena.entrant import enter_all, entrants_table, find_checkpoints, trained_on
+from arena.entrance import enter_all, trained_on
+from arena.entrant import entrants_table, find_checkpoints
+from arena.pool import Pool
 from policies.checkpoint import load_checkpoint
 from policies.onnx import export_onnx
 from sim.errors import InputError
@@ -48,17 +50,17 @@ def test_a_folder_stands_for_all_policies_below_it(folder: Path) -> None:
         find_checkpoints([folder / "empty"])
 
 
-def test_circuit_and_car_are_those_of_the_first_that_tells_them(folder: Path) -> None:
+def test_circuit_and_car_are_those_of_the_first_that_tells_them(folder: Path, pool: Pool) -> None:
     sources = [str(folder / "a.onnx"), str(folder / "b.safetensors")]
-    assert trained_on(["plugin:any", "driver", *sources]) == ("lindenring", "gt3")
+    assert trained_on(pool, ["plugin:any", "driver", *sources]) == ("lindenring", "gt3")
     card = load_checkpoint(folder / "b.safetensors").card
-    assert trained_on(sources) == (card.circuit, card.car)
-    assert trained_on(sources[:1]) == ("lindenring", "gt3")
+    assert trained_on(pool, sources) == (card.circuit, card.car)
+    assert trained_on(pool, sources[:1]) == ("lindenring", "gt3")
 
 
-def test_files_of_every_kind_stand_in_one_table(folder: Path) -> None:
+def test_files_of_every_kind_stand_in_one_table(folder: Path, pool: Pool) -> None:
     sources = [str(path) for path in find_checkpoints([folder])]
-    table = entrants_table(enter_all(sources, "lindenring", "gt3"))
+    table = entrants_table(enter_all(pool, sources, "lindenring", "gt3"))
     assert table["name"].to_list() == ["a", "b", "step"]
     assert table["algorithm"].to_list() == ["ONNX", "QR-SAC, polished", "QR-SAC"]
     assert table["step"].null_count() == 1

@@ -12,8 +12,10 @@ import pytest
 
 from arena.classification import void
 from arena.entrant import enter
+from arena.job import Wanted
 from arena.match import Match, Race, Seat
-from arena.pool import Pool, Wanted, match_policies
+from arena.match_policies import match_policies
+from arena.pool import Pool
 from arena.results import RESULTS
 from arena.runner import run_match
 from arena.team import Absent

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.entrant import Entrant, enter_all
+from arena.entrant import Entrant, enter, only_once
 from arena.pool import Pool
 from arena.store import Store
 from nathlon.commands.pareto import pareto_command
@@ -69,7 +69,7 @@ def short(folder: Path) -> Config:
 def entrants(tmp_path_factory: pytest.TempPathFactory) -> list[Entrant]:
     faulty = tmp_path_factory.mktemp("faulty") / "faulty.safetensors"
     save_faulty(faulty)
-    return enter_all([str(path) for path in [*BUNDLED[:2], BUNDLED[-1], faulty]], "lindenring", "gt3")
+    return only_once([enter(str(path), "lindenring", "gt3") for path in [*BUNDLED[:2], BUNDLED[-1], faulty]])
 
 
 @pytest.fixture(scope="module")

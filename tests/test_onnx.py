@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from arena.entrant import enter
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.match_policies import match_policies
 from arena.runner import run_match
 from nathlon.cli import app
 from policies.checkpoint import load_checkpoint

@@ -11,8 +11,8 @@ import openpyxl
 import polars as pl
 import pytest
 
-from arena.entrant import Entrant, enter_all
-from arena.pool import run_matches
+from arena.entrant import Entrant, enter, only_once
+from arena.pool import Pool, run_matches
 from arena.recording import read_recording
 from arena.store import Store
 from nathlon.committee_rules import CommitteeSettings
@@ -44,14 +44,15 @@ def entrants(tmp_path_factory: pytest.TempPathFactory) -> list[Entrant]:
     faulty = tmp_path_factory.mktemp("faulty") / "faulty.safetensors"
     save_faulty(faulty)
     chosen = [path for path in BUNDLED if path.stem in CHOSEN]
-    return enter_all([str(path) for path in [*chosen, faulty]], "lindenring", "gt3")
+    return only_once([enter(str(path), "lindenring", "gt3") for path in [*chosen, faulty]])
 
 
 @pytest.fixture(scope="module")
 def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     seen: list[tuple[str, int, int]] = []
-    evaluate(entrants, OutputFolder(folder), CONFIG, 2, lambda *progress: seen.append(progress))
+    with Pool(2) as pool:
+        evaluate(entrants, OutputFolder(folder), CONFIG, pool, lambda *progress: seen.append(progress))
     assert {stage for stage, _, _ in seen} == {"pareto", "battery", "tournament"}
     return folder
 
@@ -102,7 +103,8 @@ def test_a_second_run_runs_nothing_and_says_the_same(
 ) -> None:
     page = (run / "report" / "index.html").stat().st_mtime_ns
     done: list[tuple[str, int, int]] = []
-    evaluate(entrants, OutputFolder(run), CONFIG, 2, lambda *progress: done.append(progress))
+    with Pool(2) as pool:
+        evaluate(entrants, OutputFolder(run), CONFIG, pool, lambda *progress: done.append(progress))
     assert all(count == total for _, count, total in done)
     again = json.loads((run / "summary.json").read_text())
     for stage in (*summary["stages"], *again["stages"]):
@@ -158,6 +160,6 @@ def test_stages_have_fresh_seeds_and_entrants_share_them(entrants: list[Entrant]
 
 def test_there_is_no_deciding_race_without_two(entrants: list[Entrant]) -> None:
     with pytest.raises(InputError):
-        enter_all([], "lindenring", "gt3")
+        only_once([])
     empty = pl.DataFrame({"entrant": ["alone"]})
     assert deciding_race(pl.DataFrame(), empty) is None

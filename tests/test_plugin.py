@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from arena.entrant import enter, enter_all
+from arena.entrance import enter_all
+from arena.entrant import enter
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.match_policies import match_policies
+from arena.pool import Pool
 from arena.runner import run_match
 from policies.load import load_policy
 from sim.errors import InputError
@@ -84,8 +86,8 @@ def identity(name: str = "straight") -> str:
     return enter(f"plugin:{name}", "lindenring", "gt3").id
 
 
-def test_a_plugin_races(site: Path) -> None:
-    entrants = enter_all(["plugin:straight", "driver"], "lindenring", "gt3")
+def test_a_plugin_races(site: Path, pool: Pool) -> None:
+    entrants = enter_all(pool, ["plugin:straight", "driver"], "lindenring", "gt3")
     assert [(e.name, e.algorithm, e.step) for e in entrants] == [
         ("straight", "plugin", None),
         ("driver", "built-in driver", None),

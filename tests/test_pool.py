@@ -18,10 +18,12 @@ from hypothesis import strategies as st
 
 from arena.entrant import enter
 from arena.grouping import CARS, group
+from arena.job import HOG_BYTES, Loss, Racing, again
 from arena.match import Match, Race, Seat
-from arena.pool import Pool, _again, _Job, match_policies
+from arena.match_policies import match_policies
+from arena.pool import Pool
 from arena.runner import run_match, run_together
-from arena.watch import NOBODY, Asked, Patience, Watch
+from arena.watch import NOBODY, Asked, Patience, Taken, Watch
 from nathlon.trials import against
 from sim.track import load_track
 from tests.checkpoints import BUNDLED
@@ -163,27 +165,46 @@ def test_groups_are_even_and_there_is_enough_for_all_workers() -> None:
         assert found == sizes or sorted(set(found)) == sizes
 
 
-def job(name: str, **facts: object) -> _Job:
+def job(name: str, **facts: object) -> Racing:
     match = Match(
         "t", name, "1v1", "lindenring", "gt3", ("a", "b"), ("a", "b"), (Race(1, (Seat(0), Seat(1))),)
     )
-    return _Job(match, **facts)  # type: ignore[arg-type]
+    return Racing(match, **facts)  # type: ignore[arg-type]
 
 
 def test_what_a_lost_worker_leaves_is_run_again() -> None:
     a, b, c = job("a"), job("b"), job("c")
     jobs = {0: a, 2: b, 5: c}
-    late, crash = (_again(jobs, Asked(9, 2, 1, 1.0), late) for late in (True, False))
+    late, crash = (again(jobs, Loss(Asked(9, 2, 1, 1.0), late)) for late in (True, False))
     assert late == ([[a, c], [job("b", absent={1: "timed_out"})]], [])
     assert crash == ([[a, c], [job("b", alone=True)]], [])
     nobody = Asked(9, NOBODY, NOBODY, 1.0)
-    assert _again(jobs, nobody, False)[0] == [[job(name, alone=True)] for name in "abc"]
+    assert again(jobs, Loss(nobody))[0] == [[job(name, alone=True)] for name in "abc"]
     by_itself = {0: job("b", alone=True, absent={0: "timed_out"})}
-    assert _again(by_itself, nobody, False) == ([], [b.match])
-    assert _again(by_itself, Asked(9, 0, 1, 1.0), False) == (
+    groups, [(given_up, answer)] = again(by_itself, Loss(nobody))
+    assert (groups, given_up) == ([], by_itself[0])
+    assert set(answer.results["ending"]) == {"simulator_fault"}
+    assert again(by_itself, Loss(Asked(9, 0, 1, 1.0))) == (
         [[job("b", absent={0: "timed_out", 1: "policy_raised"})]],
         [],
     )
+
+
+def test_memory_is_laid_to_who_took_it_once_a_match_runs_by_itself() -> None:
+    jobs = {0: job("a"), 1: job("b")}
+    asked = Asked(9, 1, 0, 1.0)
+    shared = Loss(asked, memory=True, taken=Taken(1, HOG_BYTES))
+    assert again(jobs, shared) == ([[job("a", alone=True)], [job("b", alone=True)]], [])
+    alone = {0: job("a", alone=True)}
+    at_work = Loss(Asked(9, NOBODY, NOBODY, 1.0), memory=True)
+    for entrant in (0, 1):
+        hog = at_work._replace(taken=Taken(entrant, HOG_BYTES))
+        assert again(alone, hog) == ([[job("a", absent={entrant: "policy_raised"})]], [])
+    greedy = Loss(Asked(9, 0, 1, 1.0), memory=True, taken=Taken(0, HOG_BYTES - 1))
+    assert again(alone, greedy) == ([[job("a", absent={1: "policy_raised"})]], [])
+    groups, [(given_up, answer)] = again(alone, at_work)
+    assert (groups, given_up) == ([], alone[0])
+    assert set(answer.results["ending"]) == {"simulator_fault"}
 
 
 def test_patience_ends_with_whoever_does_not_get_on() -> None:

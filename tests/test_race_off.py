@@ -125,7 +125,7 @@ def test_a_free_for_all_is_one_match_without_teams() -> None:
     names = [f"driver:pace={0.8 + k / 100}" for k in range(8)]
     entrants = [enter(name, "lindenring", "gt3") for name in names]
     event = Event(race=(EventRace(name="all", circuit="lindenring", car="gt3", format="ffa8"),))
-    [fixture] = plan(event, entrants, 3, np.random.SeedSequence(0))
+    [fixture] = plan(event, [entrants], 3, np.random.SeedSequence(0))
     match = fixture.match(slice(0, 2))
     assert len(match.races) == 16
     assert [race.seed for race in match.races] == [fixture.meeting.seeds[k] for k in (0, 1) for _ in range(8)]
@@ -137,7 +137,7 @@ def test_a_free_for_all_is_one_match_without_teams() -> None:
 def test_a_free_for_all_takes_any_number_of_entrants(entrants: int) -> None:
     drivers = [enter(f"driver:pace={0.8 + k / 100}", "lindenring", "gt3") for k in range(entrants)]
     event = Event(race=(EventRace(name="all", circuit="lindenring", car="gt3", format="ffa8"),))
-    [fixture] = plan(event, drivers, 2, np.random.SeedSequence(0))
+    [fixture] = plan(event, [drivers], 2, np.random.SeedSequence(0))
     match = fixture.match(slice(None))
     assert {len(race.seats) for race in match.races} == {8}
     for unit in (match.races[:entrants], match.races[entrants:]):

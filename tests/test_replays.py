@@ -12,7 +12,8 @@ import pytest
 
 from arena.entrant import enter, entrants_table
 from arena.match import Match, Race, Seat
-from arena.pool import Pool, match_policies
+from arena.match_policies import match_policies
+from arena.pool import Pool
 from arena.recording import read_recording, recording_name, write_recording
 from arena.results import RANKING, RESULTS
 from arena.runner import run_match

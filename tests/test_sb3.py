@@ -21,7 +21,9 @@ from hypothesis import strategies as st
 from sb3_contrib import TQC
 from stable_baselines3 import A2C, PPO, SAC, TD3
 
-from arena.entrant import enter_all, find_checkpoints, trained_on
+from arena.entrance import enter_all, trained_on
+from arena.entrant import find_checkpoints
+from arena.pool import Pool
 from examples.sb3_sac_tqc import CHECKPOINTS, LEARNERS, main
 from nathlon.commands.racing import race
 from policies.load import load_policy
@@ -272,12 +274,14 @@ def test_the_example_of_the_page_leaves_a_policy(tmp_path: Path, monkeypatch: py
     assert (policy.card.circuit, policy.card.car, policy.card.step) == ("lindenring", "gt3", 16)
 
 
-def test_what_the_example_trains_races(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_example_trains_races(
+    tmp_path: Path, pool: Pool, capsys: pytest.CaptureFixture[str]
+) -> None:
     main(["--steps", "60", "--out", str(tmp_path)])
     paths = find_checkpoints([tmp_path])
     assert len(paths) == 2 * CHECKPOINTS
-    assert trained_on(map(str, paths)) == ("lindenring", "gt3")
-    entrants = enter_all([str(path) for path in paths], "lindenring", "gt3")
+    assert trained_on(pool, map(str, paths)) == ("lindenring", "gt3")
+    entrants = enter_all(pool, [str(path) for path in paths], "lindenring", "gt3")
     assert {entrant.algorithm for entrant in entrants} == {"SB3 SAC", "SB3 TQC"}
     last = {e.name: e for e in entrants}["tqc_60_steps"]
     assert (last.seed, last.step) == (1, 53)

@@ -10,6 +10,7 @@ from typing import Any
 import polars as pl
 from rich.table import Table
 
+from arena.pool import Pool
 from nathlon.commands.console import console, print_json, say, worker_count
 from nathlon.commands.selection import entered, progress
 from nathlon.config import Config
@@ -19,15 +20,15 @@ from nathlon.single_run import single_run
 
 def battery(sources: Sequence[str], out: Path, config: Config, as_json: bool) -> None:
     """Put entrants through the n-athlon and print who has how many points."""
-    entrants, config = entered(sources, config)
     path = out / "store.sqlite"
-    workers = worker_count(config.workers)
-    with (
-        progress(f"The same command goes on from {path}.", as_json, ("battery",)) as on_match,
-        single_run("battery", entrants, config, path, workers, on_match) as run,
-    ):
-        answer = run_battery(run, entrants, config.battery)
-        run.keep(answer.tables)
+    with Pool(worker_count(config.workers)) as pool:
+        entrants, config = entered(pool, sources, config)
+        with (
+            progress(f"The same command goes on from {path}.", as_json, ("battery",)) as on_match,
+            single_run("battery", entrants, config, path, pool, on_match) as run,
+        ):
+            answer = run_battery(run, entrants, config.battery)
+            run.keep(answer.tables)
     names = {entrant.id: entrant.name for entrant in entrants}
     if as_json:
         print_json(_as_json(answer, names))

@@ -9,6 +9,7 @@ import polars as pl
 from rich.table import Table
 
 from arena.entrant import Entrant, entrants_table
+from arena.pool import Pool
 from arena.results import PARETO
 from nathlon.commands.console import console, print_json, say, worker_count
 from nathlon.commands.selection import entered, progress
@@ -26,15 +27,15 @@ def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_js
     Raises:
         InputError: if a checkpoint cannot drive, or the configuration names what does not exist.
     """
-    entrants, config = entered(checkpoints, config)
     path = out / "store.sqlite"
-    workers = worker_count(config.workers)
-    with (
-        progress(f"The same command goes on from {path}.", as_json) as on_match,
-        single_run("pareto", entrants, config, path, workers, on_match) as run,
-    ):
-        answer = run_filter(run, entrants, config.pareto)
-        run.keep({"entrants": entrants_table(entrants), **answer.tables})
+    with Pool(worker_count(config.workers)) as pool:
+        entrants, config = entered(pool, checkpoints, config)
+        with (
+            progress(f"The same command goes on from {path}.", as_json) as on_match,
+            single_run("pareto", entrants, config, path, pool, on_match) as run,
+        ):
+            answer = run_filter(run, entrants, config.pareto)
+            run.keep({"entrants": entrants_table(entrants), **answer.tables})
     table = pareto_table(entrants, answer)
     files = {"csv": out / "pareto.csv", "parquet": out / "pareto.parquet"}
     with whole_file(files["csv"]) as csv, whole_file(files["parquet"]) as parquet:

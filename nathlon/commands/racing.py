@@ -9,14 +9,14 @@ import polars as pl
 from rich.box import SIMPLE
 from rich.table import Table
 
-from arena.entrant import Entrant, enter
+from arena.entrance import enter_all
+from arena.entrant import Entrant
+from arena.job import Wanted
 from arena.match import Match, Race, Seat
-from arena.pool import match_policies
+from arena.pool import Pool
 from arena.qualifying import qualify
-from arena.recorder import record_races
 from arena.recording import write_recording
-from arena.runner import run_match
-from nathlon.commands.console import console, print_json, say
+from nathlon.commands.console import console, print_json, say, warn
 from nathlon.output import OutputFolder
 from sim.errors import InputError
 from sim.scenario import load_scenario
@@ -34,42 +34,55 @@ def race(
 ) -> None:
     """Run one race, print its result, and keep it if a folder is given.
 
-    Two entrants race as teams, on the odd and on the even places.
+    Two entrants race as teams, on the odd and on the even places. What policies print goes to standard error.
     """
-    entrants = [enter(source, circuit, car) for source in dict.fromkeys(sources)]
-    cars = load_scenario(scenario).cars
-    if qualifying:
-        timed = qualify(entrants, circuit, car, seed)
-        entrants = [entrant for entrant, _ in timed]
-        if not as_json:
-            _print_qualifying(timed)
-    seats = tuple(Seat(slot % len(entrants), slot % 2 if len(entrants) == 2 else -1) for slot in range(cars))
-    if len(entrants) > cars:
-        raise InputError(f"scenario {scenario}: {len(entrants)} entrants, expected at most {cars}")
-    match = Match(
-        "race",
-        scenario,
-        scenario,
-        circuit,
-        car,
-        tuple(entrant.id for entrant in entrants),
-        tuple(entrant.source for entrant in entrants),
-        (Race(seed, seats),),
-    )
-    output = OutputFolder(record) if record else None
-    policies_ = match_policies(match)
-    results = run_match(match, policies_).sort("place")
+    with Pool(1) as pool:
+        entrants = enter_all(pool, sources, circuit, car)
+        if qualifying:
+            timed = qualify(pool, entrants, circuit, car, seed)
+            entrants = [entrant for entrant, _ in timed]
+            if not as_json:
+                _print_qualifying(timed)
+        match = single_race(entrants, scenario, circuit, car, seed)
+        output = OutputFolder(record) if record else None
+        [(_, results)] = pool.run([match])
+        path = _record(pool, match, results, entrants, output) if output else None
+    if pool.log.text:
+        warn(pool.log.text.rstrip())
     names = {entrant.id: entrant.name for entrant in entrants}
     if as_json:
-        print_json([{"name": names[row["entrant"]], **row} for row in results.to_dicts()])
-    else:
-        _print_race(match, results, names)
-    if output:
-        [log] = record_races(match, policies_, [0], [entrant.name for entrant in entrants]).logs
-        path = output.races / "race.mcap"
-        write_recording(path, log)
-        if not as_json:
-            say(f"Recording    {path}")
+        print_json([{"name": names[row["entrant"]], **row} for row in results.sort("place").to_dicts()])
+        return
+    _print_race(match, results.sort("place"), names)
+    if path:
+        say(f"Recording    {path}")
+
+
+def single_race(entrants: Sequence[Entrant], scenario: str, circuit: str, car: str, seed: int) -> Match:
+    """One race that entrants start in turn until the grid is full, two of them as teams.
+
+    Raises:
+        InputError: if there are more entrants than places.
+    """
+    cars = load_scenario(scenario).cars
+    if len(entrants) > cars:
+        raise InputError(f"scenario {scenario}: {len(entrants)} entrants, expected at most {cars}")
+    seats = tuple(Seat(slot % len(entrants), slot % 2 if len(entrants) == 2 else -1) for slot in range(cars))
+    ids, sources = zip(*((entrant.id, entrant.source) for entrant in entrants), strict=True)
+    return Match("race", scenario, scenario, circuit, car, ids, sources, (Race(seed, seats),))
+
+
+def _record(
+    pool: Pool, match: Match, results: pl.DataFrame, entrants: Sequence[Entrant], output: OutputFolder
+) -> Path:
+    names = tuple(entrant.name for entrant in entrants)
+    [(_, answer)] = pool.record([Wanted(match, (0,), names, results)])
+    if isinstance(answer, InputError):
+        raise answer
+    path = output.races / "race.mcap"
+    with output.filling():
+        write_recording(path, answer[0])
+    return path
 
 
 def _print_qualifying(timed: Sequence[tuple[Entrant, float | None]]) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from rich.table import Table
 
-from arena.entrant import Entrant, enter_all, find_checkpoints, trained_on
+from arena.entrance import enter_all, trained_on
+from arena.entrant import Entrant, find_checkpoints
 from arena.pool import Pool
 from arena.store import Store
 from nathlon.commands.console import console, print_json, progress_bars, say, warn, worker_count
@@ -38,15 +39,15 @@ def configured(
     return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
 
 
-def entered(given: Iterable[str | Path], config: Config) -> tuple[list[Entrant], Config]:
+def entered(pool: Pool, given: Iterable[str | Path], config: Config) -> tuple[list[Entrant], Config]:
     """The entrants that checkpoints, folders and names give, and the configuration for where they drive.
 
     Raises:
         InputError: if one cannot drive, or there is none.
     """
     sources = [str(path) for path in find_checkpoints(map(Path, given))]
-    circuit, car = trained_on(sources)
-    return enter_all(sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})
+    circuit, car = trained_on(pool, sources)
+    return enter_all(pool, sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})
 
 
 def report(target: str, name: str | None, out: Path, record_all: bool, as_json: bool) -> None:
@@ -76,10 +77,11 @@ def report(target: str, name: str | None, out: Path, record_all: bool, as_json: 
 
 def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
     """Run the selection on checkpoints and say what came of it."""
-    entrants, config = entered(checkpoints, config)
-    output = OutputFolder(out)
-    with progress(f"The same command goes on from {output.store}.", as_json) as on_match:
-        selection = run_evaluation(entrants, output, config, worker_count(config.workers), on_match)
+    with Pool(worker_count(config.workers)) as pool:
+        entrants, config = entered(pool, checkpoints, config)
+        output = OutputFolder(out)
+        with progress(f"The same command goes on from {output.store}.", as_json) as on_match:
+            selection = run_evaluation(entrants, output, config, pool, on_match)
     if as_json:
         print_json(dict(selection.summary) if selection else {"status": WAITING, "store": output.store})
     elif selection is None:

@@ -1,0 +1,74 @@
+"""Entering policies that may be anything: in the pool's processes, where none can hang or crash this one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once, weights
+from arena.job import Opening
+from arena.pool import Pool
+from policies.load import load_file
+from sim.errors import InputError
+
+
+def enter_each(pool: Pool, sources: Sequence[str], circuit: str, car: str) -> list[Entrant | InputError]:
+    """The entrants that sources give, or why they give none; see `arena.entrant.enter`."""
+    return pool.open([Opening(source, enter, (source, circuit, car)) for source in sources])
+
+
+def enter_all(pool: Pool, sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:
+    """Entrants with unique names; of several with the same contents only the first is kept.
+
+    Raises:
+        InputError: if one cannot drive, or there is none.
+    """
+    entrants = []
+    for answer in enter_each(pool, list(dict.fromkeys(sources)), circuit, car):
+        if isinstance(answer, InputError):
+            raise answer
+        entrants.append(answer)
+    return only_once(entrants)
+
+
+def trained_on(pool: Pool, sources: Iterable[str]) -> tuple[str, str]:
+    """Circuit and car of the first of some files that tells them, or else the environments' own.
+
+    Raises:
+        InputError: if a file that comes before it cannot be read.
+    """
+    for path in weights(sources):
+        [answer] = pool.open([Opening(str(path), home, (path,))])
+        if isinstance(answer, InputError):
+            raise answer
+        if None not in answer:
+            return answer
+    return CIRCUIT, CAR
+
+
+def home(path: Path) -> tuple[str | None, str | None]:
+    """Circuit and car that a file of weights was made for, as far as it tells.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    card = load_file(path).card
+    return card.circuit, card.car
+
+
+def check_opponents(pool: Pool, sources: Iterable[str], circuit: str, car: str, field: str) -> None:
+    """Raise an InputError that names the field for an opponent that cannot drive, before anything runs."""
+    for answer in enter_each(pool, list(dict.fromkeys(sources)), circuit, car):
+        if isinstance(answer, InputError):
+            raise InputError(f"{field}: {answer}")
+
+
+def intact(pool: Pool, entrants: Sequence[Entrant]) -> list[bool]:
+    """Which entrants can still be loaded, and are the same."""
+    answers = pool.open(
+        [Opening(each.source, enter, (each.source, each.circuit, each.car)) for each in entrants]
+    )
+    return [
+        isinstance(answer, Entrant) and answer.id == entrant.id
+        for answer, entrant in zip(answers, entrants, strict=True)
+    ]

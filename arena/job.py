@@ -1,0 +1,142 @@
+"""What a worker is given to do, and what is to be done about it when the worker is lost."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import polars as pl
+
+from arena.classification import void
+from arena.match import Match
+from arena.recorder import Recorded
+from arena.watch import NOBODY, Asked, Taken
+from sim.errors import InputError
+
+log = logging.getLogger(__name__)
+
+HOG_BYTES = 256 << 20
+"""Who has taken less memory than this is not blamed for there being none."""
+
+
+class Wanted(NamedTuple):
+    """Races of a match that one wants to look at.
+
+    Attributes:
+        match: the match.
+        races: their indices in it.
+        names: of its entrants, as reports show them.
+        results: RESULTS that it came to when it was first run.
+        folder: where the worker leaves the recordings, instead of sending the logs; None if it sends them.
+    """
+
+    match: Match
+    races: tuple[int, ...]
+    names: tuple[str, ...]
+    results: pl.DataFrame
+    folder: Path | None = None
+
+
+@dataclass(frozen=True)
+class Racing:
+    """A match to run.
+
+    Attributes:
+        wanted: what is to be recorded of it; None if nothing is.
+        absent: endings of the entrants that are not asked, having stopped a worker before.
+        alone: whether it runs by itself in a fresh worker, having lost one for an unknown reason.
+    """
+
+    match: Match
+    wanted: Wanted | None = None
+    absent: Mapping[int, str] = field(default_factory=dict)
+    alone: bool = False
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A function to call that opens somebody's policy.
+
+    Attributes:
+        source: of the policy, for the error.
+        function: a module's own, called with `arguments`; what it returns can be pickled.
+        alone: as for `Racing`.
+    """
+
+    source: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    alone: bool = False
+
+
+Job = Racing | Opening
+Answer = Any
+"""`Recorded` or an InputError of a `Racing`; of an `Opening` what its function returns, or an InputError."""
+
+
+class Loss(NamedTuple):
+    """How a worker was lost.
+
+    Attributes:
+        asked: what it was at.
+        late: whether it was ended for not getting on with it.
+        memory: whether it ended for want of memory.
+        taken: by whom it had been taken, as far as known.
+    """
+
+    asked: Asked
+    late: bool = False
+    memory: bool = False
+    taken: Taken = Taken(NOBODY, 0.0)
+
+
+def again(jobs: Mapping[int, Job], loss: Loss) -> tuple[list[list[Job]], list[tuple[Job, Answer]]]:
+    """What to do about the jobs that a lost worker has not finished.
+
+    Args:
+        jobs: these jobs.
+        loss: how it was lost.
+
+    Returns:
+        groups to do again, and the jobs that are given up with their answers.
+    """
+    guilty = jobs.get(loss.asked.match)
+    if guilty is not None and (loss.late or guilty.alone):
+        others = [job for job in jobs.values() if job is not guilty]
+        done_again, given_up = _convict(guilty, loss)
+        return [group for group in (others, done_again) if group], given_up
+    if guilty is not None and not loss.memory:
+        others = [job for job in jobs.values() if job is not guilty]
+        return [group for group in (others, [replace(guilty, alone=True)]) if group], []
+    # Nobody is blamed before it has had a worker of its own.
+    groups: list[list[Job]] = [[replace(job, alone=True)] for job in jobs.values() if not job.alone]
+    given_up = []
+    for job in jobs.values():
+        if job.alone:
+            done_again, ended = _convict(job, loss)
+            groups += [done_again] if done_again else []
+            given_up += ended
+    return groups, given_up
+
+
+def _convict(job: Job, loss: Loss) -> tuple[list[Job], list[tuple[Job, Answer]]]:
+    """Do a job again without the entrant that ended its worker, or give it up; see `again`."""
+    entrant = loss.asked.entrant
+    if loss.memory and loss.taken.entrant != NOBODY and loss.taken.size >= HOG_BYTES:
+        entrant = loss.taken.entrant
+    if isinstance(job, Opening):
+        return [], [(job, InputError(f"{job.source}: {_why(loss)}, expected a policy"))]
+    if entrant == NOBODY:
+        return [], [(job, Recorded(void(job.match), []))]
+    ending = "timed_out" if loss.late else "policy_raised"
+    log.warning("%s: %s: its cars are out", job.match.sources[entrant], ending)
+    return [replace(job, absent={**job.absent, entrant: ending}, alone=False)], []
+
+
+def _why(loss: Loss) -> str:
+    if loss.late:
+        return f"took more than {loss.asked.limit_s:g} s to open"
+    return "needs more memory than there is" if loss.memory else "ended the process that opened it"

@@ -1,0 +1,141 @@
+"""What a worker process does: it opens policies, runs matches, and says who is asked."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Iterable, Iterator, Sequence
+from multiprocessing import connection, parent_process
+from typing import Any
+
+from arena.isolation import preserved
+from arena.job import Answer, Job, Opening, Racing, Wanted
+from arena.match import Match
+from arena.match_policies import match_policy
+from arena.output_log import print_into
+from arena.recorder import Recorded, record_races
+from arena.recording import recording_name, write_recording
+from arena.results import came_out_alike
+from arena.runner import LineUp, run_together
+from arena.team import Absent
+from arena.watch import Watch
+from arena.workers import NO_MEMORY, READY
+from policies.load import DRIVER
+from policies.policy import Policy
+from sim.errors import InputError
+
+log = logging.getLogger(__name__)
+
+OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
+
+
+def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
+    """Do what comes through the pipe, and send (number, answer) of each job.
+
+    What is printed meanwhile goes into a log's `sink`.
+    """
+    # Ctrl-C is for the parent to handle; it then ends its workers at once, for a match that is not
+    # finished is not stored.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    print_into(sink)
+    while True:
+        pipe.send(READY)
+        try:
+            jobs: list[Job] = pipe.recv()
+        except EOFError:
+            return
+        watch.begin(weighs=any(job.alone for job in jobs))
+        try:
+            for message in _do(jobs, watch):
+                watch.rest()
+                pipe.send(message)
+        except MemoryError:
+            # At once, while the watch still says who was asked.
+            os._exit(NO_MEMORY)
+        except Exception:
+            # Of ours, not of a policy: it is for the user to see.
+            pipe.send(RuntimeError(traceback.format_exc()))
+        watch.rest()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
+    line_ups: dict[int, LineUp] = {}
+    for number, job in enumerate(jobs):
+        if isinstance(job, Opening):
+            watch.ask(number, 0, first=True)
+            yield number, _open(job)
+            continue
+        try:
+            policies = [_present(job, number, entrant, watch) for entrant in range(len(job.match.entrants))]
+        except MemoryError:
+            raise
+        except InputError as error:
+            yield number, error
+            continue
+        if job.wanted:
+            yield number, _record(job.wanted, policies, watch)
+        else:
+            line_ups[number] = job.match, policies
+    if line_ups:
+        for number, results in run_together(line_ups, watch):
+            yield number, Recorded(results, [])
+
+
+def _open(opening: Opening) -> Answer:
+    try:
+        with preserved():
+            return opening.function(*opening.arguments)
+    except InputError as error:
+        # Another policy of this process may have taken the memory.
+        if isinstance(error, MemoryError) and not opening.alone:
+            raise
+        return error
+    except MemoryError:
+        raise
+    # It is somebody's file: whatever it brings about, only that file is set aside.
+    except Exception as error:
+        log.exception("%s", opening.source)
+        return InputError(f"{opening.source}: cannot be opened ({type(error).__name__}), expected a policy")
+
+
+def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -> Answer:
+    recorded = record_races(wanted.match, policies, wanted.races, wanted.names, watch)
+    if not came_out_alike(recorded.results, wanted.results):
+        return came_otherwise(wanted.match)
+    if wanted.folder is None:
+        return recorded
+    watch.rest()
+    try:
+        for race_log in recorded.logs:
+            write_recording(wanted.folder / recording_name(wanted.match.key, race_log.race), race_log)
+    except OSError as error:
+        return InputError(f"{wanted.folder}: the recording cannot be written: {error.strerror}")
+    return recorded._replace(logs=[])
+
+
+def came_otherwise(match: Match) -> InputError:
+    """Its policies or this machine do not compute the same as then, so that it is not what was seen then."""
+    return InputError(f"match {match.key[:10]}: {OTHERWISE}")
+
+
+def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Policy | Absent:
+    """A policy of a match, watched while it is loaded."""
+    if entrant in job.absent:
+        return Absent(job.absent[entrant])
+    if job.match.sources[entrant].partition(":")[0] == DRIVER:
+        watch.work()
+    else:
+        watch.ask(number, entrant, first=True)
+    with preserved():
+        return match_policy(job.match, entrant)

@@ -1,0 +1,31 @@
+"""What makes a policy the one that it is: known without opening it, so that nothing of it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from policies.checkpoint import checkpoint_id
+from policies.composite import SUFFIX as COMPOSITE
+from policies.composite import CompositeSource
+from policies.load import DRIVER
+from policies.plugin import PLUGIN, plugin_id
+
+
+def policy_id(source: str) -> str:
+    """The id of the policy that a user calls by a path or a name.
+
+    That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, of a plugin or a
+    composite that of all that decides how it drives.
+
+    Raises:
+        InputError: if there is no such file or plugin.
+    """
+    kind, _, name = source.partition(":")
+    if kind == DRIVER:
+        return source
+    if kind == PLUGIN:
+        return plugin_id(name)
+    if source.endswith(COMPOSITE):
+        composite = CompositeSource.read(Path(source))
+        return composite.identity([policy_id(part) for part in composite.sources])
+    return checkpoint_id(Path(source))

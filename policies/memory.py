@@ -1,0 +1,46 @@
+"""How much memory this process may take, as the operating system enforces it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+OPENING_BYTES = 2 << 30
+"""What opening a file may take beyond what the process has already."""
+
+_STATM = Path("/proc/self/statm")
+_DATA = 5
+
+
+def data_bytes() -> int:
+    """Private memory that this process has asked for and may write, in bytes; 0 where Linux does not tell."""
+    try:
+        pages = int(_STATM.read_bytes().split()[_DATA])
+    except OSError:
+        return 0
+    import resource
+
+    return pages * resource.getpagesize()
+
+
+@contextmanager
+def memory_limit(more: int = OPENING_BYTES) -> Iterator[None]:
+    """While this process may take at most `more` bytes beyond what it has; beyond that an allocation fails.
+
+    Linux enforces it (`RLIMIT_DATA`); elsewhere there is no limit.
+    """
+    if sys.platform != "linux":
+        yield
+        return
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    wanted = data_bytes() + more
+    bounds = [limit for limit in (soft, hard, wanted) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(bounds), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
