@@ -123,7 +123,9 @@ def own_runs(results: pl.DataFrame) -> pl.DataFrame:
     """The rows of RESULTS of the cars under test, which start last, without void races; in a fixed order."""
     race = ("match", "race")
     void = pl.col("ending").is_in(VOID_ENDINGS).any().over(race)
-    return results.filter(~void & (pl.col("slot") == pl.col("slot").max().over(race))).sort("entrant", *race)
+    return results.filter(~void & (pl.col("slot") == pl.col("slot").max().over(race))).sort(
+        "entrant", "test", "seed", *race
+    )
 
 
 def measure(runs: pl.DataFrame, objective: Objective) -> Measured:

@@ -1,5 +1,6 @@
 """Team points: the fit, its intervals, ties, mirrored pairs and faults."""
 
+import hashlib
 from itertools import combinations
 
 import numpy as np
@@ -232,6 +233,23 @@ def test_same_seed_gives_the_same_bytes_and_the_order_of_rows_does_not_matter() 
         assert first == table(results, seeded()).write_csv()
         assert first == table(shuffled, seeded()).write_csv()
     assert pair_correlation(results) == pair_correlation(shuffled)
+
+
+def test_the_same_races_under_other_keys_give_the_same_bounds() -> None:
+    """Keys of matches are hashes, which change with the program; each matchup here has three of them."""
+    made = tournament(PACE, 12, seeded())
+    parts = pl.col("race") // 8
+    made = made.with_columns(
+        match=pl.format("{} {}", "match", parts), race=pl.col("race") % 8, seed=100 + pl.col("race") // 2
+    )
+    told = []
+    for salt in (b"one", b"two", b"three"):
+        keys = {key: hashlib.sha256(salt + key.encode()).hexdigest() for key in made["match"].unique()}
+        results = made.with_columns(pl.col("match").replace_strict(keys)).sort("match", "race", "car")
+        told.append((rank(results, seeded()), matchups(results, seeded())))
+    for ranking, matchup in told[1:]:
+        assert ranking.equals(told[0][0])
+        assert matchup.equals(told[0][1])
 
 
 def test_who_is_called_team_0_does_not_matter() -> None:

@@ -49,7 +49,7 @@ def rates(
     names = (f"{count}_per_km", f"{count}_low", f"{count}_high")
     if seen.is_empty():
         return seen.select("entrant", *(pl.lit(None).alias(name) for name in names))
-    sides = seen.sort("entrant", "test", "match", "unit")
+    sides = seen.sort("entrant", maintain_order=True)
     totals = sides.group_by("entrant", maintain_order=True).agg(pl.col(count, "km").sum(), units=pl.len())
     events, km = (totals[name].to_numpy().astype(np.float64) for name in (count, "km"))
     sizes = totals["units"].to_numpy().astype(np.int64)

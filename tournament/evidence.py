@@ -19,18 +19,20 @@ from arena.statistics import Floats, Sizes, interval, p_values, precision, sprea
 
 MATCHUP = ("entrant", "opponent")
 UNIT = ("test", "match", "unit")
+ORDER = ("test", "field", "seed", "match", "unit")
+"""Of units, whatever the keys of their matches, which are hashes: what is resampled depends on the order."""
 
 ENOUGH = 4
 """Units of a matchup that must be alike to show that they do not vary: points are coarse."""
 
 
 def appearances(results: pl.DataFrame) -> pl.DataFrame:
-    """Every entrant's side of every valid unit of some RESULTS, ordered by test, match, unit and entrant.
+    """Every entrant's side of every valid unit of some RESULTS, in the `ORDER` of units, then by entrant.
 
     A unit is as many races of a match, one after the other, as entrants take part in it, `races`; the entrant
     started in `started` of them. `points` are means over the unit's races, `first` and `second` over those
     before and after the mirror; `contacts`, `at_fault` and `km` are sums over the entrant's cars, and
-    `field` says who took part.
+    `field` says who took part, `seed` is that of its first start.
     """
     points, mirrored = pl.col("points"), pl.col("mirrored")
     races = pl.col("races")
@@ -47,6 +49,7 @@ def appearances(results: pl.DataFrame) -> pl.DataFrame:
         .agg(
             points.sum() / races.first(),
             pl.col("contacts").sum(),
+            pl.col("seed").first(),
             started=pl.col("race").n_unique(),
             at_fault=pl.col("contacts_at_fault").sum(),
             km=pl.col("distance_m").sum() / 1000,
@@ -55,13 +58,14 @@ def appearances(results: pl.DataFrame) -> pl.DataFrame:
         )
         .sort(*UNIT, "entrant")
         .with_columns(field=pl.col("entrant").str.join("\n").over(UNIT))
+        .sort(*ORDER, "entrant")
     )
 
 
 def differences(seen: pl.DataFrame) -> pl.DataFrame:
     """Points of every two entrants of every unit: `entrant` minus `opponent`, the first by id, a race.
 
-    Ordered by test, field, entrant, opponent, match and unit.
+    Ordered by test, field, entrant, opponent, and then as the units are.
     """
     theirs = seen.select(*UNIT, opponent="entrant", points_="points", first_="first", second_="second")
     return (
@@ -71,11 +75,12 @@ def differences(seen: pl.DataFrame) -> pl.DataFrame:
             *UNIT,
             *MATCHUP,
             "field",
+            "seed",
             difference=pl.col("points") - pl.col("points_"),
             first=pl.col("first") - pl.col("first_"),
             second=pl.col("second") - pl.col("second_"),
         )
-        .sort("test", "field", *MATCHUP, "match", "unit")
+        .sort("test", "field", *MATCHUP, *ORDER[2:])
     )
 
 

@@ -10,7 +10,7 @@ import polars as pl
 from arena.results import MATCHUPS, POLICY_FAULTS, RANKING
 from arena.statistics import Floats, holm
 from tournament.conduct import Gate, rates
-from tournament.evidence import MATCHUP, UNIT, Evidence, appearances, differences
+from tournament.evidence import MATCHUP, ORDER, UNIT, Evidence, appearances, differences
 
 TEAM_POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
 """Points of places 1 to 8; further places score nothing."""
@@ -139,7 +139,7 @@ def _together(seen: pl.DataFrame, weights: Mapping[str, float]) -> pl.DataFrame:
     return (
         seen.join(opponents, on=UNIT)
         .filter(pl.col("entrant") != pl.col("opponent"))
-        .sort(*MATCHUP, *UNIT)
+        .sort(*MATCHUP, *ORDER)
         .group_by(*MATCHUP, "test", maintain_order=True)
         .agg(pl.col("points").mean(), pl.col("contacts", "km").sum(), pairs=pl.len())
         .with_columns(weight=weight)
