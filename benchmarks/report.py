@@ -32,6 +32,7 @@ from arena.results import RESULTS, TABLES
 from reports.page import write_page
 from reports.selection import Selection
 from reports.spreadsheet import write_spreadsheet
+from reports.summary import Summary
 from reports.tables import write_tables
 
 CHECKPOINTS, SURVIVORS, FINALISTS, RACES, CARS = 2000, 60, 13, 5000, 8
@@ -102,7 +103,8 @@ def night(rng: np.random.Generator) -> Selection:
         "void": 0,
         "replays": [],
     }
-    return Selection("A large night", tables, _results(rng, ids, final), summary, "nathlon.sqlite")
+    facts = Summary.model_validate(summary | {"ranking": []})
+    return Selection("A large night", tables, _results(rng, ids, final), facts, "nathlon.sqlite")
 
 
 def _results(rng: np.random.Generator, ids: list[str], final: list[str]) -> pl.DataFrame:

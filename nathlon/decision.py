@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from nathlon.ballots import Ballot, Preferences, agreement, order, support
 from nathlon.committee_events import Closed, Compared, Entry, Opened, Reopened, Result, Standing, Voted
+from reports.summary import CandidateStanding, Decided
 
 
 @dataclass
@@ -111,23 +111,24 @@ class Decision:
         )
 
 
-def describe(decision: Decision) -> dict[str, Any]:
-    """A decision as plain JSON values; while it is open, the result is the one that would follow now."""
+def describe(decision: Decision) -> Decided:
+    """A decision as the summary says it; while it is open, the result is the one that would follow now."""
     names = decision.opened.candidates
     result = decision.result or decision.tally()
     evidence = decision.opened.evidence
-    return {
-        "decision": decision.name,
-        "question": decision.opened.question,
-        "seats": decision.opened.seats,
-        "open": decision.result is None,
-        "waits_for": decision.waits_for,
-        "evidence": {"digest": evidence.digest, **evidence.model_dump(mode="json")},
-        "said": [entry.describe() for said in decision.said.values() for entry in said],
-        "late": [entry.id for entry in decision.late],
-        "ballots": result.ballots,
-        "agreement": result.agreement,
-        "standings": [
-            {"name": names[standing.entrant], **standing.model_dump()} for standing in result.standings
-        ],
-    }
+    return Decided(
+        decision=decision.name,
+        question=decision.opened.question,
+        seats=decision.opened.seats,
+        open=decision.result is None,
+        waits_for=decision.waits_for,
+        evidence={"digest": evidence.digest, **evidence.model_dump(mode="json")},
+        said=tuple(entry.describe() for said in decision.said.values() for entry in said),
+        late=tuple(entry.id for entry in decision.late),
+        ballots=result.ballots,
+        agreement=result.agreement,
+        standings=tuple(
+            CandidateStanding(name=names[standing.entrant], **standing.model_dump())
+            for standing in result.standings
+        ),
+    )

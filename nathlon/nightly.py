@@ -24,6 +24,7 @@ from nathlon.publish import publish
 from nathlon.recordings import record_tournament
 from nathlon.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
 from reports.selection import Selection
+from reports.summary import Summary
 from sim.errors import InputError
 from tournament.points import rank
 from tournament.stopping import repeated
@@ -94,17 +95,17 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         return Night(night.name, DONE, code, reason, selection)
 
 
-def judge(summary: Mapping[str, Any], entered: int, max_fault_share: float) -> tuple[int, str]:
+def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, str]:
     """Exit code of a night that came to its end, and why."""
-    faulty = summary["faults"] + summary["void"]
-    if faulty > max_fault_share * summary["car_runs"]:
-        return HEALTH, f"{faulty:,} of {summary['car_runs']:,} car runs ended by a fault."
-    excluded = len(summary["excluded"])
+    faulty = summary.faults + summary.void
+    if faulty > max_fault_share * summary.car_runs:
+        return HEALTH, f"{faulty:,} of {summary.car_runs:,} car runs ended by a fault."
+    excluded = len(summary.excluded)
     if excluded > max_fault_share * (excluded + entered):
         return HEALTH, f"{excluded:,} of {excluded + entered:,} new files were set aside."
-    if not summary["sent"]:
+    if not summary.sent:
         return GATE, "Nobody passed the committee's gates."
-    return OK, f"{summary['sent'][0]['name']} is sent."
+    return OK, f"{summary.sent[0].name} is sent."
 
 
 def _nights(store: Store) -> list[RunRecord]:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import errno
-import json
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from sim.errors import InputError
-from sim.whole_file import whole_file
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
 """What a disk says that takes no more."""
 
 
+SUMMARY = "summary.json"
 POLICY_LOG = "policies.log"
 """What policies print that are code, beside the report's folder."""
 
@@ -52,8 +50,3 @@ class OutputFolder:
             raise InputError(
                 f"{self.root}: cannot be written: {error.strerror}; expected room for a report"
             ) from None
-
-    def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write `summary.json`, whole or not at all."""
-        with whole_file(self.root / "summary.json") as partial:
-            partial.write_text(json.dumps(summary, indent=1) + "\n", "utf-8")

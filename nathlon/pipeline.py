@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
 
 import polars as pl
 
@@ -24,7 +23,7 @@ from nathlon.minutes import Minutes
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.race_off import run_round_robin
 from nathlon.run import CONFIDENCE, DONE, WAITING, Answer, Run
-from nathlon.summary import versions
+from reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
 from tournament.points import pair_correlation
 
 
@@ -63,7 +62,8 @@ def select(run: Run, field: Field, config: Config) -> str:
     anchors = {entrant.id for entrant in field.anchors}
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
     sent = ask(minutes, "selection", candidates, raced.tables, raced.results, config.committee)
-    run.store.put_fact(run.name, "summary", _summary(run, field, config, tables, tested, raced, sent))
+    summary = _summary(run, field, config, tables, tested, raced, sent)
+    run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return WAITING if sent.result is None else DONE
 
 
@@ -83,23 +83,26 @@ def _summary(
     tested: BatteryAnswer,
     raced: Answer,
     sent: Decision,
-) -> dict[str, Any]:
+) -> Summary:
     endings = run.store.results_of_run(run.name)["ending"]
     names = {entrant.id: entrant.name for entrant in field.entrants}
-    return {
-        "stages": run.stages,
-        "ranking": [{"name": names[row["entrant"]], **row} for row in tables["ranking"].to_dicts()],
-        "sent": [{"name": names[entrant], "entrant": entrant} for entrant in _chosen(sent)],
-        "seed": config.seed,
-        "circuit": config.circuit,
-        "car": config.car,
-        "versions": versions(),
-        "pair_correlation": pair_correlation(raced.results),
-        "confidence": CONFIDENCE,
-        "marks": {test: asdict(marks) for test, marks in tested.marks.items()},
-        "tests_set_aside": tested.set_aside,
-        "car_runs": len(endings),
-        "faults": int(endings.is_in(POLICY_FAULTS).sum()),
-        "void": int(endings.is_in(VOID_ENDINGS).sum()),
-        "excluded": [asdict(item) for item in field.excluded],
-    }
+    return Summary(
+        stages=tuple(run.stages),
+        ranking=ranked(tables["ranking"], names),
+        sent=tuple(Sent(name=names[entrant], entrant=entrant) for entrant in _chosen(sent)),
+        seed=config.seed,
+        circuit=config.circuit,
+        car=config.car,
+        versions=versions(),
+        pair_correlation=pair_correlation(raced.results),
+        confidence=CONFIDENCE,
+        marks={
+            test: TestMarks(base=marks.base, reference=marks.reference)
+            for test, marks in tested.marks.items()
+        },
+        tests_set_aside=tested.set_aside,
+        car_runs=len(endings),
+        faults=int(endings.is_in(POLICY_FAULTS).sum()),
+        void=int(endings.is_in(VOID_ENDINGS).sum()),
+        excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
+    )

@@ -13,16 +13,14 @@ from nathlon.curves import keep_curves
 from nathlon.decision import describe
 from nathlon.laps import keep_laps
 from nathlon.minutes import Minutes
-from nathlon.output import OutputFolder
+from nathlon.output import SUMMARY, OutputFolder
 from nathlon.replays import record_replays
 from nathlon.run import CONFIDENCE
-from nathlon.summary import versions
 from reports.page import write_page
 from reports.selection import Previous, Selection
 from reports.spreadsheet import write_spreadsheet
+from reports.summary import Summary, ranked, versions, write_summary
 from reports.tables import write_tables
-
-Json = dict[str, Any]
 
 
 def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selection:
@@ -39,9 +37,9 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
     summary, under_way = _summary(store, run, tables, results)
     with output.filling():
         replays = record_replays(store, races, tables, output, pool)
-        summary = summary | replays.summary
+        summary = summary.model_copy(update=replays.facts)
         selection = Selection(
-            f"{run} · {summary['circuit']} · {summary['car']}",
+            f"{run} · {summary.circuit} · {summary.car}",
             tables,
             results,
             summary,
@@ -53,18 +51,19 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
         write_page(selection, output.report)
         write_spreadsheet(selection, output.report / "ranking.xlsx")
         write_tables(selection, output.report / "tables")
-        output.write_summary(summary)
+        write_summary(output.root / SUMMARY, summary)
     return selection
 
 
 def _summary(
     store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame
-) -> tuple[Json, str | None]:
+) -> tuple[Summary, str | None]:
     """The run's summary, and how far it has come if it has not ended."""
     known: Any = store.facts(run)
     decisions = Minutes(store, run).decisions().values()
-    summary = known.get("summary") or _so_far(store, run, tables, results)
-    summary = summary | {"committee": [describe(decision) for decision in decisions]}
+    found = known.get("summary")
+    summary = Summary.model_validate(found) if found else _so_far(store, run, tables, results)
+    summary = summary.model_copy(update={"committee": tuple(map(describe, decisions))})
     waits = [str(decision.opened.question) for decision in decisions if decision.result is None]
     if waits:
         return summary, f"the committee is asked about the {waits[-1]}"
@@ -74,28 +73,28 @@ def _summary(
     return summary, f"under way: {progress['stage']}, {progress['done']:,} of {progress['total']:,} matches"
 
 
-def _so_far(store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame) -> Json:
+def _so_far(store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame) -> Summary:
     """What the summary of a run says before its end."""
     names = dict(tables["entrants"].select("entrant", "name").iter_rows())
     plan = next(record.config for record in store.runs() if record.name == run)
     card = next(tables["entrants"].iter_rows(named=True), {"circuit": "", "car": ""})
-    return {
-        "stages": [],
-        "ranking": [{"name": names[row["entrant"]], **row} for row in tables["ranking"].to_dicts()],
-        "sent": [],
-        "seed": None,
-        "circuit": card["circuit"],
-        "car": card["car"],
-        "versions": versions(),
-        "pair_correlation": None,
-        "confidence": CONFIDENCE,
-        "marks": {},
-        "tests_set_aside": {},
-        "car_runs": results.height,
-        "faults": int(results["ending"].is_in(POLICY_FAULTS).sum()),
-        "void": int(results["ending"].is_in(VOID_ENDINGS).sum()),
-        "excluded": plan.get("field", {}).get("excluded", []),
-    }
+    return Summary(
+        stages=(),
+        ranking=ranked(tables["ranking"], names),
+        sent=(),
+        seed=None,
+        circuit=card["circuit"],
+        car=card["car"],
+        versions=versions(),
+        pair_correlation=None,
+        confidence=CONFIDENCE,
+        marks={},
+        tests_set_aside={},
+        car_runs=results.height,
+        faults=int(results["ending"].is_in(POLICY_FAULTS).sum()),
+        void=int(results["ending"].is_in(VOID_ENDINGS).sum()),
+        excluded=plan.get("field", {}).get("excluded", ()),
+    )
 
 
 def _previous(store: Store, run: str) -> Previous | None:
@@ -112,7 +111,7 @@ def _previous(store: Store, run: str) -> Previous | None:
                 record.ended_at,
                 store.table(record.name, "entrants"),
                 store.table(record.name, "ranking") if pool.is_empty() else pool,
-                tuple(summary["sent"]),
+                tuple(Summary.model_validate(summary).sent),
             )
     return None
 

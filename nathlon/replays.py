@@ -18,6 +18,7 @@ from nathlon.decider import Notable, notable_races
 from nathlon.output import OutputFolder
 from nathlon.recordings import run_again, stored_match
 from reports.player import write_player
+from reports.summary import Replay, Scene
 from sim.errors import InputError
 
 FINAL = "final"
@@ -25,17 +26,20 @@ FINAL = "final"
 
 
 class Replays(NamedTuple):
-    """What there is to look at.
+    """What there is to look at: races, and the logs of those that are recorded."""
 
-    Attributes:
-        summary: `replays`, each with `match`, `race`, `why`, `recording`, `player` and `replay` (paths from
-            the report's folder, or None), `clips` (each with `start_s`, `end_s`, `car`, `why`) and `missing`:
-            why it could not be run again, or None; and `recording` and `replay` of the deciding race.
-        logs: of the races that are recorded.
-    """
-
-    summary: dict[str, Any]
+    races: tuple[Replay, ...]
     logs: tuple[RaceLog, ...]
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What the summary says of them."""
+        first = next(iter(self.races), None)
+        return {
+            "replays": self.races,
+            "recording": first and first.recording,
+            "replay": first and first.replay,
+        }
 
 
 def record_replays(
@@ -57,16 +61,15 @@ def record_replays(
     again, missing = _run_again(store, lost, tables["entrants"], pool)
     replays, logs = [], []
     for one, name, old in zip(notable, names, kept, strict=False):
-        entry = one._asdict() | {"recording": None, "player": None, "replay": None, "clips": []}
+        replay = Replay(**one._asdict(), missing=missing.get(one.match))
         log = old or again.get((one.match, one.race))
         if log is not None:
-            entry |= _files(log, output, name, fresh=old is None)
-            entry["clips"] = [clip._asdict() for clip in clips(log)]
+            scenes = tuple(Scene(**clip._asdict()) for clip in clips(log))
+            files = _files(log, output, name, fresh=old is None)
+            replay = replay.model_copy(update={**files, "clips": scenes, "missing": None})
             logs.append(log)
-        replays.append(entry | {"missing": missing.get(one.match) if log is None else None})
-    first = replays[0] if replays else {"recording": None, "replay": None}
-    summary = {"replays": replays, "recording": first["recording"], "replay": first["replay"]}
-    return Replays(summary, tuple(logs))
+        replays.append(replay)
+    return Replays(tuple(replays), tuple(logs))
 
 
 def _kept(path: Path, race: Notable, results: pl.DataFrame) -> RaceLog | None:

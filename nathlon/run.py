@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -19,6 +18,7 @@ from arena.match import Match
 from arena.pool import Pool
 from arena.results import RESULTS
 from arena.store import Store
+from reports.summary import Stage
 
 STAGES = ("pareto", "battery", "tournament")
 CONFIDENCE = 0.95
@@ -74,7 +74,7 @@ class Run:
     seeds_from: tuple[int, ...]
     pool: Pool
     on_match: OnMatch
-    stages: list[dict[str, Any]] = field(default_factory=list)
+    stages: list[Stage] = field(default_factory=list)
     status: str = DONE
     _noted: float = field(default=-math.inf, init=False)
 
@@ -146,7 +146,7 @@ class Run:
         """Keep a stage's counts for the summary; `began` is a reading of `time.perf_counter`, s."""
         races = results.select(pl.struct("match", "race").n_unique()).item()
         wall_s = round(time.perf_counter() - began, 2)
-        self.stages.append({"name": stage, "in": came, "out": left, "races": races, "wall_s": wall_s})
+        self.stages.append(Stage(name=stage, entered=came, left=left, races=races, wall_s=wall_s))
 
 
 def _is_gone(owner: str) -> bool:

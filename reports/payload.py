@@ -36,7 +36,7 @@ def payload(selection: Selection) -> dict[str, Any]:
         "title": selection.title,
         "underWay": selection.under_way,
         "verdict": {"headline": shown.headline, "sentences": shown.sentences},
-        "summary": {key: value for key, value in selection.summary.items() if key != "ranking"},
+        "summary": selection.summary.model_dump(mode="json", exclude={"ranking"}),
         "listed": selection.tables["entrants"].height,
         "entrants": _columns(entrants),
         "tables": {name: _columns(_numbered(table, numbers)) for name, table in tables.items()},
@@ -119,7 +119,7 @@ def _previous(previous: Previous | None, numbers: pl.Enum) -> dict[str, Any] | N
     return {
         "name": previous.name,
         "ended": previous.ended_at,
-        "sent": [dict(sent) for sent in previous.sent],
+        "sent": [sent.model_dump() for sent in previous.sent],
         "known": [number for number, entrant in enumerate(shown) if entrant in known],
         "pool": _columns(_numbered(pool.select("entrant", "rank", "points_per_race"), numbers)),
     }

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import polars as pl
 
 from arena.race_log import RaceLog
+from reports.summary import Sent, Summary
 
 
 @dataclass(frozen=True)
@@ -20,14 +20,14 @@ class Previous:
         ended_at: UTC, ISO 8601; None where it has not ended.
         entrants: schema ENTRANTS.
         pool: schema RANKING, over its round robin and those before it.
-        sent: name and entrant of whom its committee sent.
+        sent: by its committee.
     """
 
     name: str
     ended_at: str | None
     entrants: pl.DataFrame
     pool: pl.DataFrame
-    sent: tuple[Mapping[str, str], ...]
+    sent: tuple[Sent, ...]
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,7 @@ class Selection:
     """The tables of one selection with the facts of its run.
 
     `tables` has the keys and schemas of `arena.results.TABLES`, `results` that of
-    `arena.results.RESULTS`. `summary` holds `stages` (each with `name`, `in`, `out`, `races`, `wall_s`),
-    `sent` (each with `name`, `entrant`), `committee` (each with `question`, `standings`, `said`, ...),
-    `circuit`, `car`, `seed`, `versions`, `marks` (of a test: `base`, `reference`), `tests_set_aside` (reasons
-    by test), `excluded` (each with `source`, `reason`), `pair_correlation` (or None), `confidence` (0.95),
-    `car_runs`, `faults`, `void`, and `replays`: races to look at, the deciding one first, each with `match`,
-    `race`, `why`, the paths `player`, `recording` and `replay` relative to the report's folder (or None),
-    `clips` (each with `start_s`, `end_s`, `car`, `why`) and `missing`, why it was not run again (or None).
+    `arena.results.RESULTS`.
 
     Attributes:
         title: of the report.
@@ -53,7 +47,7 @@ class Selection:
     title: str
     tables: Mapping[str, pl.DataFrame]
     results: pl.DataFrame
-    summary: Mapping[str, Any]
+    summary: Summary
     store: str
     under_way: str | None = None
     previous: Previous | None = None

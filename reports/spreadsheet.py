@@ -153,25 +153,25 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
     summary = selection.summary
     facts: list[tuple[str, Any]] = [
         ("Title", selection.title),
-        ("Circuit", summary["circuit"]),
-        ("Car", summary["car"]),
-        ("Seed", summary["seed"]),
-        ("Confidence of intervals", summary["confidence"]),
-        ("Correlation within mirrored pairs", summary["pair_correlation"]),
-        ("Car runs", summary["car_runs"]),
-        ("Car runs ended by a policy's fault", summary["faults"]),
-        ("Void car runs", summary["void"]),
+        ("Circuit", summary.circuit),
+        ("Car", summary.car),
+        ("Seed", summary.seed),
+        ("Confidence of intervals", summary.confidence),
+        ("Correlation within mirrored pairs", summary.pair_correlation),
+        ("Car runs", summary.car_runs),
+        ("Car runs ended by a policy's fault", summary.faults),
+        ("Void car runs", summary.void),
         ("Rows left out of Races", left_out),
     ]
-    for stage in summary["stages"]:
-        name = str(stage["name"]).capitalize()
+    for stage in summary.stages:
+        name = stage.name.capitalize()
         facts += [
-            (f"{name}: entrants in", stage["in"]),
-            (f"{name}: entrants out", stage["out"]),
-            (f"{name}: races", stage["races"]),
-            (f"{name}: time [s]", stage["wall_s"]),
+            (f"{name}: entrants in", stage.entered),
+            (f"{name}: entrants out", stage.left),
+            (f"{name}: races", stage.races),
+            (f"{name}: time [s]", stage.wall_s),
         ]
-    facts += [(f"Version of {name}", version) for name, version in sorted(summary["versions"].items())]
+    facts += [(f"Version of {name}", version) for name, version in sorted(summary.versions.items())]
     sheet = add_table(workbook, "Run", ["Fact", "Value"], len(facts))
     left = workbook.add_format({"align": "left"})
     sheet.freeze_panes(1, 0)

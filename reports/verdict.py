@@ -9,6 +9,7 @@ from typing import Any
 import polars as pl
 
 from reports.selection import Selection
+from reports.summary import Decided
 
 Row = Mapping[str, Any]
 
@@ -30,37 +31,35 @@ def verdict(selection: Selection) -> Verdict:
     if decision is None:
         return _unfinished(selection)
     ranking = selection.named("ranking").drop_nulls("points_per_race").to_dicts()
-    if decision["open"]:
-        missing = _count(decision["waits_for"], "ballot")
-        waits = (
-            f"waits for {missing} of its members" if decision["waits_for"] else "has put the question again"
-        )
+    if decision.open:
+        missing = _count(decision.waits_for, "ballot")
+        waits = f"waits for {missing} of its members" if decision.waits_for else "has put the question again"
         return Verdict(
             "The committee has not decided",
             (f"It {waits}; {_reasons(decision)}.", _state_of(ranking), _barred(ranking)),
         )
-    sent = [standing for standing in decision["standings"] if standing["chosen"]]
+    sent = [standing for standing in decision.standings if standing.chosen]
     if not sent:
         return _nobody(selection, decision, ranking)
-    name, entrant = sent[0]["name"], sent[0]["entrant"]
-    approval = f"approved on {sent[0]['approved_by']} of {_count(decision['ballots'], 'ballot')}"
+    name, entrant = sent[0].name, sent[0].entrant
+    approval = f"approved on {sent[0].approved_by} of {_count(decision.ballots, 'ballot')}"
     own = next((row for row in ranking if row["entrant"] == entrant), None)
     if own is None:
         proof: tuple[str, ...] = ("It was the only finalist, so no race supports the choice.",)
     else:
-        candidates = {standing["entrant"] for standing in decision["standings"]}
-        confidence = f"{selection.summary['confidence']:.0%} interval"
+        candidates = {standing.entrant for standing in decision.standings}
+        confidence = f"{selection.summary.confidence:.0%} interval"
         proof = (_proof(own, ranking, candidates, confidence), f"{_manners(own)} {_barred(ranking)}")
     return Verdict(f"Send {name}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof))
 
 
-def _decision(selection: Selection) -> Row | None:
-    decisions = selection.summary["committee"]
-    return next((decision for decision in decisions if decision["question"] == "selection"), None)
+def _decision(selection: Selection) -> Decided | None:
+    decisions = selection.summary.committee
+    return next((decision for decision in decisions if decision.question == "selection"), None)
 
 
-def _reasons(decision: Row) -> str:
-    ballots = [said for said in decision["said"] if said["event"] == "voted"]
+def _reasons(decision: Decided) -> str:
+    ballots = [said for said in decision.said if said["event"] == "voted"]
     if not ballots:
         return "nobody has voted"
     ballots.sort(key=lambda ballot: ballot["member"].startswith("rule:"))
@@ -83,8 +82,8 @@ def _proof(own: Row, ranking: Sequence[Row], candidates: set[str], confidence: s
     others = [row["name"] for row in first if row["entrant"] != own["entrant"]]
     if not others:
         return f"{scored}: it is the only one of {len(ranking)} that no other is proven to outscore."
-    tied = f"{len(others)} others" if len(others) > 3 else _listed(others, "or")
-    return f"{scored}: nobody is proven to score more, but of {tied} neither, so their order is open."
+    tied = f"{len(others)} others" if len(others) > 3 else _listed(others, "and")
+    return f"{scored}: statistically tied with {tied}."
 
 
 def _why_not(row: Row, candidates: set[str]) -> str:
@@ -123,9 +122,9 @@ def _interval(low: float | None, high: float | None, digits: int) -> str:
     return "" if low is None or high is None else f"{low:.{digits}f}–{high:.{digits}f}"
 
 
-def _nobody(selection: Selection, decision: Row, ranking: Sequence[Row]) -> Verdict:
-    if decision["standings"]:
-        said = f"The committee found none of {_count(len(decision['standings']), 'finalist')} fit"
+def _nobody(selection: Selection, decision: Decided, ranking: Sequence[Row]) -> Verdict:
+    if decision.standings:
+        said = f"The committee found none of {_count(len(decision.standings), 'finalist')} fit"
         return Verdict(
             "Send nobody", (f"{said}: {_reasons(decision)}.", _state_of(ranking), _barred(ranking))
         )
@@ -160,7 +159,7 @@ def _stages_so_far(selection: Selection) -> tuple[str, ...]:
     return (
         went,
         f"In the n-athlon {leader['name']} is first with {leader['points']:,.0f} points "
-        f"({selection.summary['confidence']:.0%} interval {interval}){tied}.",
+        f"({selection.summary.confidence:.0%} interval {interval}){tied}.",
         _state_of(selection.named("ranking").drop_nulls("points_per_race").to_dicts()),
     )
 

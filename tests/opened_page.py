@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, Page
 
 from reports.page import write_page
 from reports.selection import Selection
+from reports.summary import Replay
 from tests.lap_tables import with_laps
 from tests.race_logs import oval_race
 from tests.selections import build, night_before
@@ -41,7 +42,7 @@ def full_night() -> Selection:
     return with_laps(
         replace(
             selection,
-            summary={**selection.summary, "replays": [replay]},
+            summary=selection.summary.model_copy(update={"replays": (Replay.model_validate(replay),)}),
             previous=night_before(selection),
             logs=(log,),
         ),

@@ -12,6 +12,7 @@ import polars as pl
 
 from arena.results import RESULTS, TABLES
 from reports.selection import Previous, Selection
+from reports.summary import Sent, Summary
 
 TESTS = ("hot_lap", "race_eight", "grid_start", "slipstream_pass", "final_chicane", "mistake_recovery")
 PERSON = ("ann", "calm in traffic <b>& fair</b>")
@@ -70,6 +71,7 @@ def with_tables(
 ) -> Selection:
     """A selection of the given rows; tables that are not named are empty."""
     tables = {name: pl.DataFrame(rows.get(name, []), schema=schema) for name, schema in TABLES.items()}
+    names = dict(tables["entrants"].select("entrant", "name").iter_rows())
     count = {name: table.height for name, table in tables.items()}
     facts: dict[str, Any] = {
         "stages": [
@@ -86,6 +88,7 @@ def with_tables(
         "car_runs": 18_000,
         "faults": 3,
         "void": 0,
+        "ranking": [{"name": names[row["entrant"]], **row} for row in tables["ranking"].to_dicts()],
         "sent": [],
         "committee": [],
         "marks": {test: {"base": 90.0, "reference": 85.0} for test in TESTS},
@@ -97,7 +100,7 @@ def with_tables(
         title="Harbour, GT3: nightly selection",
         tables=tables,
         results=pl.DataFrame(results or [], schema=RESULTS),
-        summary=facts | summary,
+        summary=Summary.model_validate(facts | summary),
         store="nathlon.sqlite",
     )
 
@@ -163,7 +166,7 @@ def night_before(selection: Selection) -> Previous:
         "2031-05-03T03:21:00.000000+00:00",
         selection.tables["entrants"].filter(pl.col("entrant") != newcomer),
         pool.with_columns(rank=pl.col("rank").reverse()),
-        ({"name": "coast-old", "entrant": pool["entrant"][0]},),
+        (Sent(name="coast-old", entrant=pool["entrant"][0]),),
     )
 
 

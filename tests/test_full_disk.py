@@ -16,6 +16,7 @@ from reports.page import write_page
 from reports.player import write_player
 from reports.replay import write_replay
 from reports.spreadsheet import write_spreadsheet
+from reports.summary import read_summary, write_summary
 from reports.tables import write_tables
 from sim.errors import InputError
 from tests.race_logs import oval_race
@@ -57,14 +58,15 @@ def test_nothing_is_left_of_what_does_not_fit(name: str, tmp_path: Path) -> None
 
 
 def test_what_was_there_stays(tmp_path: Path) -> None:
-    output = OutputFolder(tmp_path)
-    output.write_summary({"sent": ["a"]})
-    before = (tmp_path / "summary.json").read_bytes()
+    output, path = OutputFolder(tmp_path), tmp_path / "summary.json"
+    summary = build(np.random.default_rng(0), entrants=2).summary
+    write_summary(path, summary)
+    before = path.read_bytes()
     with pytest.raises(InputError, match="cannot be written"), output.filling(), room(2000):
-        output.write_summary({"sent": ["b" * 3000]})
-    assert (tmp_path / "summary.json").read_bytes() == before
-    output.write_summary({"sent": ["c"]})
-    assert b"c" in (tmp_path / "summary.json").read_bytes()
+        write_summary(path, summary.model_copy(update={"circuit": "b" * 3000}))
+    assert path.read_bytes() == before
+    write_summary(path, summary.model_copy(update={"circuit": "another"}))
+    assert read_summary(path).circuit == "another"
 
 
 def test_a_fault_of_ours_is_not_taken_for_a_full_disk(tmp_path: Path) -> None:

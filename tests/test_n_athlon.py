@@ -154,7 +154,7 @@ def test_without_entrants_there_is_nothing_to_say(store: Store) -> None:
     answer = run_battery(run, [], SETTINGS)
     assert answer.tables["skills"].schema == SKILLS
     assert answer.tables["battery"].is_empty()
-    assert run.stages[-1]["races"] == 0
+    assert run.stages[-1].races == 0
 
 
 def test_an_opponent_that_cannot_drive_is_named_before_anything_runs(store: Store, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -18,8 +19,10 @@ from arena.results import TABLES
 from arena.store import Store
 from nathlon.config import TEMPLATE, Config, read_config
 from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly
+from reports.summary import Sent, SetAside
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon, refused
+from tests.selections import build
 
 GOOD = [path for path in BUNDLED if path.stem in ("lindenring-s1-032k", "lindenring-s1-040k")]
 WEAK = next(path for path in BUNDLED if path.stem == "lindenring-s1-008k")
@@ -121,7 +124,7 @@ def test_the_first_night_sends_somebody(folder: Path, nights: list[Night]) -> No
     night = nights[0]
     assert (night.name, night.status, night.code) == ("night-0001", "done", OK)
     assert night.selection is not None
-    sent = night.selection.summary["sent"][0]["name"]
+    sent = night.selection.summary.sent[0].name
     assert sent in {path.stem for path in GOOD}
     assert night.reason == f"{sent} is sent."
     for path in ("report/index.html", "report/ranking.xlsx", "summary.json"):
@@ -155,8 +158,8 @@ def test_only_what_is_new_is_judged_against_the_best_so_far(store: Store, nights
 def test_a_broken_file_is_set_aside_and_shown_once(folder: Path, nights: list[Night]) -> None:
     night = nights[2]
     assert night.selection is not None
-    [item] = night.selection.summary["excluded"]
-    assert item["source"].endswith("broken.safetensors")
+    [item] = night.selection.summary.excluded
+    assert item.source.endswith("broken.safetensors")
     assert night.code == HEALTH
     assert night.reason == "1 of 2 new files were set aside."
     assert run(folder).reason == "Nothing is new."
@@ -197,21 +200,31 @@ def test_the_status_command(folder: Path, nights: list[Night]) -> None:
     assert said["disagreements"] == []
 
 
+ASIDE, SENT = SetAside(source="a", reason="b"), (Sent(name="a", entrant="a"),)
+
+
 @pytest.mark.parametrize(
     ("facts", "code"),
     [
         ({"faults": 1}, OK),
         ({"faults": 11}, HEALTH),
         ({"void": 11}, HEALTH),
-        ({"sent": []}, GATE),
-        ({"sent": [], "faults": 50}, HEALTH),
-        ({"excluded": [{}] * 2}, HEALTH),
-        ({"excluded": [{}]}, OK),
+        ({"sent": ()}, GATE),
+        ({"sent": (), "faults": 50}, HEALTH),
+        ({"excluded": (ASIDE,) * 2}, HEALTH),
+        ({"excluded": (ASIDE,)}, OK),
     ],
 )
 def test_the_exit_code(facts: dict[str, Any], code: int) -> None:
-    healthy = {"faults": 0, "void": 0, "car_runs": 100, "excluded": [], "sent": [{"name": "a"}]}
-    assert judge(healthy | facts, 10, 0.1)[0] == code
+    healthy = {
+        "faults": 0,
+        "void": 0,
+        "car_runs": 100,
+        "excluded": (),
+        "sent": SENT,
+    }
+    plain = build(np.random.default_rng(0)).summary
+    assert judge(plain.model_copy(update=healthy | facts), 10, 0.1)[0] == code
 
 
 def vote_for_the_first(folder: Path) -> str:

@@ -184,7 +184,9 @@ def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
         selection,
         title=HOSTILE,
         tables={**selection.tables, "entrants": entrants},
-        summary={**selection.summary, "circuit": HOSTILE, "tests_set_aside": {HOSTILE: HOSTILE}},
+        summary=selection.summary.model_copy(
+            update={"circuit": HOSTILE, "tests_set_aside": {HOSTILE: HOSTILE}}
+        ),
     )
     opened = Opened(browser, hostile, tmp_path)
     assert opened.page.title() == HOSTILE
@@ -244,6 +246,6 @@ def test_failed_render_leaves_the_old_page(tmp_path: Path) -> None:
     selection = build(np.random.default_rng(5))
     before = write_page(selection, tmp_path).read_bytes()
     with pytest.raises(KeyError):
-        write_page(replace(selection, summary={}), tmp_path)
+        write_page(replace(selection, tables={}), tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["index.html"]
     assert (tmp_path / "index.html").read_bytes() == before

@@ -37,14 +37,12 @@ def test_only_one_that_nobody_is_proven_to_outscore() -> None:
     )
 
 
-def test_shared_first_rank_leaves_the_order_open() -> None:
+def test_a_shared_first_rank_is_a_tie() -> None:
     rows = [ranked(IDS[0], 1, 20.0), ranked(IDS[1], 1, 20.4), ranked(IDS[2], 3, 9.0)]
     told = verdict(night(*rows))
-    assert told.sentences[1].endswith(
-        "nobody is proven to score more, but of e1 neither, so their order is open."
-    )
+    assert told.sentences[1].endswith("in 80 races: statistically tied with e1.")
     many = verdict(night(*(ranked(entrant, 1, 20.0) for entrant in IDS)))
-    assert "but of 5 others neither" in many.sentences[1]
+    assert many.sentences[1].endswith("statistically tied with 5 others.")
 
 
 def test_sent_though_others_are_proven_better() -> None:

@@ -47,12 +47,12 @@ def test_a_clip_opens_the_player_at_its_moment_with_one_click(
     browser: Browser, tmp_path: Path, full: Selection
 ) -> None:
     opened = Opened(browser, full, tmp_path)
-    clip = full.summary["replays"][0]["clips"][0]
+    clip = full.summary.replays[0].clips[0]
     opened.page.get_by_role("link", name="0:21.5 to 0:31.5").click()
     opened.until(READY)
-    assert shown_time(opened) == clip["start_s"]
-    assert opened.page.locator("#follow").input_value() == str(clip["car"])
-    assert clip["why"] in opened.page.locator(".moments").first.inner_text()
+    assert shown_time(opened) == clip.start_s
+    assert opened.page.locator("#follow").input_value() == str(clip.car)
+    assert clip.why in opened.page.locator(".moments").first.inner_text()
     opened.assert_quiet()
 
 

@@ -168,15 +168,15 @@ def test_a_selection_keeps_its_notable_races(
 ) -> None:
     output = OutputFolder(tmp_path)
     with Store.open(store_path) as store, Pool(1) as pool:
-        summary, logs = record_replays(store, results, tables, output, pool)
-    assert 1 <= len(summary["replays"]) == len(logs) <= 2
-    assert summary["recording"] == summary["replays"][0]["recording"] == "../races/final.mcap"
-    assert summary["replay"] == "../replays/final.rrd"
-    for entry, log in zip(summary["replays"], logs, strict=True):
-        recorded = read_recording(output.report / entry["recording"])
-        assert (log.match, log.race, entry["missing"]) == (match.key, entry["race"], None)
+        replays = record_replays(store, results, tables, output, pool)
+    assert 1 <= len(replays.races) == len(replays.logs) <= 2
+    assert replays.facts["recording"] == replays.races[0].recording == "../races/final.mcap"
+    assert replays.facts["replay"] == "../replays/final.rrd"
+    for race, log in zip(replays.races, replays.logs, strict=True):
+        recorded = read_recording(output.report / str(race.recording))
+        assert (log.match, log.race, race.missing) == (match.key, race.race, None)
         assert recorded.samples.tobytes() == log.samples.tobytes()
-        assert (output.report / entry["player"]).read_text().startswith("<!doctype html>")
+        assert (output.report / str(race.player)).read_text().startswith("<!doctype html>")
 
 
 def test_what_is_recorded_is_not_run_again_and_what_cannot_be_run_says_why(
@@ -192,10 +192,10 @@ def test_what_is_recorded_is_not_run_again_and_what_cannot_be_run_says_why(
         assert record_replays(store, results, gone, output, pool)[0] == before
         assert (output.replays / "final.rrd").exists()
         (output.races / "final.mcap").write_bytes(b"cut short")
-        summary, logs = record_replays(store, results, gone, output, pool)
-    assert summary["replay"] is None
-    assert "gone.safetensors" in summary["replays"][0]["missing"]
-    assert len(logs) == len(before["replays"]) - 1
+        races, logs = record_replays(store, results, gone, output, pool)
+    assert races[0].replay is None
+    assert "gone.safetensors" in str(races[0].missing)
+    assert len(logs) == len(before) - 1
 
 
 def test_a_race_that_ends_otherwise_is_not_shown_for_the_one_that_was_run(
@@ -206,9 +206,9 @@ def test_a_race_that_ends_otherwise_is_not_shown_for_the_one_that_was_run(
         store.begin_run("night-0001", {})
         store.put_table("night-0001", "entrants", tables["entrants"])
         store.add_match(match.key, "tournament", match.spec(), other)
-        summary, logs = record_replays(store, other, tables, OutputFolder(tmp_path / "out"), pool)
+        races, logs = record_replays(store, other, tables, OutputFolder(tmp_path / "out"), pool)
         assert logs == ()
-        assert "ended otherwise" in summary["replays"][0]["missing"]
+        assert "ended otherwise" in str(races[0].missing)
         with pytest.raises(InputError, match="ended otherwise when it was run again"):
             record_stored_race(store, f"{match.key}:0", tmp_path)
 

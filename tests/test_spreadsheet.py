@@ -131,7 +131,7 @@ def test_hostile_names_are_text(selection: Selection, tmp_path: Path) -> None:
         selection,
         title="=1+1",
         tables={**selection.tables, "entrants": entrants, "skills": skills},
-        summary={**selection.summary, "circuit": "=1+1", "versions": {"=1+1": "=1+1"}},
+        summary=selection.summary.model_copy(update={"circuit": "=1+1", "versions": {"=1+1": "=1+1"}}),
     )
     path = write_spreadsheet(hostile, tmp_path / "ranking.xlsx")
     book = openpyxl.load_workbook(path)

@@ -28,7 +28,7 @@ def show(place: Place, as_json: bool) -> None:
     with _minutes(place) as minutes:
         decisions = minutes.decisions().values()
     if as_json:
-        print_json([describe(decision) for decision in decisions])
+        print_json([describe(decision).model_dump(mode="json") for decision in decisions])
         return
     if not decisions:
         say("The committee has not been asked anything.")
@@ -145,7 +145,7 @@ def _report(minutes: Minutes, decision: Decision, as_json: bool) -> None:
     """Print the decision as it stands now."""
     now = minutes.decisions()[decision.opened.question]
     if as_json:
-        print_json(describe(now))
+        print_json(describe(now).model_dump(mode="json"))
     else:
         _print(now)
 

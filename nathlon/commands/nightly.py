@@ -36,7 +36,7 @@ def nightly(path: Path, workers: int | None, as_json: bool) -> None:
         night = run_nightly(config, worker_count(workers or config.workers), on_match)
     if as_json:
         facts: dict[str, Any] = {name: value for name, value in vars(night).items() if name != "selection"}
-        print_json(facts | {"summary": night.selection and dict(night.selection.summary)})
+        print_json(facts | {"summary": night.selection and night.selection.summary.model_dump(mode="json")})
     elif night.selection and night.name:
         print_selection(night.selection, OutputFolder(Path(config.out) / night.name))
     if not as_json:

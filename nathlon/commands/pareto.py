@@ -44,7 +44,7 @@ def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_js
     front = table.filter("survives")
     if as_json:
         summary = {
-            **run.stages[-1],
+            **run.stages[-1].model_dump(),
             "front": front.to_dicts(),
             "files": {kind: str(path) for kind, path in files.items()},
         }

@@ -67,7 +67,7 @@ def report(target: str, name: str | None, out: Path, record_all: bool, as_json: 
                 with progress("The same command goes on.", as_json, (RECORDINGS,)) as on_match:
                     record_tournament(store, name, output, pool, on_match)
     if as_json:
-        print_json(dict(selection.summary))
+        print_json(selection.summary.model_dump(mode="json"))
     elif selection.under_way:
         say(f"Run          {name}: {selection.under_way}")
         say(f"Report       {output.report / 'index.html'}")
@@ -83,7 +83,11 @@ def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bo
         with progress(f"The same command goes on from {output.store}.", as_json) as on_match:
             selection = run_evaluation(entrants, output, config, pool, on_match)
     if as_json:
-        print_json(dict(selection.summary) if selection else {"status": WAITING, "store": output.store})
+        print_json(
+            selection.summary.model_dump(mode="json")
+            if selection
+            else {"status": WAITING, "store": output.store}
+        )
     elif selection is None:
         say(f"The committee waits for its members: nathlon committee {output.store}")
     else:
@@ -111,17 +115,17 @@ def progress(stopped: str, quiet: bool, stages: Sequence[str] = (*STAGES, RECORD
 def print_selection(selection: Selection, output: OutputFolder) -> None:
     """Print the ranking, who is sent, and where the files are."""
     _print_ranking(selection)
-    sent = selection.summary["sent"]
-    say(f"Sent         {sent[0]['name'] if sent else 'nobody: no finalist passed the gates'}")
+    sent = selection.summary.sent
+    say(f"Sent         {sent[0].name if sent else 'nobody: no finalist passed the gates'}")
     say(f"Report       {output.report / 'index.html'}")
     say(f"Spreadsheet  {output.report / 'ranking.xlsx'}")
-    if selection.summary["recording"]:
+    if selection.summary.recording:
         say(f"Replay       nathlon replay {output.races / 'final.mcap'}")
     say(f"Summary      {output.root / 'summary.json'}")
 
 
 def _print_ranking(selection: Selection) -> None:
-    ranking = selection.summary["ranking"]
+    ranking = selection.summary.ranking
     if not ranking:
         say("Fewer than two entrants reached the round robin; see the report for the filter and the tests.")
         return
@@ -129,10 +133,10 @@ def _print_ranking(selection: Selection) -> None:
     for column in ("Rank", "Entrant", "Points a race", "Contacts per km", "Races"):
         table.add_column(column, justify="left" if column == "Entrant" else "right")
     for row in ranking:
-        points = (row["points_per_race"], row["points_low"], row["points_high"])
-        contacts = (row["contacts_per_km"], row["contacts_low"], row["contacts_high"])
-        place = "–" if row["rank"] is None else str(row["rank"])
-        table.add_row(place, row["name"], _interval(*points), _interval(*contacts), str(row["races"]))
+        points = (row.points_per_race, row.points_low, row.points_high)
+        contacts = (row.contacts_per_km, row.contacts_low, row.contacts_high)
+        place = "–" if row.rank is None else str(row.rank)
+        table.add_row(place, row.name, _interval(*points), _interval(*contacts), str(row.races))
     console.print(table)
 
 

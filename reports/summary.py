@@ -1,0 +1,238 @@
+"""What a selection came to, as `summary.json` says it to other programs."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Any
+
+import polars as pl
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from sim.errors import InputError, first_fault
+from sim.whole_file import whole_file
+
+VERSION = 1
+"""Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
+PACKAGES = ("nathlon", "numpy", "numba", "torch")
+
+
+class Part(BaseModel):
+    """A part of the summary. Fields of later versions are passed over."""
+
+    model_config = ConfigDict(frozen=True, validate_by_name=True, serialize_by_alias=True)
+
+
+class Stage(Part):
+    """A stage that has ended: `pareto`, `battery`, `committee` or `tournament`.
+
+    Attributes:
+        entered, left: entrants that came in, and that went on.
+        races: that it rests on.
+        wall_s: how long it took, s.
+    """
+
+    name: str
+    entered: Annotated[int, Field(alias="in")]
+    left: Annotated[int, Field(alias="out")]
+    races: int
+    wall_s: float
+
+
+class Ranked(Part):
+    """An entrant of the round robin: a row of the table `ranking` (`arena.results.RANKING`) with its name."""
+
+    name: str
+    entrant: str
+    rank: int | None
+    points_per_race: float | None
+    points_low: float | None
+    points_high: float | None
+    contacts_per_km: float | None
+    contacts_low: float | None
+    contacts_high: float | None
+    at_fault_per_km: float | None
+    at_fault_low: float | None
+    at_fault_high: float | None
+    barred: bool
+    pairs: int
+    races: int
+    faults: int
+
+
+class Sent(Part):
+    """An entrant that the committee sends: its name, and its id."""
+
+    name: str
+    entrant: str
+
+
+class CandidateStanding(Part):
+    """How a candidate stands; see `nathlon.committee_events.Standing`."""
+
+    name: str
+    entrant: str
+    approved_by: int
+    fit: bool
+    favour: float
+    chosen: bool
+
+
+class Decided(Part):
+    """A question to the committee, what was said, and what followed or, while it is open, would follow now.
+
+    Attributes:
+        decision: its name in the event log.
+        question: `shortlist` or `selection`.
+        seats: entrants to choose.
+        waits_for: ballots of people that are missing.
+        evidence: digest, rows and tables that the members were shown.
+        said: events of the log that count, as plain values.
+        late: numbers of those that came too late for the result.
+        ballots: cast.
+        agreement: of the members, from -1 to 1; None with fewer than two.
+        standings: candidates from first to last.
+    """
+
+    decision: str
+    question: str
+    seats: int
+    open: bool
+    waits_for: int
+    evidence: dict[str, Any]
+    said: tuple[dict[str, Any], ...]
+    late: tuple[int, ...]
+    ballots: int
+    agreement: float | None
+    standings: tuple[CandidateStanding, ...]
+
+
+class TestMarks(Part):
+    """What is worth 500 points in a test (`base`) and 1,000 (`reference`), in the test's unit."""
+
+    base: float
+    reference: float
+
+
+class SetAside(Part):
+    """A file or plugin that was set aside, and why; see `nathlon.field.Exclusion`."""
+
+    source: str
+    reason: str
+    digest: str | None = None
+
+
+class Scene(Part):
+    """A part of a race, s since its start; the car to follow, and why one should look at it."""
+
+    start_s: float
+    end_s: float
+    car: int
+    why: str
+
+
+class Replay(Part):
+    """A race to look at.
+
+    Attributes:
+        match, race: its match's key and its number there.
+        why: one should look at it.
+        recording, player, replay: paths from the report's folder; None where there is none.
+        clips: its decisive moments.
+        missing: why it was not run again; None where it was.
+    """
+
+    match: str
+    race: int
+    why: str
+    recording: str | None = None
+    player: str | None = None
+    replay: str | None = None
+    clips: tuple[Scene, ...] = ()
+    missing: str | None = None
+
+
+class Summary(Part):
+    """What a selection came to.
+
+    Attributes:
+        version: of this format.
+        stages: that have ended.
+        ranking: of the round robin, best first.
+        sent: whom the committee sends; empty where it sends nobody or has not decided.
+        seed: of all randomness; None where the run has not come so far.
+        circuit, car: what was driven.
+        versions: of Python and packages.
+        pair_correlation: of the two races of a mirrored pair; None where too few tell.
+        confidence: of all intervals.
+        marks: by test.
+        tests_set_aside: reasons by test.
+        car_runs: cars times races.
+        faults, void: of them ended by a policy's fault, and by one of the simulator.
+        excluded: what was set aside before anything ran.
+        committee: what it was asked.
+        replays: races to look at, the deciding one first.
+        recording, replay: of the deciding race; paths from the report's folder.
+    """
+
+    version: int = VERSION
+    stages: tuple[Stage, ...]
+    ranking: tuple[Ranked, ...]
+    sent: tuple[Sent, ...]
+    seed: int | None
+    circuit: str
+    car: str
+    versions: dict[str, str]
+    pair_correlation: float | None
+    confidence: float
+    marks: dict[str, TestMarks]
+    tests_set_aside: dict[str, str]
+    car_runs: int
+    faults: int
+    void: int
+    excluded: tuple[SetAside, ...]
+    committee: tuple[Decided, ...] = ()
+    replays: tuple[Replay, ...] = ()
+    recording: str | None = None
+    replay: str | None = None
+
+
+def ranked(ranking: pl.DataFrame, names: Mapping[str, str]) -> tuple[Ranked, ...]:
+    """The rows of RANKING, given the names of the entrants by their ids."""
+    return tuple(Ranked(name=names[row["entrant"]], **row) for row in ranking.to_dicts())
+
+
+def write_summary(path: Path, summary: Summary) -> None:
+    """Write `summary.json`, whole or not at all."""
+    with whole_file(path) as partial:
+        partial.write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+
+
+def read_summary(path: Path) -> Summary:
+    """Read `summary.json`.
+
+    Raises:
+        InputError: if it cannot be read, is none, or is of a later version.
+    """
+    try:
+        summary = Summary.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error, Summary)}") from None
+    if summary.version > VERSION:
+        raise InputError(f"{path}: field version is {summary.version}, expected at most {VERSION}")
+    return summary
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that are there, by name."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
