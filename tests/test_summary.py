@@ -35,9 +35,9 @@ def test_fields_of_later_versions_are_passed_over_and_later_formats_refused(tmp_
     with pytest.raises(InputError, match=f"field version is {VERSION + 1}, expected at most {VERSION}"):
         read_summary(path)
     path.write_text(json.dumps(plain | {"car_runs": "many"}))
-    with pytest.raises(InputError, match="summary.json: field car_runs is 'many'"):
+    with pytest.raises(InputError, match=r"summary\.json: field car_runs is 'many'"):
         read_summary(path)
-    with pytest.raises(InputError, match="none.json: cannot be read"):
+    with pytest.raises(InputError, match=r"none\.json: cannot be read"):
         read_summary(tmp_path / "none.json")
 
 
