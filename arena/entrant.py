@@ -13,6 +13,7 @@ import polars as pl
 from arena.results import ENTRANTS
 from policies.composite import SUFFIX as COMPOSITE
 from policies.composite import CompositeSource
+from policies.handed_over import OBJECT
 from policies.identity import policy_id
 from policies.load import DRIVER, SUFFIXES, load_file, load_policy
 from policies.plugin import PLUGIN
@@ -60,6 +61,8 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
     if kind == PLUGIN:
         load_policy(source, circuit, car)
         return Entrant(policy_id(source), name, source, "plugin", circuit, car, None, None)
+    if kind == OBJECT:
+        return Entrant(policy_id(source), name, source, "object", circuit, car, None, None)
     if source.endswith(COMPOSITE):
         return _enter_composite(source, circuit, car)
     policy = load_file(Path(source))
@@ -119,7 +122,7 @@ def weights(sources: Iterable[str]) -> Iterator[Path]:
     for source in sources:
         if source.endswith(COMPOSITE):
             yield from weights(CompositeSource.read(Path(source)).sources)
-        elif source.partition(":")[0] not in (DRIVER, PLUGIN):
+        elif source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT):
             yield Path(source)
 
 

@@ -55,6 +55,11 @@ class Racing:
     absent: Mapping[int, str] = field(default_factory=dict)
     alone: bool = False
 
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Of the policies that it asks."""
+        return self.match.sources
+
 
 @dataclass(frozen=True)
 class Opening:
@@ -70,6 +75,11 @@ class Opening:
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
     alone: bool = False
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Of the policy that it opens."""
+        return (self.source,)
 
 
 Job = Racing | Opening

@@ -19,9 +19,10 @@ from arena.match import Match
 from arena.race_log import RaceLog
 from arena.recorder import Recorded
 from arena.results import VOID_ENDINGS
-from arena.serving import came_otherwise, serve
-from arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, MATCH_S
+from arena.serving import came_otherwise, do, serve
+from arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, MATCH_S, Watch
 from arena.workers import Worker, new_output_log
+from policies.handed_over import OBJECT
 from sim.errors import InputError
 
 LOOKS = 5
@@ -34,7 +35,7 @@ class Pool:
     """Processes that open policies and run matches; they start when needed and stay until it is closed.
 
     To be used in a `with` statement. Results do not depend on the number of processes, nor on which
-    matches share one.
+    matches share one. Matches with a policy that was handed over as an object run in this process.
 
     Attributes:
         workers: how many processes there are at most.
@@ -129,7 +130,12 @@ class Pool:
                     yield racing.match, answer
 
     def _work(self, groups: Iterable[list[Job]]) -> Generator[tuple[Job, Answer], None, None]:
-        queue = deque(groups)
+        queue: deque[list[Job]] = deque()
+        for jobs in groups:
+            here = [job for job in jobs if _lives_here(job)]
+            yield from ((here[number], answer) for number, answer in do(here, Watch()))
+            if elsewhere := [job for job in jobs if not _lives_here(job)]:
+                queue.append(elsewhere)
         try:
             while queue or any(self._processes.values()):
                 self._hand_out(queue)
@@ -186,6 +192,11 @@ class Pool:
                     groups, given_up = again(jobs, loss)
                     queue.extend(groups)
                     yield from given_up
+
+
+def _lives_here(job: Job) -> bool:
+    """Whether a policy takes part that only this process has."""
+    return any(source.partition(":")[0] == OBJECT for source in job.sources)
 
 
 def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match, pl.DataFrame]]:

@@ -50,7 +50,7 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
             return
         watch.begin(weighs=any(job.alone for job in jobs))
         try:
-            for message in _do(jobs, watch):
+            for message in do(jobs, watch):
                 watch.rest()
                 pipe.send(message)
         except MemoryError:
@@ -69,7 +69,8 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
+def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
+    """Do jobs in this process, and yield the index of each and its answer as it ends."""
     line_ups: dict[int, LineUp] = {}
     for number, job in enumerate(jobs):
         if isinstance(job, Opening):

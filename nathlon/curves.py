@@ -9,6 +9,7 @@ import polars as pl
 
 from arena.results import CURVES
 from arena.store import Store
+from policies.handed_over import OBJECT
 from policies.load import DRIVER
 from policies.plugin import PLUGIN
 
@@ -32,7 +33,7 @@ def find_curves(sources: Iterable[str]) -> pl.DataFrame:
             in the checkpoint's folder or in the one above, or `curves/RUN.csv` beside the folder of a
             checkpoint RUN-STEP.
     """
-    files = [Path(source) for source in sources if source.partition(":")[0] not in (DRIVER, PLUGIN)]
+    files = [Path(source) for source in sources if source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT)]
     curves = dict(place for file in files for place in _places(file))
     read = [(start, _read(path)) for start, path in sorted(curves.items())]
     frames = [frame.with_columns(checkpoints=pl.lit(start)) for start, frame in read if frame is not None]

@@ -7,6 +7,7 @@ from pathlib import Path
 from policies.checkpoint import checkpoint_id
 from policies.composite import SUFFIX as COMPOSITE
 from policies.composite import CompositeSource
+from policies.handed_over import OBJECT, handed_over, object_id
 from policies.load import DRIVER
 from policies.plugin import PLUGIN, plugin_id
 
@@ -15,7 +16,7 @@ def policy_id(source: str) -> str:
     """The id of the policy that a user calls by a path or a name.
 
     That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, of a plugin or a
-    composite that of all that decides how it drives.
+    composite that of all that decides how it drives, of an object that of what it consists of.
 
     Raises:
         InputError: if there is no such file or plugin.
@@ -25,6 +26,8 @@ def policy_id(source: str) -> str:
         return source
     if kind == PLUGIN:
         return plugin_id(name)
+    if kind == OBJECT:
+        return object_id(handed_over(source), name)
     if source.endswith(COMPOSITE):
         composite = CompositeSource.read(Path(source))
         return composite.identity([policy_id(part) for part in composite.sources])

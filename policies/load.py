@@ -9,6 +9,7 @@ from policies.composite import SUFFIX as COMPOSITE
 from policies.composite import CompositeSource
 from policies.driver import Driver
 from policies.early_braker import EarlyBraker
+from policies.handed_over import OBJECT, handed_over
 from policies.memory import memory_limit
 from policies.onnx import OnnxPolicy
 from policies.plugin import PLUGIN, load_plugin
@@ -27,7 +28,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
 
     Args:
         name: path of a file of weights or of a composite (`.toml`), `driver` with settings
-            (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), or `plugin:NAME`.
+            (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), `plugin:NAME`, or
+            `object:NAME` of one that this process has been given.
         circuit: the circuit to drive.
         car: the car to drive.
 
@@ -39,6 +41,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
         return _driver(name, settings, circuit, car)
     if kind == PLUGIN:
         return load_plugin(settings, circuit, car)
+    if kind == OBJECT:
+        return handed_over(name)
     if name.endswith(COMPOSITE):
         return CompositeSource.read(Path(name)).load(circuit, car, load_policy)
     return load_file(Path(name))
