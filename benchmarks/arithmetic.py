@@ -1,9 +1,9 @@
 """What a step and an observation need of arithmetic, counted, beside the cycles that they take.
 
-Run as `python -m benchmarks.arithmetic`; prints a table. Counted is what the kernels' source does with
-numbers that count what is done with them, a car in a race of eight under random actions. The compiler
-needs less: it fuses multiplications with additions and takes out of the loop what does not change. What
-is done with a vector of four counts once.
+Run as `python -m benchmarks.arithmetic [--json FILE]`; prints a table. Counted is what the kernels' source
+does with numbers that count what is done with them, a car in a race of eight under random actions. The
+compiler needs less: it fuses multiplications with additions and takes out of the loop what does not change.
+What is done with a vector of four counts once.
 
 The least cycles are those of the busiest unit of a core (AMD Zen 3): two multiplications and two
 additions or comparisons each cycle, a division in five, a root in nine
@@ -12,12 +12,14 @@ additions or comparisons each cycle, a division in five, a root in nine
 
 from __future__ import annotations
 
+import argparse
 import math
 import operator
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,6 +28,7 @@ from numba.core.dispatcher import Dispatcher
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.result import write_result
 from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
 from sim import lanes, observe, world
 from sim.car import load_car
@@ -205,6 +208,10 @@ def least_cycles(each: dict[str, float]) -> float:
 
 def main() -> None:
     """Measure, count, print."""
+    parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
+    chosen = parser.parse_args()
+    rows = []
     rng = np.random.default_rng(0)
     times = cost(CARS, random_drive(rng), rng)
     circuit, scenario = load_track(CIRCUIT), load_scenario(SCENARIOS[CARS])
@@ -220,8 +227,12 @@ def main() -> None:
         each = {kind: sums[kind] / (STEPS * CARS * units) for kind in (*sums, "root", "function")}
         kinds = ("add", "multiply", "divide", "root", "compare", "function")
         cells = [f"{each[kind]:.1f}" for kind in kinds]
-        table.add_row(name, *cells, f"{least_cycles(each):.0f}", f"{seconds / units / clock:.0f}")
+        least, took = round(least_cycles(each)), round(seconds / units / clock)
+        table.add_row(name, *cells, str(least), str(took))
+        rows.append({"what": name, **each, "least_cycles": least, "cycles": took})
     Console(width=110).print(table)
+    if chosen.json:
+        write_result(chosen.json, rows)
     print(f"clock {1e-9 / clock:.2f} GHz")
 
 

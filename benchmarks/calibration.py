@@ -25,9 +25,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 from collections.abc import Sequence
-from importlib.metadata import version
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -45,6 +43,7 @@ from arena.match import Match, Race, Seat
 from arena.pool import run_matches
 from arena.results import RESULTS
 from arena.runner import run_match
+from benchmarks.result import write_result
 from nathlon.race_off import TournamentSettings, tournament_matches
 from nathlon.run import CONFIDENCE
 from policies.bundled import BUNDLED
@@ -182,11 +181,6 @@ def measure(tournaments: int, pool: int, pairs: int, console: Console) -> dict[s
         "pool": pool,
         "tournaments": tournaments,
         "effect": STOPPING.effect,
-        "machine": platform.platform(),
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numba", "numpy", "scipy")},
-        },
     }
 
 
@@ -198,11 +192,10 @@ def main() -> None:
     parser.add_argument("--pool", type=int, default=100, help="pairs of the champion against itself")
     parser.add_argument("--pairs", type=int, default=24, help="of the champion against the one before it")
     chosen = parser.parse_args()
-    measured = measure(chosen.tournaments, chosen.pool, chosen.pairs, Console(stderr=True))
-    figures = json.dumps(measured)
+    figures = measure(chosen.tournaments, chosen.pool, chosen.pairs, Console(stderr=True))
     if chosen.json:
-        chosen.json.write_text(figures, "utf-8")
-    print(figures)
+        write_result(chosen.json, figures)
+    print(json.dumps(figures))
 
 
 if __name__ == "__main__":

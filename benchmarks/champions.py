@@ -1,6 +1,7 @@
 """How good the champions are: alone against the limit and the driver, and from the back of the grid.
 
-`python -m benchmarks.champions --json FILE [--circuit NAME ...] [--workers N] [CHECKPOINT ...]` measures
+`python -m benchmarks.champions --json FILE [--circuit NAME ...] [--races N] [--seed N] [--workers N]
+[CHECKPOINT ...]` measures
 checkpoints, or folders of them, on the circuit and in the car of their cards. Without any it takes the
 bundled champions: those that `policies/bundled/champions.toml` names, or the last checkpoint of every
 bundled run where there is no such file. Races run side by side in N processes, as many as there are cores if
@@ -29,7 +30,6 @@ null where it is not known), the built-in driver's figures under `driver`, and e
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 from collections.abc import Sequence
@@ -51,6 +51,7 @@ from arena.match import Match, Race, Seat
 from arena.pool import run_matches
 from arena.results import VOID_ENDINGS
 from arena.statistics import interval, spread
+from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, TimeTrial, drive_alone, limits
 from policies.bundled import BUNDLED
 from policies.checkpoint import read_card
@@ -58,7 +59,6 @@ from policies.load import DRIVER
 from sim.data_file import Section, read_toml
 from sim.errors import InputError
 from sim.scenario import load_scenario
-from sim.whole_file import whole_file
 
 CHAMPIONS = BUNDLED / "champions.toml"
 RACE = "race"
@@ -130,7 +130,9 @@ def alone(laps: TimeTrial, limit_s: float | None, driver: TimeTrial) -> Figures:
     }
 
 
-def race_match(entrant: Entrant, races: int, driver: str = DRIVER, scenario: str = RACE) -> Match:
+def race_match(
+    entrant: Entrant, races: int, driver: str = DRIVER, scenario: str = RACE, seed: int = SEED
+) -> Match:
     """Races of an entrant from the last place, all others are the same built-in driver."""
     seats = (*[Seat(1)] * (load_scenario(scenario).cars - 1), Seat(0))
     return Match(
@@ -141,7 +143,7 @@ def race_match(entrant: Entrant, races: int, driver: str = DRIVER, scenario: str
         entrant.car,
         (entrant.id, driver),
         (entrant.source, driver),
-        tuple(Race(SEED + race, seats) for race in range(races)),
+        tuple(Race(seed + race, seats) for race in range(races)),
     )
 
 
@@ -203,12 +205,12 @@ def _number(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
-def all_matches(entrant: Entrant, races: int) -> dict[tuple[str, float], Match]:
+def all_matches(entrant: Entrant, races: int, seed: int) -> dict[tuple[str, float], Match]:
     """Races of an entrant from the back, by the scenario and the pace of the drivers."""
     wanted = [(RACE, 1.0), *((RACE, pace) for pace in PACES), *((LONG_RACE, pace) for pace in LONG_PACES)]
     return {
         (scenario, pace): race_match(
-            entrant, races, DRIVER if pace == 1.0 else f"{DRIVER}:pace={pace}", scenario
+            entrant, races, DRIVER if pace == 1.0 else f"{DRIVER}:pace={pace}", scenario, seed
         )
         for scenario, pace in wanted
     }
@@ -221,7 +223,7 @@ def race_all(matches: Sequence[Match], workers: int, title: str, console: Consol
 
 
 def measure(
-    entrants: dict[tuple[str, str], list[Entrant]], races: int, workers: int, console: Console
+    entrants: dict[tuple[str, str], list[Entrant]], races: int, seed: int, workers: int, console: Console
 ) -> dict[str, dict[str, Figures]]:
     """All figures by circuit and car."""
     measured: dict[str, dict[str, Figures]] = {}
@@ -229,7 +231,7 @@ def measure(
         limit_s = limits().get((circuit, car))
         everybody = [enter(DRIVER, circuit, car), *those]
         laps = [drive_alone(entrant, FLYING) for entrant in everybody]
-        matches = [all_matches(entrant, races) for entrant in everybody]
+        matches = [all_matches(entrant, races, seed) for entrant in everybody]
         raced = race_all(
             [match for own in matches for match in own.values()], workers, f"{circuit}, {car}", console
         )
@@ -239,7 +241,7 @@ def measure(
             figures.append(
                 {
                     **alone(own_laps, limit_s, laps[0]),
-                    **from_the_back(rows[RACE, 1.0], np.random.default_rng(SEED)),
+                    **from_the_back(rows[RACE, 1.0], np.random.default_rng(seed)),
                     "by_pace": {str(pace): places(rows[RACE, pace]) for pace in PACES},
                     "seven_laps": {str(pace): places(rows[LONG_RACE, pace]) for pace in LONG_PACES},
                 }
@@ -295,27 +297,23 @@ def _rate_cell(figures: Figures, name: str) -> str:
     return "" if rate is None else f"{rate:.2f} ({low:.2f}-{high:.2f})"
 
 
-def write(path: Path, measured: dict[str, dict[str, Figures]]) -> None:
-    """Write the JSON, whole or not at all."""
-    with whole_file(path) as partial:
-        partial.write_text(json.dumps(measured, indent=1) + "\n", "utf-8")
-
-
 def main() -> None:
     """Measure, write the JSON, print the tables."""
     parser = argparse.ArgumentParser(prog="benchmarks.champions", description="How good the champions are")
     parser.add_argument("checkpoints", nargs="*", type=Path, help="or folders of them; default: bundled ones")
     parser.add_argument("--json", type=Path, required=True, help="file for the figures")
     parser.add_argument("--circuit", nargs="+", action="extend", default=[], help="measure only these")
+    parser.add_argument("--races", type=int, default=RACES, help="at each pace and length")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the first race")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     chosen = parser.parse_args()
     try:
         paths = find_checkpoints(chosen.checkpoints) or bundled_champions()
         entrants = entrants_of(paths, chosen.circuit)
-        measured = measure(entrants, RACES, chosen.workers, Console(stderr=True))
+        measured = measure(entrants, chosen.races, chosen.seed, chosen.workers, Console(stderr=True))
     except InputError as error:
         parser.error(str(error))
-    write(chosen.json, measured)
+    write_result(chosen.json, measured)
     for circuit, cars in measured.items():
         for car, figures in cars.items():
             Console(width=WIDTH).print(table(circuit, car, figures))

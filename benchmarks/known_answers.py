@@ -22,8 +22,8 @@ episodes: https://github.com/DLR-RM/rl-baselines3-zoo/blob/master/benchmark.md.
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, get_args
 
@@ -33,9 +33,9 @@ import torch
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.result import read_result, write_result
 from policies.qrsac.config import QRSACConfig
 from policies.qrsac.gymnasium_training import GymnasiumTraining, evaluate
-from sim.whole_file import whole_file
 
 EPISODES = 10
 EVALUATION_SEED = 10_000
@@ -165,7 +165,7 @@ def main() -> None:
     }
     torch.set_num_threads(options.threads)
     file: Path = options.json
-    found: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    found: dict[str, Any] = read_result(file).figures if file.exists() else {}
     for name, task in tasks.items():
         if found.get(name, {}).get("config", task.config.model_dump(mode="json")) != task.config.model_dump(
             mode="json"
@@ -181,8 +181,7 @@ def main() -> None:
     for name, seed in track(missing, "Runs", console=Console(stderr=True)):
         runs = found.get(name, {}).get("runs", {}) | {str(seed): returns(name, tasks[name], seed)}
         found[name] = entry(tasks[name], runs)
-        with whole_file(file) as partial:
-            partial.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
+        write_result(file, found, {"gymnasium": version("gymnasium")})
 
 
 if __name__ == "__main__":

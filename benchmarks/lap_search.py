@@ -1,8 +1,9 @@
 """How fast a lap ten actions a second allow: a random search around a checkpoint's policy.
 
-Run as `python -m benchmarks.lap_search CHECKPOINT ...`; the last line of the output is one JSON object: by
-the name of the checkpoint's file
+Run as `python -m benchmarks.lap_search [--json FILE] CHECKPOINT ...`; the last line of the output is one JSON
+object: by the name of the checkpoint's file
 
+- `circuit`, `car`: where, and in what;
 - `limit_s`: the fastest lap by optimal control, null if it is not known;
 - `policy_s`, `searched_s`: a flying lap of the policy, and one of the search;
 - `off_course_s`: of the searched lap.
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import Progress
 
+from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, SEED, limits
 from policies.checkpoint import NetworkPolicy, load_checkpoint
 from sim.car import load_car
@@ -175,17 +177,26 @@ def main() -> None:
     """Search a lap around each policy, print the figures as JSON."""
     parser = argparse.ArgumentParser(prog="benchmarks.lap_search", description="The fastest lap at 10 Hz")
     parser.add_argument("checkpoints", type=Path, nargs="+", metavar="CHECKPOINT")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
+    chosen = parser.parse_args()
     figures = {}
     try:
         with Progress(console=Console(stderr=True)) as progress:
-            for path in parser.parse_args().checkpoints:
+            for path in chosen.checkpoints:
                 policy = load_checkpoint(path)
                 limit_s = limits().get((policy.card.circuit, policy.card.car))
                 laps = search_laps(policy, progress, path.stem)
-                figures[path.stem] = {"limit_s": limit_s, **laps._asdict()}
+                figures[path.stem] = {
+                    "circuit": policy.card.circuit,
+                    "car": policy.card.car,
+                    "limit_s": limit_s,
+                    **laps._asdict(),
+                }
     except InputError as error:
         print(error, file=sys.stderr)
         raise SystemExit(2) from None
+    if chosen.json:
+        write_result(chosen.json, figures)
     print(json.dumps(figures))
 
 

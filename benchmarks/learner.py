@@ -15,14 +15,12 @@ else the machine does meets all of them alike. The entries of the JSON:
       our updates reach, counting nothing but their matrix products; `float32_peak_share` in float32;
     - `compile_s`: wall time of our first update, float32;
 - `peak_gflops`: that large product (2,048 x 2,048), the best turn, by precision;
-- `threads`, `machine` and `versions`.
+- `threads`.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -42,6 +40,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.logger import configure
 from torch.utils.flop_counter import FlopCounterMode
 
+from benchmarks.result import write_result
 from policies.qrsac.config import QRSACConfig
 from policies.qrsac.learner import QRSAC, fast_precision
 from policies.replay import NStepReplay
@@ -255,13 +254,9 @@ def main() -> None:
             "sizes": sizes,
             "peak_gflops": {precision: round(value, 1) for precision, value in peaks.items()},
             "threads": options.threads,
-            "machine": platform.platform(),
-            "versions": {
-                "python": platform.python_version(),
-                **{package: version(package) for package in ("torch", "stable-baselines3", "sb3-contrib")},
-            },
         }
-        options.json.write_text(json.dumps(figures, indent=1) + "\n", "utf-8")
+        versions = {package: version(package) for package in ("stable-baselines3", "sb3-contrib")}
+        write_result(options.json, figures, versions)
 
 
 if __name__ == "__main__":

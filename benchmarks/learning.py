@@ -34,6 +34,7 @@ from rich.console import Console
 from rich.table import Table
 
 from arena.entrant import enter
+from benchmarks.result import read_result, write_result
 from benchmarks.time_trial import drive_alone
 from nathlon.commands.console import progress_bars, say
 from policies.load import DRIVER
@@ -42,7 +43,6 @@ from policies.training.log import CURVE_FILE, Status
 from policies.training.state import REPLAY_FILE
 from policies.training.trainer import CONFIG_FILE, Trainer
 from sim.errors import InputError, first_fault
-from sim.whole_file import whole_file
 
 CORES = 2
 MOST_OFF_COURSE = 0.01
@@ -153,17 +153,14 @@ def read(path: Path) -> dict[str, Learning]:
     if not path.exists():
         return {}
     try:
-        return Measured.validate_json(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        return Measured.validate_python(read_result(path).figures)
     except ValidationError as error:
         raise InputError(f"{path}: {first_fault(error, Learning)}") from None
 
 
 def write(path: Path, measured: dict[str, Learning]) -> None:
     """Write the JSON, whole or not at all."""
-    with whole_file(path) as partial:
-        partial.write_bytes(Measured.dump_json(measured, indent=1) + b"\n")
+    write_result(path, Measured.dump_python(measured, mode="json"))
 
 
 def measure(

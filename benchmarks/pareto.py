@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import tempfile
 import time
@@ -18,6 +17,7 @@ from safetensors.numpy import load_file
 from arena.entrant import Entrant, enter, only_once
 from arena.pool import Pool
 from arena.store import Store
+from benchmarks.result import write_result
 from nathlon.filter import FilterSettings, run_filter
 from nathlon.run import Run
 from policies.bundled import BUNDLED
@@ -72,15 +72,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--checkpoints", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         paths = make_field(folder, options.checkpoints, np.random.default_rng(SEED))
         figures = time_filter(paths, folder / "store.sqlite", options.workers)
     if options.json:
-        print(json.dumps(figures))
-        return
+        write_result(options.json, figures)
     for figure, value in figures.items():
         print(f"{figure:<12} {value}")
 

@@ -1,7 +1,7 @@
 """What the Pareto filter keeps of planted fields, of which the true front is known.
 
-Run as `python -m benchmarks.planted_fields`; prints one JSON object: by the kind of field and the runs of
-each entrant, means over fields of
+Run as `python -m benchmarks.planted_fields [--json FILE]`; prints one JSON object: by the kind of
+field and the runs of each entrant, means over fields of
 
 - `front`: entrants that nobody dominates in truth;
 - `seen`: share of them on the front of the means of their runs;
@@ -12,9 +12,11 @@ each entrant, means over fields of
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import moocore
 import numpy as np
@@ -23,6 +25,7 @@ from rich.console import Console
 from rich.progress import track
 
 from arena.statistics import group_sums
+from benchmarks.result import write_result
 from nathlon.filter import FilterSettings, undecided
 from nathlon.objective import Measured
 from nathlon.pareto import nondominated_probability
@@ -185,10 +188,15 @@ def judge(kind: Kind, most: int, select: Filter) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures, showing progress on stderr."""
+    parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
+    chosen = parser.parse_args()
     pairs: Iterable[tuple[str, str]] = [(kind, runs) for kind in KINDS for runs in FILTERS]
     figures: dict[str, dict[str, dict[str, float]]] = {kind: {} for kind in KINDS}
     for kind, runs in track(list(pairs), "Fields", console=Console(stderr=True)):
         figures[kind][runs] = judge(KINDS[kind], *FILTERS[runs])
+    if chosen.json:
+        write_result(chosen.json, figures)
     print(json.dumps(figures))
 
 

@@ -2,13 +2,12 @@
 
 A made-up race of eight cars on a circuit of the package, driven by the built-in driver:
 
-    python -m benchmarks.replay --json
+    python -m benchmarks.replay --json FILE
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import tempfile
 import time
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from arena.match_policies import match_policies
 from arena.race_log import RaceLog
 from arena.recorder import record_races
 from arena.recording import read_recording, write_recording
+from benchmarks.result import write_result
 from reports.player import write_player
 from reports.replay import write_replay
 from reports.video import write_video
@@ -65,7 +65,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--circuit", default="lindenring")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
     options = parser.parse_args()
     log, simulated_s = race_log(options.circuit, options.seed)
     with tempfile.TemporaryDirectory() as name:
@@ -80,8 +80,7 @@ def main() -> None:
         "files": files,
     }
     if options.json:
-        print(json.dumps(facts))
-        return
+        write_result(options.json, facts)
     for name, value in facts.items():
         if name != "files":
             print(f"{name:<16} {value}")

@@ -8,19 +8,17 @@ Its entries:
 - `write_s`: to write all of it;
 - `open_s`: from the start of the navigation until the first view stands, the median of several in Chromium;
 - `leaderboard_s`, `checkpoint_s`, `pareto_s`: from the change of the address until that view stands;
-- `machine` and `versions`.
+- `chromium`: its version.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import platform
 import shutil
 import statistics
 import tempfile
 import time
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +27,7 @@ import polars as pl
 from playwright.sync_api import Page, sync_playwright
 
 from arena.results import RESULTS, TABLES
+from benchmarks.result import write_result
 from reports.page import write_page
 from reports.selection import Selection
 from reports.spreadsheet import write_spreadsheet
@@ -177,8 +176,7 @@ def measure() -> dict[str, Any]:
             **shown,
             "checkpoints": CHECKPOINTS,
             "races": RACES,
-            "machine": platform.platform(),
-            "versions": {"chromium": chromium, "polars": version("polars")},
+            "chromium": chromium,
         }
 
 
@@ -187,10 +185,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.report", description="Size and speed of the report")
     parser.add_argument("--json", type=Path, nargs="?", help="file for the figures as well")
     chosen = parser.parse_args()
-    figures = json.dumps(measure())
+    figures = measure()
     if chosen.json:
-        chosen.json.write_text(figures, "utf-8")
-    print(figures)
+        write_result(chosen.json, figures)
+    print(json.dumps(figures))
 
 
 if __name__ == "__main__":

@@ -1,17 +1,17 @@
 """What a slipstream is worth on the longest straight: two equal cars, one 15 m behind the other.
 
-Run as `python -m benchmarks.slipstream [PICTURE]`. Both cars enter the straight at the speed of the
-built-in driver and go flat out; the one behind stays in the wake until it is close, then pulls out and
-passes. The last line of the output is one JSON object by circuit, with the distance from tail to nose
-at the start of the straight, the distance gained up to the built-in driver's braking point, what it takes
-to be past (the gap and two lengths of car), and what is gained without a wake, from the lane beside. The
-picture shows the gap over the straight.
+Run as `python -m benchmarks.slipstream [--json FILE] [--picture FILE]`. Both cars enter the straight at the
+speed of the built-in driver and go flat out; the one behind stays in the wake until it is close, then pulls
+out and passes. The last line of the output is one JSON object by circuit, with the distance from tail to
+nose at the start of the straight, the distance gained up to the built-in driver's braking point, what it
+takes to be past (the gap and two lengths of car), and what is gained without a wake, from the lane beside.
+The picture shows the gap over the straight.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.result import write_result
 from policies.driver import Driver
 from sim.car import load_car
 from sim.track import load_track
@@ -95,7 +96,10 @@ def follow(circuit: str, car: str, straight: Straight, lane_m: float) -> Run:
 
 def main() -> None:
     """Measure, draw, print the figures as JSON."""
-    picture = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
+    parser.add_argument("--picture", type=Path, metavar="FILE")
+    chosen = parser.parse_args()
     figure, panels = plt.subplots(1, len(PAIRS), figsize=(13, 3.8), layout="constrained")
     figures = {}
     for panel, (circuit, car) in zip(panels, PAIRS.items(), strict=True):
@@ -114,8 +118,10 @@ def main() -> None:
         panel.set(title=f"{circuit}, {car}", xlabel="distance on the straight, m")
     panels[0].set_ylabel("tail to nose, m")
     panels[0].legend(fontsize=8)
-    if picture:
-        figure.savefig(picture, dpi=110)
+    if chosen.picture:
+        figure.savefig(chosen.picture, dpi=110)
+    if chosen.json:
+        write_result(chosen.json, figures)
     print(json.dumps(figures))
 
 

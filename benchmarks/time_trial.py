@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from functools import cache
@@ -16,6 +15,7 @@ from arena.entrant import Entrant
 from arena.match import Match, Race, Seat
 from arena.match_policies import match_policies
 from arena.runner import run_match
+from benchmarks.result import RESULTS, read_result
 
 SCENARIO = "time_trial"
 """One lap that begins soon after the start, as checkpoints are compared in training and the filter."""
@@ -25,8 +25,8 @@ after a rolling start does not.
 """
 STARTS = 8
 SEED = 2024
-LIMITS = Path(__file__).with_name("limits.json")
-"""What `benchmarks.lap_limit` wrote with `--out`."""
+LIMITS = RESULTS / "lap_limit.json"
+"""What `benchmarks.lap_limit` wrote."""
 
 
 @dataclass(frozen=True)
@@ -73,5 +73,5 @@ def drive_alone(entrant: Entrant, scenario: str = SCENARIO, starts: int = STARTS
 @cache
 def limits() -> dict[tuple[str, str], float]:
     """The fastest laps by optimal control, s, by circuit and car, as far as they are known."""
-    laps = json.loads(LIMITS.read_text("utf-8"))["laps"]
+    laps = read_result(LIMITS).figures["laps"]
     return {(lap["circuit"], lap["car"]): lap["limit_s"] for lap in laps if lap["solved"]}

@@ -11,19 +11,16 @@ Its entries:
   stepped, and each car's policy asked by itself, as one loops over `model.predict` of
   Stable-Baselines3. Only a few are run, from matchups drawn at random, and the time is extrapolated;
 - `ratio`: the second over the first;
-- `matchups`, `share`: how many matchups were raced, and which part of all that is;
-- `machine` and `versions`.
+- `matchups`, `share`: how many matchups were raced, and which part of all that is.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import platform
 import time
 from collections.abc import Sequence
 from contextlib import closing
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +33,7 @@ from arena.entrant import Entrant, enter, only_once
 from arena.match import Match
 from arena.match_policies import match_policies
 from arena.pool import Pool
+from benchmarks.result import write_result
 from nathlon.race_off import plan
 from policies.bundled import BUNDLED
 from tournament.event import Event, EventRace
@@ -114,11 +112,6 @@ def measure(share: float, races: int, console: Console) -> dict[str, Any]:
         "races": all_races,
         "races_one_at_a_time": races,
         "workers": WORKERS,
-        "machine": platform.platform(),
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numba", "numpy", "pettingzoo")},
-        },
     }
 
 
@@ -131,10 +124,10 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=0.1, help="of the matchups that is raced")
     parser.add_argument("--races", type=int, default=2, help="to run one at a time")
     chosen = parser.parse_args()
-    figures = json.dumps(measure(chosen.share, chosen.races, Console(stderr=True)))
+    figures = measure(chosen.share, chosen.races, Console(stderr=True))
     if chosen.json:
-        chosen.json.write_text(figures, "utf-8")
-    print(figures)
+        write_result(chosen.json, figures)
+    print(json.dumps(figures))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Speed of the batched world on one core beside that of its peers: agent steps a second, and where they go.
 
-Run as `python -m benchmarks.world`; the last line of the output is one JSON object. Its entries, the first
-four by number of cars in a race:
+Run as `python -m benchmarks.world [--json FILE]`; the last line of the output is one JSON object. Its
+entries, the first four by number of cars in a race:
 
 - `agent_steps_per_s_core`: cars advanced by 0.1 s and observed in full, a CPU second, under random actions;
 - `agent_steps_per_s_core_trained`: the same while the first bundled checkpoint of the Lindenring drives;
@@ -12,8 +12,7 @@ four by number of cars in a race:
 - `compile_s`: CPU time of the first start, step and observation of a process, `cold` without compiled kernels
   in the cache and `warm` with them;
 - `peers`: other simulators by name (see `benchmarks.peers`), each with its two figures and `ratio`, ours
-  over theirs in both: against its agent steps with eight cars, or 20 where its name ends so;
-- `machine` and `versions`.
+  over theirs in both: against its agent steps with eight cars, or 20 where its name ends so.
 
 Times but for the two threads and processes are CPU times of one thread, medians over several episodes.
 What the policy computes is not counted.
@@ -24,13 +23,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,6 +39,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.peers import measure
+from benchmarks.result import write_result
 from policies.bundled import BUNDLED
 from policies.checkpoint import load_checkpoint
 from sim.car import load_car
@@ -203,7 +201,9 @@ def compile_s() -> dict[str, float]:
 
 def main() -> None:
     """Measure, show progress on stderr, print the figures as JSON."""
-    argparse.ArgumentParser(description=str(__doc__).partition("\n")[0]).parse_args()
+    parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
+    chosen = parser.parse_args()
     rng = np.random.default_rng(0)
     console = Console(stderr=True)
     bundled = sorted((BUNDLED / "lindenring").glob("*.safetensors"))
@@ -235,12 +235,9 @@ def main() -> None:
                 for cars, (step_s, observe_s) in alone.items()
             },
         ),
-        "machine": platform.platform(),
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numba", "numpy")},
-        },
     }
+    if chosen.json:
+        write_result(chosen.json, figures)
     print(json.dumps(figures))
 
 

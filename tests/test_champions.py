@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 
 from benchmarks import champions
 from benchmarks.champions import entrants_of, from_the_back, places, race_match, rate_interval
+from benchmarks.result import read_result
 from benchmarks.time_trial import time_trial
 from policies.checkpoint import Card, save_checkpoint
 from sim.errors import InputError
@@ -157,11 +157,10 @@ def test_a_measurement_in_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, out = save(tmp_path / "novice-1.safetensors", 1), tmp_path / "champions.json"
-    monkeypatch.setattr(champions, "RACES", 1)
     monkeypatch.setattr(champions, "LONG_PACES", (0.95,))
-    monkeypatch.setattr("sys.argv", ["champions", "--json", str(out), str(path)])
+    monkeypatch.setattr("sys.argv", ["champions", "--json", str(out), "--races", "1", str(path)])
     champions.main()
-    figures = json.loads(out.read_text())["lindenring"]["gt3"]
+    figures = read_result(out).figures["lindenring"]["gt3"]
     assert figures["driver"]["clean_starts"] == 8
     assert 1.0 < figures["driver"]["limit_ratio"] < 1.1
     assert figures["driver"]["driver_ratio"] == 1.0

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.learning import Learning, Outcome, configurations, learn, measure, outcome, read, write
+from benchmarks.result import write_result
 from policies.training.config import TrainingConfig
 from policies.training.log import CURVE, CURVE_FILE
 from policies.training.trainer import Trainer
@@ -120,6 +121,6 @@ def test_every_circuit_has_one_configuration_alone() -> None:
 
 
 def test_a_file_of_something_else_is_bad_input(tmp_path: Path) -> None:
-    (tmp_path / "other.json").write_text('{"lindenring": {"gt3": 1}}')
+    write_result(tmp_path / "other.json", {"lindenring": {"gt3": 1}})
     with pytest.raises(InputError, match=r"other\.json: field lindenring\.car"):
         read(tmp_path / "other.json")

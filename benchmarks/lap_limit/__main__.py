@@ -13,7 +13,7 @@ The limit keeps to the rules: never three tyres beyond edge and kerb, no wall to
 driver knows, acts at every moment instead of every 0.1 s, changes gear at once and at the best speed, and
 feels no kerbs shake; so a ratio somewhat above 1 is what a perfect driver would reach.
 
-With `--out` every lap is written as soon as it is known, and those already there are not done again.
+With `--json` every lap is written as soon as it is known, and those already there are not done again.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import argparse
 import json
 import math
 import time
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +32,9 @@ from rich.progress import track as progress
 from benchmarks.lap_limit.flying import FlyingLaps, flying_laps
 from benchmarks.lap_limit.plots import plot
 from benchmarks.lap_limit.problem import Lap, fastest_lap
+from benchmarks.result import read_result, write_result
 from sim.car import load_car
 from sim.track import load_track
-from sim.whole_file import whole_file
 
 CIRCUITS = ("porto-sereno", "lindenring", "grandes-landes")
 CARS = ("gt3", "coupe", "prototype")
@@ -59,12 +60,6 @@ def entry(circuit: str, car: str, lap: Lap, solve_s: float, driver: FlyingLaps) 
     }
 
 
-def write(path: Path, laps: list[Entry]) -> None:
-    """Write the laps, whole or not at all."""
-    with whole_file(path) as partial:
-        partial.write_text(json.dumps({"laps": laps}, indent=1) + "\n", "utf-8")
-
-
 def main() -> None:
     """Find the limits, let the driver drive, print the figures as JSON."""
     parser = argparse.ArgumentParser(
@@ -72,14 +67,14 @@ def main() -> None:
     )
     parser.add_argument("--circuit", help="name, or path of a circuit file; all of them by default")
     parser.add_argument("--car", help="name, or path of a car file; all of them by default")
-    parser.add_argument("--out", type=Path, help="JSON file of the laps, continued if it is there")
+    parser.add_argument("--json", type=Path, help="JSON file of the laps, continued if it is there")
     parser.add_argument("--plots", type=Path, help="folder for a picture of each lap")
     chosen = parser.parse_args()
     circuits = (chosen.circuit,) if chosen.circuit else CIRCUITS
     cars = (chosen.car,) if chosen.car else CARS
     laps: list[Entry] = []
-    if chosen.out and chosen.out.exists():
-        laps = json.loads(chosen.out.read_text("utf-8"))["laps"]
+    if chosen.json and chosen.json.exists():
+        laps = read_result(chosen.json).figures["laps"]
     done = {(lap["circuit"], lap["car"]) for lap in laps}
     runs = [(circuit, car) for circuit in circuits for car in cars if (circuit, car) not in done]
     for circuit, car in progress(runs, "Fastest laps", console=Console(stderr=True)):
@@ -89,8 +84,8 @@ def main() -> None:
         solve_s = time.process_time() - began
         driver = flying_laps(circuit, car)
         laps.append(entry(circuit, car, lap, solve_s, driver))
-        if chosen.out:
-            write(chosen.out, laps)
+        if chosen.json:
+            write_result(chosen.json, {"laps": laps}, {"casadi": version("casadi")})
         if chosen.plots:
             chosen.plots.mkdir(parents=True, exist_ok=True)
             title = f"{track.name}, {load_car(car).name}"
