@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, model_validator
 from arena.entrant import Entrant
 from arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.ballots import Ballot
+from nathlon.bounds import MOST_SHORTLISTED
 from sim.data_file import Section
 
 AUTOMATIC = "rule:"
@@ -105,7 +106,7 @@ class CommitteeSettings(Section):
 
     members: tuple[Name, ...] = ()
     rule: tuple[Rule, ...] = (Rule(name="battery", by="battery"), Rule(name="ranking", by="ranking"))
-    shortlist: Annotated[int, Field(ge=1)] = 6
+    shortlist: Annotated[int, Field(ge=1, le=MOST_SHORTLISTED)] = 6
     quorum: Annotated[int, Field(ge=0)] = 0
 
     def seats(self, question: Question) -> int:

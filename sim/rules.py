@@ -9,14 +9,15 @@ from pydantic import Field, model_validator
 
 from sim.data_file import DATA, Section, find_data, read_toml
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=1e4)]
+NotNegative = Annotated[float, Field(ge=0, le=1e4)]
+"""Seconds, metres, m/s: of none can a race use more."""
 
 
 class Limits(Section):
     """Leaving the course."""
 
-    warnings: Annotated[int, Field(ge=0)]
+    warnings: Annotated[int, Field(ge=0, le=1_000_000)]
     shortest_s: NotNegative
     excused_s: NotNegative
     penalty_s: NotNegative

@@ -32,8 +32,8 @@ class EventRace(Section):
     car: str
     format: FormatName = "4v4"
     scenario: str | None = None
-    weight: Annotated[float, Field(gt=0)] = 1.0
-    pairs: Annotated[int, Field(ge=2)] | None = None
+    weight: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
+    pairs: Annotated[int, Field(ge=2, le=10_000)] | None = None
 
     @property
     def made(self) -> Format:
