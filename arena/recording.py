@@ -58,7 +58,7 @@ LARGEST_MIB = 256
 LARGEST_CHUNK = 32 << 20
 LARGEST_UNPACKED = 1 << 30
 MOST_MESSAGES = 1_000_000
-MOST_SAMPLES = 5_000_000
+MOST_SAMPLES = 4_500_000
 """Bytes of a chunk and of all together, messages, and samples of cars, after which reading stops: a small
 file can hold more than any memory."""
 LARGEST_MESSAGE = {"/race": 32 << 20, "/cars": 1 << 16, "/incidents": 1 << 16}

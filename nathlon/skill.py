@@ -18,7 +18,7 @@ from nathlon.battery import MARKS
 from nathlon.measures import MEASURES, Measure
 from nathlon.scoring import BASE_POINTS, Kind, Scoring
 from policies.load import DRIVER
-from sim.data_file import Section, find_data, read_toml
+from sim.data_file import Name, Section, find_data, read_toml
 from sim.errors import InputError
 from sim.scenario import load_scenario
 
@@ -97,7 +97,7 @@ class Skill(Section):
         scoring: what the marks are worth.
     """
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     description: str
     scenario: str
     slots: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from sim.data_file import DATA, Section, find_data, read_toml
+from sim.data_file import DATA, Name, Section, find_data, read_toml
 from sim.errors import InputError
 from sim.tyre_curve import curve_cells
 
@@ -129,7 +129,7 @@ class Tyre(Section):
 class Car(Section):
     """A car as its file describes it; see `sim/data/cars/gt3.toml` for the meaning of each field."""
 
-    name: str
+    name: Name
     description: str
     body: Body
     aero: Aero

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import InputError, first_fault
 from sim.text_file import read_text
@@ -20,6 +20,16 @@ LONGEST_KEY = 16
 """Parts with dots between."""
 KEY_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.){0,200}+"|'[^'\n]{0,200}+')"""
 LONG_KEY = re.compile(rf"(?<![\w-])(?:{KEY_PART}[ \t]*+\.[ \t]*+){{{LONGEST_KEY}}}")
+
+
+def _printable(name: str) -> str:
+    if not name.strip() or not name.isprintable():
+        raise ValueError("expected a name of characters that can be printed, on one line")
+    return name
+
+
+Name = Annotated[str, Field(max_length=200), AfterValidator(_printable)]
+"""What is printed in tables and reports: it must not steer a terminal."""
 
 
 class Section(BaseModel):

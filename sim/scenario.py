@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from sim.car import Car
-from sim.data_file import DATA, Section, find_data, read_toml
+from sim.data_file import DATA, Name, Section, find_data, read_toml
 from sim.errors import InputError
 from sim.reaction import Reaction
 from sim.rules import load_rules
@@ -127,7 +127,7 @@ class Scenario(Section):
         perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
     """
 
-    name: str
+    name: Name
     description: str
     cars: Annotated[int, Field(ge=1, le=20)]
     start: Annotated[
