@@ -50,6 +50,8 @@ RESOLUTION: dict[str, float] = {
 """To what fields of CAR_SAMPLE are rounded where a race is recorded: beyond it there is nothing to see, and
 files are twice as large. The steps are powers of two, so that what is rounded is exact."""
 
+KINDS = ("contact", "wall", "off_course", "penalty", "served", "ending")
+"""Of incidents."""
 NOTICES = ("served", "ending")
 """Kinds of incidents that are news, not offences."""
 
@@ -59,7 +61,7 @@ class Incident:
     """Something that a steward would look at."""
 
     time_s: float
-    kind: str  # contact, wall, off_course, penalty, served, ending
+    kind: str  # one of KINDS
     cars: tuple[int, ...]  # indices of the cars concerned
     text: str  # one sentence for a person
     fault: int = -1  # index of the car to blame for a contact; -1 for nobody

@@ -20,19 +20,21 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError, Message
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema
+from mcap.records import Channel, Chunk, McapRecord, Schema
 from mcap.records import Message as Record
-from mcap.stream_reader import StreamReader
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC, Writer
 from mcap_protobuf.schema import build_file_descriptor_set, register_schema
 from numpy.typing import NDArray
-from zstandard import ZstdError
+from zstandard import ZstdError, frame_content_size
 
 from arena import _car_state_pb2 as pb
 from arena.foxglove_scene import scene
 from arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
+from arena.recorded_race import check_race
 from sim.errors import InputError
+from sim.text_file import read_bytes
 from sim.track import SURFACES
 from sim.whole_file import whole_file
 
@@ -51,7 +53,17 @@ CHUNK_BYTES = 256 * 1024
 """Of messages, before they are packed: what a damaged file loses at most, some ten seconds of a race."""
 SMALLEST_TURN = 2.0**-22
 """To which frames are rounded, which only viewers use: unrounded ones would make files a quarter larger."""
-FAULTS = (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error)
+LARGEST_MIB = 256
+"""Of a recording; one of a race of six hours between twenty cars has some 200."""
+LARGEST_CHUNK = 32 << 20
+LARGEST_UNPACKED = 1 << 30
+MOST_MESSAGES = 1_000_000
+MOST_SAMPLES = 4_500_000
+"""Bytes of a chunk and of all together, messages, and samples of cars, after which reading stops: a small
+file can hold more than any memory."""
+LARGEST_MESSAGE = {"/race": 32 << 20, "/cars": 1 << 16, "/incidents": 1 << 16}
+"""Bytes by topic; a message takes a hundred times as much once it is read."""
+FAULTS = (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error, AttributeError)
 """What reading raises where a file is not as it should be."""
 
 
@@ -123,10 +135,7 @@ def recover_recording(path: Path) -> Recovery:
 
 
 def _content(path: Path) -> bytes:
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+    content = read_bytes(path, LARGEST_MIB, "recording")
     if not content.startswith(MCAP0_MAGIC):
         raise InputError(f"{path} is not an MCAP file: expected a recording that nathlon wrote.")
     return content
@@ -243,17 +252,46 @@ def _checksums_match(content: bytes) -> bool:
 def _messages(content: bytes) -> Iterator[Message | None]:
     """All messages in the file's order; None stands for one of Foxglove's."""
     schemas: dict[int, Schema] = {}
-    types: dict[int, type[Message]] = {}
-    for record in StreamReader(io.BytesIO(content), validate_crcs=True).records:
+    types: dict[int, tuple[type[Message], int]] = {}
+    count = samples = 0
+    for record in _records(content):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel) and record.topic in OWN_MESSAGES:
             message_type = OWN_MESSAGES[record.topic]
             if not _is_schema_of(message_type, schemas[record.schema_id]):
                 raise ValueError(f"topic {record.topic} is of another schema")
-            types[record.id] = message_type
+            types[record.id] = message_type, LARGEST_MESSAGE[record.topic]
         elif isinstance(record, Record):
-            yield types[record.channel_id].FromString(record.data) if record.channel_id in types else None
+            count += 1
+            message = None
+            if record.channel_id in types:
+                message_type, largest = types[record.channel_id]
+                if len(record.data) > largest:
+                    raise ValueError(f"a message of {message_type.DESCRIPTOR.full_name} is too large")
+                message = message_type.FromString(record.data)
+            if isinstance(message, pb.CarStates):
+                samples += len(message.cars)
+            if count > MOST_MESSAGES or samples > MOST_SAMPLES:
+                raise ValueError("it is longer than any race")
+            yield message
+
+
+def _records(content: bytes) -> Iterator[McapRecord]:
+    """All records in the file's order, those in its chunks in their place."""
+    unpacked = 0
+    for record in StreamReader(io.BytesIO(content), emit_chunks=True, validate_crcs=True).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        if record.compression != "zstd":
+            raise ValueError(f"a chunk is packed by {record.compression!r}, expected 'zstd'")
+        # The reader believes what the packed data say of themselves.
+        size = max(record.uncompressed_size, frame_content_size(record.data))
+        unpacked += size
+        if size > LARGEST_CHUNK or unpacked > LARGEST_UNPACKED:
+            raise ValueError("a chunk unpacks to more than any recording holds")
+        yield from breakup_chunk(record, validate_crc=True)
 
 
 def _is_schema_of(message_type: type[Message], schema: Schema) -> bool:
@@ -282,7 +320,7 @@ def _race_log(messages: list[Message]) -> RaceLog:
     values = attrgetter(*(CAR_SAMPLE.names or ()))
     for tick, message in enumerate(ticks):
         samples[tick] = [values(state) for state in message.cars]
-    return RaceLog(
+    log = RaceLog(
         **{fact: getattr(race, fact) for fact in FACTS},
         names=tuple(race.names),
         teams=tuple(race.teams),
@@ -295,6 +333,8 @@ def _race_log(messages: list[Message]) -> RaceLog:
             for i in incidents
         ),
     )
+    check_race(log)
+    return log
 
 
 def _outline(race: pb.Race) -> Outline:

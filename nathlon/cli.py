@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
+from nathlon.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED, MOST_WORKERS
 from nathlon.commands.committee_app import committee
 from sim.errors import InputError
 
@@ -30,19 +31,26 @@ Checkpoints = Annotated[
     ),
 ]
 Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
+Seed = Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
 ConfigSeed = Annotated[
-    int | None, typer.Option(min=0, help="Seed of all randomness, in place of the configuration's.")
+    int | None,
+    typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness, in place of the configuration's."),
 ]
 Config = Annotated[Path | None, typer.Option(help="How to select (nathlon init writes one).")]
 ConfigFile = Annotated[Path, typer.Option("--config", help="How to select (nathlon init writes one).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Workers = Annotated[int | None, typer.Option(min=1, help="Processes; one for each core by default.")]
-Shortlist = Annotated[int | None, typer.Option(min=1, help="Entrants that reach the round robin.")]
+Workers = Annotated[
+    int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes; one for each core by default.")
+]
+Shortlist = Annotated[
+    int | None, typer.Option(min=1, max=MOST_SHORTLISTED, help="Entrants that reach the round robin.")
+]
 Pairs = Annotated[
     int | None,
     typer.Option(
-        min=2, help="Mirrored pairs of races for every two of them, at most; an interval needs two."
+        min=2,
+        max=MOST_PAIRS,
+        help="Mirrored pairs of races for every two of them, at most; an interval needs two.",
     ),
 ]
 
@@ -183,7 +191,9 @@ def train(
     ] = "time_trial",
     out: Out = Path("runs/training"),
     seed: Seed = 1,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the learner.")] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner.")
+    ] = None,
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where networks are updated.")] = "cpu",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
     origin: Annotated[
@@ -204,7 +214,7 @@ def polish(
         str, typer.Option(help="Training configuration whose races and reward count: name or path.")
     ] = "time_trial",
     out: Out = Path("runs/polished"),
-    rounds: Annotated[int, typer.Option(min=1, help="Rounds of the whole.")] = 100,
+    rounds: Annotated[int, typer.Option(min=1, max=10**9, help="Rounds of the whole.")] = 100,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:
@@ -220,18 +230,23 @@ def ablate(
         str, typer.Argument(help="time_trial, racing, or the path of a training configuration (.toml).")
     ],
     out: Out = Path("runs/ablation"),
-    seeds: Annotated[int, typer.Option(min=1, help="Runs of each variant, with seeds from 1 on.")] = 3,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=10_000, help="Runs of each variant, with seeds from 1 on.")
+    ] = 3,
     updates: Annotated[
-        int | None, typer.Option(min=1, help="Updates of each run; those of the configuration by default.")
+        int | None,
+        typer.Option(min=1, max=10**12, help="Updates of each run; the configuration's by default."),
     ] = None,
     variant: Annotated[
         list[str] | None, typer.Option(help="Train this variant; may be repeated. All by default.")
     ] = None,
     pairs: Annotated[
-        int, typer.Option(min=0, help="Mirrored pairs of 4v4 races of each run against the base.")
+        int,
+        typer.Option(min=0, max=MOST_PAIRS, help="Mirrored pairs of 4v4 races of each run against the base."),
     ] = 0,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Threads of the learner, processes of the races.")
+        int | None,
+        typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner, processes of the races."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

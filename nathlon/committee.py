@@ -164,3 +164,5 @@ def _check_open(decision: Decision) -> None:
 def _check_reason(reason: str) -> None:
     if not reason.strip():
         raise InputError("reason is empty, expected a sentence")
+    if not reason.isprintable():
+        raise InputError("reason holds characters that cannot be printed, expected a sentence on one line")

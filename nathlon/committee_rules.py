@@ -13,7 +13,8 @@ from pydantic import AfterValidator, Field, model_validator
 from arena.entrant import Entrant
 from arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.ballots import Ballot
-from sim.data_file import Section
+from nathlon.bounds import MOST_SHORTLISTED
+from sim.data_file import Name, Section
 
 AUTOMATIC = "rule:"
 """What the name of an automatic member begins with."""
@@ -35,13 +36,13 @@ CONDUCT = pl.Schema(
 )
 
 
-def _plain_name(name: str) -> str:
-    if not name.strip() or name.startswith(AUTOMATIC):
+def _no_rule(name: str) -> str:
+    if name.startswith(AUTOMATIC):
         raise ValueError(f"expected a name that does not begin with {AUTOMATIC!r}")
     return name
 
 
-Name = Annotated[str, AfterValidator(_plain_name)]
+Member = Annotated[Name, AfterValidator(_no_rule)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
@@ -62,7 +63,7 @@ class Rule(Section):
             `ranking` the selection.
     """
 
-    name: Name
+    name: Member
     by: Literal["battery", "ranking"]
     gates: Gates = Gates()
 
@@ -103,9 +104,9 @@ class CommitteeSettings(Section):
         quorum: people who must have voted before a question is decided; with 0 it is decided at once.
     """
 
-    members: tuple[Name, ...] = ()
+    members: tuple[Member, ...] = ()
     rule: tuple[Rule, ...] = (Rule(name="battery", by="battery"), Rule(name="ranking", by="ranking"))
-    shortlist: Annotated[int, Field(ge=1)] = 6
+    shortlist: Annotated[int, Field(ge=1, le=MOST_SHORTLISTED)] = 6
     quorum: Annotated[int, Field(ge=0)] = 0
 
     def seats(self, question: Question) -> int:

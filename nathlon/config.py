@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from arena.match import surroundings
+from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
 from nathlon.committee_rules import CommitteeSettings
 from nathlon.filter import FilterSettings
 from nathlon.n_athlon import BatterySettings
@@ -37,7 +38,7 @@ class NightlySettings(Section):
     """
 
     anchors: tuple[str, ...] = ("driver:pace=0.95",)
-    incumbents: Annotated[int, Field(ge=0)] = 3
+    incumbents: Annotated[int, Field(ge=0, le=1000)] = 3
     max_fault_share: Share = 0.1
 
 
@@ -59,8 +60,8 @@ class Config(Section):
     car: str = "gt3"
     store: str = "nathlon.sqlite"
     out: str = "nights"
-    seed: Annotated[int, Field(ge=0)] = 1
-    workers: Annotated[int, Field(ge=1)] | None = None
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
+    workers: Annotated[int, Field(ge=1, le=MOST_WORKERS)] | None = None
     recordings: Kept = "all"
     pareto: FilterSettings = FilterSettings()
     battery: BatterySettings = BatterySettings()

@@ -51,10 +51,10 @@ class FilterSettings(Section):
         "driver:pace=0.98",
     )
     time_trial: str = "time_trial"
-    races: Annotated[int, Field(ge=1)] = 2
-    most_races: Annotated[int, Field(ge=1)] = 8
+    races: Annotated[int, Field(ge=1, le=1000)] = 2
+    most_races: Annotated[int, Field(ge=1, le=1000)] = 8
     keep_probability: Share = 0.05
-    resamples: Annotated[int, Field(ge=20)] = 500
+    resamples: Annotated[int, Field(ge=20, le=100_000)] = 500
     objective: Annotated[tuple[Objective, ...], Field(min_length=1)] = STANDARD
 
     @model_validator(mode="after")

@@ -57,7 +57,7 @@ class BatterySettings(Section):
     """
 
     tests: Annotated[tuple[str, ...], Field(min_length=1)] = DECATHLON
-    runs: Annotated[int, Field(ge=1)] | None = None
+    runs: Annotated[int, Field(ge=1, le=1000)] | None = None
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from arena.entrant import Entrant
 from arena.match import Match, Race, Seat
 from arena.pool import Pool
 from arena.results import RESULTS
+from nathlon.bounds import MOST_PAIRS
 from nathlon.run import CONFIDENCE, Answer, Run
 from sim.data_file import Section
 from sim.errors import InputError
@@ -45,11 +46,11 @@ class TournamentSettings(Section):
     """
 
     format: FormatName = "4v4"
-    pairs: Annotated[int, Field(ge=2)] = 12
-    block: Annotated[int, Field(ge=2)] = 4
+    pairs: Annotated[int, Field(ge=2, le=MOST_PAIRS)] = 12
+    block: Annotated[int, Field(ge=2, le=MOST_PAIRS)] = 4
     sequential: bool = True
-    effect: Annotated[float, Field(gt=0)] = 0.5
-    drop: Annotated[float, Field(gt=0)] = 3.3
+    effect: Annotated[float, Field(ge=0.001, le=100)] = 0.5
+    drop: Annotated[float, Field(ge=0.001, le=100)] = 3.3
     max_contacts_per_km: Annotated[float, Field(gt=0)] | None = None
     max_at_fault_per_km: Annotated[float, Field(gt=0)] | None = None
     event: str | None = None

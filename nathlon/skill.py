@@ -18,7 +18,7 @@ from nathlon.battery import MARKS
 from nathlon.measures import MEASURES, Measure
 from nathlon.scoring import BASE_POINTS, Kind, Scoring
 from policies.load import DRIVER
-from sim.data_file import Section, find_data, read_toml
+from sim.data_file import Name, Section, find_data, read_toml
 from sim.errors import InputError
 from sim.scenario import load_scenario
 
@@ -40,9 +40,9 @@ class Gains(Section):
         exponent: how progressive the points are.
     """
 
-    reference_gain: Annotated[float, Field(gt=0)]
-    limit_gain: Annotated[float, Field(gt=0)]
-    exponent: Annotated[float, Field(gt=0)]
+    reference_gain: Annotated[float, Field(ge=1e-6, le=1e6)]
+    limit_gain: Annotated[float, Field(ge=1e-6, le=1e6)]
+    exponent: Annotated[float, Field(ge=0.01, le=100)]
 
     @model_validator(mode="after")
     def _in_order(self) -> Gains:
@@ -97,15 +97,15 @@ class Skill(Section):
         scoring: what the marks are worth.
     """
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     description: str
     scenario: str
     slots: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]
     opponents: tuple[str, ...] = ()
-    runs: Annotated[int, Field(ge=1)] = 8
+    runs: Annotated[int, Field(ge=1, le=1000)] = 8
     measure: str
     marks_scenario: str | None = None
-    contact_penalty: Annotated[float, Field(ge=0)] = 0.0
+    contact_penalty: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     scoring: Gains
 
     @model_validator(mode="after")

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from policies.plugin import PLUGIN
 from policies.policy import Batch, Policy
-from sim.data_file import Section, read_toml
+from sim.data_file import Name, Section, read_toml
 from sim.errors import InputError
 from sim.observation import ObservationSpec
 from sim.track import Track, load_track
@@ -39,7 +39,7 @@ class Part(Section):
         circuit: drives on this circuit.
     """
 
-    policy: str
+    policy: Annotated[str, Field(min_length=1, max_length=1024, pattern=r"^[^\x00]+$")]
     until_m: Annotated[float, Field(ge=0)] | None = None
     sections: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     circuit: str | None = None
@@ -53,7 +53,7 @@ class Part(Section):
 class CompositeFile(Section):
     """The composite's TOML file: of the parts whose conditions hold, the first drives."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     part: Annotated[tuple[Part, ...], Field(min_length=1)]
 
 

@@ -16,11 +16,12 @@ from policies.knowledge import Knowledge, layout
 from policies.notes import noted
 from policies.policy import Batch
 from policies.practice import practise
-from policies.racing_line import minimum_time
+from policies.racing_line import NoLine, minimum_time
 from policies.room import room, room_aside
 from policies.speed_profile import Line, Profile, profile
 from policies.steering import plan
 from sim.car import Car, load_car
+from sim.errors import InputError
 from sim.observation import ObservationSpec
 from sim.physics.chassis import AIR_DENSITY
 from sim.track import TANGENT_X, TANGENT_Y, Track, X, Y, load_track
@@ -117,7 +118,15 @@ def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
     """Lateral offset of the line, m, and the share of the grip to use along it, (2, rows)."""
     limits = envelope(car)
     if lane_m is None:
-        offset = minimum_time(track, limits, 1.0)
+        try:
+            # That no speed can be held shows in numbers that are not finite.
+            with np.errstate(all="ignore"):
+                offset = minimum_time(track, limits, 1.0)
+        except NoLine:
+            raise InputError(
+                f"car {car.name!r}: the built-in driver cannot drive {track.name!r} with it, "
+                "expected one with the grip and power for all of the lap"
+            ) from None
     else:
         left, right = room(track)
         offset = np.clip(lane_m, -right, left)

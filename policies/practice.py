@@ -24,6 +24,8 @@ PART = 0.4
 """Of a lap that each of them drives."""
 START_SPEED = 0.85
 """Share of the profile's speed at which they begin."""
+LONGEST_S = 300.0
+"""Of a round: of a car that takes longer for its part of the lap, the rest is not practised."""
 SETTLING_S = 2.0
 """From the start; who comes to grief until then does so because of it, in the middle of a bend, and is left
 out."""
@@ -65,7 +67,7 @@ def _trouble(
     cars = world.state[:, 0]
     peak = car.tyre.peak_slip_angle_rad[1]
     driving, trouble = np.ones(CARS, np.bool_), np.zeros(len(line.offset), np.bool_)
-    for tick in range(round(PART * line.lap_s / AGENT_DT)):
+    for tick in range(round(min(PART * line.lap_s, LONGEST_S) / AGENT_DT)):
         actions, memory = driver.act(world.observe(driver.observation_spec, races, firsts), memory)
         world.step(actions[:, None])
         row = cars["row"].astype(np.int64)

@@ -31,8 +31,14 @@ FIRST_BARRIER, LAST_BARRIER, LOWERING = 1e-2, 8e-5, 0.3
 """s: what a limit costs as its distance falls by a factor e."""
 STEPS = 8
 """Newton steps at each height of the barrier, at most."""
+LEAST_ENERGY = 1.0
+"""m^2/s^2: the square of the slowest speed."""
 START_GRIP = 0.6
 """Share of the grip with which the search begins, on the centre line."""
+
+
+class NoLine(Exception):
+    """The car cannot drive the circuit: at no speed do its grip and power suffice everywhere."""
 
 
 _Entries = tuple[NDArray[np.int64], Line]
@@ -167,7 +173,7 @@ class _Search:
     def cost(self, offset: Line, energy: Line, barrier: float) -> float:
         """Lap time, s, with what the limits cost; infinite beyond them."""
         road = self.road
-        if (offset <= road.low).any() or (offset >= road.high).any() or (energy <= 1.0).any():
+        if (offset <= road.low).any() or (offset >= road.high).any() or (energy <= LEAST_ENERGY).any():
             return np.inf
         shape = self._shape(offset)
         car = self._car(energy, shape.curvature)
@@ -254,13 +260,22 @@ class _Search:
             (2 * barrier / spare, shared),
         ):
             hessian = hessian + matrix.T @ diags_array(weight) @ matrix
-        move = splu(hessian.tocsc()).solve(-gradient)
+        try:
+            move = splu(hessian.tocsc()).solve(-gradient)
+        except RuntimeError:  # it is singular, or not of numbers
+            raise NoLine from None
         return move[::2], move[1::2], -float(gradient @ move)
 
     def lower(self, barrier: float) -> None:
-        """Move to about the best line at a height of the barrier."""
+        """Move to about the best line at a height of the barrier.
+
+        Raises:
+            NoLine: if the car holds the road at no speed.
+        """
         while not np.isfinite(self.cost(self.offset, self.energy, barrier)):
             self.energy *= 0.9
+            if not (self.energy > LEAST_ENERGY).all():
+                raise NoLine
         for _ in range(STEPS):
             aside, faster, fall = self.newton(barrier)
             now = self.cost(self.offset, self.energy, barrier)
@@ -286,6 +301,9 @@ def minimum_time(track: Track, limits: Envelope, grip: float) -> Line:
         track: the circuit.
         limits: of the car.
         grip: share of the tyres' grip to use.
+
+    Raises:
+        NoLine: if the car cannot drive the circuit.
     """
     left, right = room(track)
     for _ in range(1 + CORRECTIONS):

@@ -10,60 +10,69 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from sim.data_file import DATA, Section, find_data, read_toml
+from sim.data_file import DATA, Name, Section, find_data, read_toml
 from sim.errors import InputError
 from sim.tyre_curve import curve_cells
 
 TORQUE_POINTS = 64
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+# Wide enough for a toy and for a road train: beyond, the steps of 1/60 s and the driver's tables do not hold.
 Share = Annotated[float, Field(ge=0, le=1)]
+Mass = Annotated[float, Field(ge=10, le=1e5)]
+Inertia = Annotated[float, Field(ge=1, le=1e7)]
+Length = Annotated[float, Field(ge=0.1, le=30)]
+Area = Annotated[float, Field(ge=0, le=100)]
+Torque = Annotated[float, Field(ge=0, le=1e6)]
+Turns = Annotated[float, Field(ge=1, le=1e5)]
+Slip = Annotated[float, Field(ge=0.001, le=1)]
+Ratio = Annotated[float, Field(ge=0.01, le=100)]
+Load = Annotated[float, Field(ge=1, le=1e6)]
+Friction = Annotated[float, Field(ge=0.01, le=10)]
 
 
 class Body(Section):
-    mass_kg: Positive
-    yaw_inertia_kg_m2: Positive
-    length_m: Positive
-    width_m: Positive
-    front_axle_m: Positive
-    rear_axle_m: Positive
-    front_track_m: Positive
-    rear_track_m: Positive
-    centre_of_mass_height_m: Positive
+    mass_kg: Mass
+    yaw_inertia_kg_m2: Inertia
+    length_m: Length
+    width_m: Length
+    front_axle_m: Length
+    rear_axle_m: Length
+    front_track_m: Length
+    rear_track_m: Length
+    centre_of_mass_height_m: Annotated[float, Field(ge=0.01, le=5)]
     roll_stiffness_front_share: Share
-    load_transfer_lag_s: Positive
+    load_transfer_lag_s: Annotated[float, Field(ge=0.001, le=10)]
 
 
 class Aero(Section):
-    drag_area_m2: NotNegative
-    downforce_area_m2: NotNegative
+    drag_area_m2: Area
+    downforce_area_m2: Area
     downforce_front_share: Share
     draught_drag_share: Share
     draught_downforce_share: Share
 
 
 class Steering(Section):
-    full_lock_rad: Annotated[float, Field(gt=0, lt=1.2)]
-    rate_rad_s: Positive
+    full_lock_rad: Annotated[float, Field(ge=0.01, lt=1.2)]
+    rate_rad_s: Annotated[float, Field(ge=0.01, le=100)]
 
 
 class Brakes(Section):
-    torque_n_m: Positive
+    torque_n_m: Annotated[float, Field(ge=1, le=1e6)]
     front_share: Share
-    abs_slip: Positive
+    abs_slip: Slip
 
 
 class Engine(Section):
-    rpm: tuple[Positive, ...]
-    torque_n_m: tuple[NotNegative, ...]
-    braking_torque_n_m: NotNegative
-    inertia_kg_m2: NotNegative
-    launch_rpm: Positive
-    shift_up_rpm: Positive
-    shift_down_rpm: Positive
-    shift_s: NotNegative
-    traction_slip: Positive
+    rpm: tuple[Turns, ...]
+    torque_n_m: tuple[Torque, ...]
+    braking_torque_n_m: Torque
+    inertia_kg_m2: Annotated[float, Field(ge=0, le=100)]
+    launch_rpm: Turns
+    shift_up_rpm: Turns
+    shift_down_rpm: Turns
+    shift_s: Annotated[float, Field(ge=0, le=10)]
+    traction_slip: Slip
 
     @model_validator(mode="after")
     def _curve(self) -> Engine:
@@ -75,45 +84,52 @@ class Engine(Section):
 
 
 class Gearbox(Section):
-    ratios: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=10)]
-    final_drive: Positive
-    efficiency: Annotated[float, Field(gt=0, le=1)]
+    ratios: Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=10)]
+    final_drive: Ratio
+    efficiency: Annotated[float, Field(ge=0.01, le=1)]
     front_share: Share  # of the torque: 0 drives the rear wheels, 1 the front ones
-    differential_lock_n_m_s: NotNegative
+    differential_lock_n_m_s: Annotated[float, Field(ge=0, le=1e6)]
 
 
 class Fuel(Section):
-    capacity_kg: Positive
-    consumption_kg_j: NotNegative
+    capacity_kg: Annotated[float, Field(ge=0.001, le=1e5)]
+    consumption_kg_j: Annotated[float, Field(ge=0, le=1)]
 
 
 class Wheel(Section):
-    radius_m: Positive
-    inertia_kg_m2: Positive
-    rolling_resistance: NotNegative
+    radius_m: Annotated[float, Field(ge=0.05, le=5)]
+    inertia_kg_m2: Annotated[float, Field(ge=0.01, le=1e4)]
+    rolling_resistance: Annotated[float, Field(ge=0, le=1)]
 
 
 class Tyre(Section):
     compound: str
-    wear_j: Positive
-    load_n: tuple[Positive, Positive]
-    friction_longitudinal: tuple[Positive, Positive]
-    friction_lateral: tuple[Positive, Positive]
-    peak_slip_ratio: tuple[Positive, Positive]
-    peak_slip_angle_rad: tuple[Positive, Positive]
-    shape: Annotated[float, Field(gt=1, lt=2.5)]
+    wear_j: Annotated[float, Field(ge=1, le=1e15)]
+    load_n: tuple[Load, Load]
+    friction_longitudinal: tuple[Friction, Friction]
+    friction_lateral: tuple[Friction, Friction]
+    peak_slip_ratio: tuple[Slip, Slip]
+    peak_slip_angle_rad: tuple[Slip, Slip]
+    shape: Annotated[float, Field(ge=1.05, le=2.45)]
 
     @model_validator(mode="after")
     def _loads(self) -> Tyre:
         if self.load_n[0] >= self.load_n[1]:
             raise ValueError("load_n must rise")
+        # From an unloaded tyre to the load beyond which nothing changes any more, see `sim.physics.tyre`.
+        span = self.load_n[1] - self.load_n[0]
+        ends = -self.load_n[0] / span, (2.0 * self.load_n[0] + 6000.0) / span
+        for name in ("friction_longitudinal", "friction_lateral", "peak_slip_ratio", "peak_slip_angle_rad"):
+            low, high = getattr(self, name)
+            if min(low + (high - low) * end for end in ends) <= 0.0:
+                raise ValueError(f"{name} falls below 0 at some load, expected less change with load_n")
         return self
 
 
 class Car(Section):
     """A car as its file describes it; see `sim/data/cars/gt3.toml` for the meaning of each field."""
 
-    name: str
+    name: Name
     description: str
     body: Body
     aero: Aero
@@ -124,6 +140,12 @@ class Car(Section):
     gearbox: Gearbox
     wheel: Wheel
     tyre: Tyre
+
+    @model_validator(mode="after")
+    def _weighs_more_than_its_fuel(self) -> Car:
+        if self.fuel.capacity_kg >= self.body.mass_kg:
+            raise ValueError("fuel.capacity_kg must be less than body.mass_kg, which it is part of")
+        return self
 
 
 class CarParameters(NamedTuple):
@@ -253,8 +275,8 @@ def parameters(car: Car, compound: str | None = None) -> CarParameters:
 class Compound(Section):
     """A tyre compound: its grip and how fast it wears, against the others."""
 
-    grip: Positive
-    wear: Positive
+    grip: Annotated[float, Field(gt=0, le=10)]
+    wear: Annotated[float, Field(gt=0, le=1000)]
 
 
 class Compounds(Section):

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import InputError, first_fault
+from sim.text_file import read_text
 
 DATA = Path(__file__).parent / "data"
 
 Model = TypeVar("Model", bound=BaseModel)
+
+LONGEST_KEY = 16
+"""Parts with dots between."""
+KEY_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.){0,200}+"|'[^'\n]{0,200}+')"""
+LONG_KEY = re.compile(rf"(?<![\w-])(?:{KEY_PART}[ \t]*+\.[ \t]*+){{{LONGEST_KEY}}}")
+
+
+def _printable(name: str) -> str:
+    if not name.strip() or not name.isprintable():
+        raise ValueError("expected a name of characters that can be printed, on one line")
+    return name
+
+
+Name = Annotated[str, Field(max_length=200), AfterValidator(_printable)]
+"""What is printed in tables and reports: it must not steer a terminal."""
 
 
 class Section(BaseModel):
@@ -50,11 +67,17 @@ def read_toml(path: Path, model: type[Model], kind: str) -> Model:
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
+    text = read_text(path, f"{kind} file")
+    # Time and memory that tomllib takes grow with the square of a key's parts: minutes for 100 kB of dots.
+    if LONG_KEY.search(text):
+        raise InputError(f"{path}: not a TOML file: expected keys of at most {LONGEST_KEY} parts")
     try:
-        return model.model_validate(tomllib.loads(path.read_text("utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the {kind} file: {error.strerror}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        return model.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not a TOML file: {error}") from None
+    except RecursionError:
+        raise InputError(f"{path}: not a TOML file: expected values that are not nested so deep") from None
     except ValidationError as error:
         raise InputError(f"{path}: {first_fault(error, model)}") from None
+    except ValueError as error:  # of whole numbers with thousands of digits
+        raise InputError(f"{path}: not a TOML file: {error}") from None

@@ -165,9 +165,10 @@ def see_course(
     rows = len(course.edges)
     at = car.row + car.along / course.spacing
     for point in range(points):
-        while at >= rows:
-            at -= rows
-        low = int(at)
+        if at >= rows:
+            at -= rows * math.floor(at / rows)
+        # A car flung off at any speed, or at none that is a number, must see a row that there is.
+        low = min(max(int(at), 0), rows - 1)
         share = alike(at - low)
         high = low + 1
         if high == rows:

@@ -7,16 +7,17 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
 
-from sim.data_file import DATA, Section, find_data, read_toml
+from sim.data_file import DATA, Name, Section, find_data, read_toml
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0, le=1e4)]
+NotNegative = Annotated[float, Field(ge=0, le=1e4)]
+"""Seconds, metres, m/s: of none can a race use more."""
 
 
 class Limits(Section):
     """Leaving the course."""
 
-    warnings: Annotated[int, Field(ge=0)]
+    warnings: Annotated[int, Field(ge=0, le=1_000_000)]
     shortest_s: NotNegative
     excused_s: NotNegative
     penalty_s: NotNegative
@@ -54,7 +55,7 @@ class Serving(Section):
 class Rules(Section):
     """Rules as their file describes them; see `sim/data/rules/sporting.toml` for each field."""
 
-    name: str
+    name: Name
     description: str
     limits: Limits
     cutting: Cutting

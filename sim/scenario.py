@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from sim.car import Car
-from sim.data_file import DATA, Section, find_data, read_toml
+from sim.data_file import DATA, Name, Section, find_data, read_toml
 from sim.errors import InputError
 from sim.reaction import Reaction
 from sim.rules import load_rules
@@ -23,20 +23,32 @@ LENGTH_M, WIDTH_M = 5.2, 2.2
 """Room that a car takes when it is put beside the road."""
 
 
+MOST_LAPS = 1000
+LONGEST_S = 21_600.0
+"""Six hours, most of a minute to simulate."""
+Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
+Speed = Annotated[float, Field(ge=-120, le=120)]
+"""m/s; beyond it the driver knows no car."""
+Angle = Annotated[float, Field(ge=-7, le=7)]
+Rate = Annotated[float, Field(ge=0, le=1e4)]
+
+
 def _rising(span: tuple[float, float]) -> tuple[float, float]:
     if span[0] > span[1]:
         raise ValueError("expected the smaller number first")
     return span
 
 
-Span = Annotated[tuple[float, float], AfterValidator(_rising)]
+Span = Annotated[tuple[Metres, Metres], AfterValidator(_rising)]
+Speeds = Annotated[tuple[Speed, Speed], AfterValidator(_rising)]
+Angles = Annotated[tuple[Angle, Angle], AfterValidator(_rising)]
 
 
 class GridStart(Section):
     """A standing start from the circuit's grid, with a little disorder in the places."""
 
     kind: Literal["grid"]
-    jitter_m: Annotated[float, Field(ge=0)] = 0.3
+    jitter_m: Annotated[float, Field(ge=0, le=100)] = 0.3
 
 
 class StoppedCar(Section):
@@ -44,7 +56,7 @@ class StoppedCar(Section):
 
     gap_m: Span  # to the next car, in place of that of the column
     lateral_m: Span
-    heading_rad: Span  # relative to the road, + is to the left
+    heading_rad: Angles  # relative to the road, + is to the left
 
 
 class RollingStart(Section):
@@ -54,8 +66,8 @@ class RollingStart(Section):
     leader_m: Span  # first car, from the scenario's origin
     gap_m: Span  # from each car to the next, between centres
     lateral_m: Span
-    speed_m_s: Span  # one for all cars
-    closing_m_s: Span | None = None  # by which each car is faster than the one before it
+    speed_m_s: Speeds  # one for all cars
+    closing_m_s: Speeds | None = None  # by which each car is faster than the one before it
     stopped: StoppedCar | None = None
 
 
@@ -63,9 +75,9 @@ class FormationStart(Section):
     """A rolling start: the grid on the move, two by two, towards the line."""
 
     kind: Literal["formation"]
-    leader_m: float  # progress of the first car
-    gap_m: Annotated[float, Field(gt=0)]  # from each car to the next, along the road
-    speed_m_s: Annotated[float, Field(gt=0)]
+    leader_m: Metres  # progress of the first car
+    gap_m: Annotated[float, Field(gt=0, le=1e6)]  # from each car to the next, along the road
+    speed_m_s: Annotated[float, Field(gt=0, le=120)]
 
 
 class AbreastStart(Section):
@@ -74,8 +86,8 @@ class AbreastStart(Section):
     kind: Literal["abreast"]
     before_end_m: Span  # from the first car to the end of the origin
     behind_m: Span  # from each car to the next
-    apart_m: Annotated[float, Field(gt=0)]  # across the road; the first is leftmost or rightmost by lot
-    speed_m_s: Span  # one for all cars
+    apart_m: Annotated[float, Field(gt=0, le=100)]  # across the road; leftmost or rightmost is first, by lot
+    speed_m_s: Speeds  # one for all cars
 
 
 class AnywhereStart(Section):
@@ -115,20 +127,20 @@ class Scenario(Section):
         perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
     """
 
-    name: str
+    name: Name
     description: str
     cars: Annotated[int, Field(ge=1, le=20)]
     start: Annotated[
         GridStart | RollingStart | FormationStart | AbreastStart | AnywhereStart, Field(discriminator="kind")
     ]
     origin: str | None = None
-    laps: Annotated[int, Field(ge=1)] | None = None
-    finish_m: float | None = None
-    time_s: Annotated[float, Field(gt=0)]
+    laps: Annotated[int, Field(ge=1, le=MOST_LAPS)] | None = None
+    finish_m: Annotated[float, Field(ge=-1e7, le=1e7)] | None = None
+    time_s: Annotated[float, Field(gt=0, le=LONGEST_S)]
     rules: str = "free"
     compound: str | None = None
-    wear_rate: Annotated[float, Field(ge=0)] = 0.0
-    fuel_rate: Annotated[float, Field(ge=0)] = 0.0
+    wear_rate: Rate = 0.0
+    fuel_rate: Rate = 0.0
     action_hz: Hertz | tuple[Hertz, ...] = float(AGENT_HZ)
     perception_delay_s: Delay | tuple[Delay, ...] = 0.0
 
@@ -285,9 +297,12 @@ def load_scenario(name: str) -> Scenario:
     scenario = read_toml(find_data(file, "scenario", DATA / "scenarios"), Scenario, "scenario")
     if not given:
         return scenario
-    if not laps.isdecimal() or int(laps) < 1:
-        raise InputError(f"scenario {name!r}: laps is {laps!r}, expected a number from 1 on")
+    # Python reads no number of thousands of digits.
+    if not laps.isdecimal() or len(laps) > 9 or not 1 <= int(laps) <= MOST_LAPS:
+        raise InputError(f"scenario {name!r}: laps is {laps!r}, expected a number from 1 to {MOST_LAPS}")
     if scenario.laps is None:
         raise InputError(f"scenario {name!r}: {file} is not driven in laps, expected one that is")
-    times = int(laps) / scenario.laps
-    return scenario.model_copy(update={"laps": int(laps), "time_s": scenario.time_s * times})
+    time_s = scenario.time_s * int(laps) / scenario.laps
+    if time_s > LONGEST_S:
+        raise InputError(f"scenario {name!r}: takes {time_s:.0f} s, expected at most {LONGEST_S:.0f} s")
+    return scenario.model_copy(update={"laps": int(laps), "time_s": time_s})

@@ -50,7 +50,7 @@ def test_an_event_of_three_circuits(tmp_path: Path) -> None:
         (('format = "10v10"', 'format = "5v5"'), "race.1.format"),
         (('name = "long"', 'name = "seaside"'), "two races are called 'seaside'"),
         (("pairs = 4", "pairs = 4\nhearts = 3"), "race.2.hearts"),
-        (('"race:laps=4"', '"race:laps=none"'), "laps is 'none', expected a number from 1 on"),
+        (('"race:laps=4"', '"race:laps=none"'), "laps is 'none', expected a number from 1 to 1000"),
         (('"race:laps=4"', '"race_1v1"'), "race 'long': scenario 'race_1v1' has 2 cars, expected 8"),
         (('"lindenring"', '"nordschleife"'), "nordschleife"),
     ],

@@ -375,7 +375,7 @@ def test_laps_in_the_name_change_laps_and_time_and_nothing_else(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
-        ("race:laps=0", "laps is '0', expected a number from 1 on"),
+        ("race:laps=0", "laps is '0', expected a number from 1 to 1000"),
         ("race:laps=", "laps is '', expected"),
         ("race:laps=2.5", "laps is '2.5', expected"),
         ("standing_start:laps=2", "standing_start is not driven in laps"),

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from sim.car import load_car
-from sim.data_file import Section, read_toml
+from sim.data_file import Name, Section, read_toml
 from sim.errors import InputError
 from sim.scenario import load_scenario
 from sim.track import load_track
@@ -27,13 +27,13 @@ class EventRace(Section):
         pairs: units of evidence of every matchup, at most; the tournament's if none are given.
     """
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     circuit: str
     car: str
     format: FormatName = "4v4"
     scenario: str | None = None
-    weight: Annotated[float, Field(gt=0)] = 1.0
-    pairs: Annotated[int, Field(ge=2)] | None = None
+    weight: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
+    pairs: Annotated[int, Field(ge=2, le=10_000)] | None = None
 
     @property
     def made(self) -> Format:

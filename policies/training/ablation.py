@@ -17,6 +17,7 @@ from policies.training.log import CURVE_FILE
 from policies.training.state import STATE_FILE, load_state
 from policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
 from sim.errors import InputError, first_fault
+from sim.text_file import read_text
 from sim.whole_file import whole_file
 
 Variant = Callable[[TrainingConfig], TrainingConfig]
@@ -168,7 +169,7 @@ def claim(out: Path, base: TrainingConfig) -> None:
     path = out / BASE_FILE
     try:
         if path.exists():
-            _compare(path, TrainingConfig.model_validate_json(path.read_text("utf-8")), base)
+            _compare(path, TrainingConfig.model_validate_json(read_text(path)), base)
         else:
             out.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as partial:

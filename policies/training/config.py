@@ -13,7 +13,8 @@ from sim.data_file import Section, read_toml
 from sim.observation import ObservationSpec
 from sim.scenario import Delay
 
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=10**12)]
+Cars = Annotated[int, Field(ge=1, le=20)]
 
 CONFIGS = Path(__file__).parent / "configs"
 """The configurations that come with nathlon."""
@@ -31,7 +32,7 @@ class Opponent(Section):
     """
 
     policy: str
-    weight: Annotated[float, Field(gt=0)] = 1.0
+    weight: Annotated[float, Field(ge=1e-6, le=1e6)] = 1.0
 
 
 def _named(value: Any) -> Any:
@@ -66,9 +67,9 @@ class Rollouts(Section):
     """
 
     scenario: str
-    races: Count
-    learners: Count
-    places: tuple[Count, ...] | None = None
+    races: Annotated[int, Field(ge=1, le=10_000)]
+    learners: Cars
+    places: tuple[Cars, ...] | None = None
     opponents: Opponents = ()
     share: Annotated[float, Field(gt=0, le=1)] | None = None
     mistakes: Annotated[float, Field(ge=0, le=1)] = 0.0
@@ -85,10 +86,10 @@ class Rollouts(Section):
 class ObservationSettings(Section):
     """The observation spec to train on; see sim.observation."""
 
-    course_points: Annotated[int, Field(ge=0)] = 60
-    horizon_s: float = 6.0
-    cars_ahead: Annotated[int, Field(ge=0)] = 4
-    cars_behind: Annotated[int, Field(ge=0)] = 4
+    course_points: Annotated[int, Field(ge=0, le=500)] = 60
+    horizon_s: Annotated[float, Field(gt=0, le=60)] = 6.0
+    cars_ahead: Annotated[int, Field(ge=0, le=500)] = 4
+    cars_behind: Annotated[int, Field(ge=0, le=500)] = 4
 
     def spec(self) -> ObservationSpec:
         """The spec itself."""
@@ -115,7 +116,7 @@ class TrainingConfig(Section):
     circuit: str
     car: str
     updates: Count
-    updates_per_step: Count
+    updates_per_step: Annotated[int, Field(ge=1, le=100_000)]
     warm_up: Count
     replay: Count
     checkpoint_every: Count

@@ -16,6 +16,7 @@ from torch import Tensor
 from policies.training.log import CURVE_FILE
 from policies.training.state import STATE_FILE, write_tensors
 from sim.errors import InputError
+from sim.text_file import open_regular
 from sim.whole_file import whole_file
 
 CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")
@@ -67,6 +68,7 @@ def load_state(folder: Path, facts: Mapping[str, str]) -> PolishState | None:
         (folder / "checkpoints").mkdir(parents=True, exist_ok=True)
         if not path.exists():
             return None
+        open_regular(path, "state of a polishing").close()
         with safe_open(path, framework="pt") as file:
             found = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping

@@ -13,6 +13,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from sim.errors import InputError
+from sim.text_file import open_regular
 from sim.whole_file import whole_file
 
 STATE_FILE = "state.safetensors"
@@ -64,7 +65,7 @@ def load_state(folder: Path) -> RunState:
     try:
         rng = json.loads(text)
         np.random.default_rng().bit_generator.state = rng
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         raise InputError(f"{path}: {RANDOM_KEY}: expected the state of a random generator") from None
     return RunState(int(counts[0]), int(counts[1]), float(counts[2]), tensors, rng)
 
@@ -88,6 +89,7 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     Raises:
         InputError: if it cannot be read.
     """
+    open_regular(path, "state of a training run").close()
     try:
         return load_file(path)
     except (OSError, SafetensorError) as error:

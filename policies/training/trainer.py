@@ -32,6 +32,7 @@ from policies.training.state import (
 )
 from policies.training.worker import Experience, Gathered, News, RolloutWorker
 from sim.errors import InputError, first_fault
+from sim.text_file import read_text
 from sim.whole_file import whole_file
 
 CONFIG_FILE = "run.json"
@@ -119,14 +120,15 @@ class Trainer:
             InputError: if the folder holds no run, or one that cannot be read, or there is no such device.
         """
         path = folder / CONFIG_FILE
+        if not path.exists():
+            raise InputError(f"{path}: no training run to resume")
+        text = read_text(path, "training run")
         try:
-            facts = json.loads(path.read_text("utf-8"))
+            facts = json.loads(text)
             trainer = cls(folder, TrainingConfig.model_validate(facts["config"]), int(facts["seed"]), device)
-        except OSError:
-            raise InputError(f"{path}: no training run to resume") from None
         except ValidationError as error:
             raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             raise InputError(f"{path}: expected the JSON of a training run with config and seed") from None
         if (folder / STATE_FILE).exists():
             trainer._load_state()
