@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
 from nathlon.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED, MOST_WORKERS
 from nathlon.commands.committee_app import committee
 from sim.errors import InputError
+from sim.names import printable
 
 app = typer.Typer(
     help="Which of my thousands of racing checkpoints do I send to the race, and why?",
@@ -371,12 +372,23 @@ def show_track(
     run(name, out, as_json)
 
 
+class _OneLine(logging.Formatter):
+    """Warnings name files of others, whose names may be anything."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record))
+
+
 def main() -> None:
     """Entry point: bad input is one sentence and exit code 2."""
+    if logging.lastResort:
+        logging.lastResort.setFormatter(_OneLine())
     try:
         app()
     except InputError as error:
-        Console(stderr=True, soft_wrap=True).print(f"nathlon: {error}", markup=False, highlight=False)
+        from nathlon.commands.console import warn
+
+        warn(f"nathlon: {error}")
         sys.exit(2)
 
 

@@ -69,7 +69,13 @@ def write_ablation(table: pl.DataFrame, effects: pl.DataFrame, out: Path) -> Non
     _replace(out / "ablation.csv", lambda path: table.write_csv(path))
     _replace(out / "effects.csv", lambda path: effects.write_csv(path))
     with matplotlib.rc_context(
-        {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "svg.hashsalt": "nathlon"}
+        {
+            "font.size": 9,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "svg.hashsalt": "nathlon",
+            "text.parse_math": False,
+        }
     ):
         figure = draw_ablation(table)
         _replace(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -107,14 +108,21 @@ def race_sheet(log: RaceLog) -> str:
         "Seed": log.seed,
         "nathlon": log.version,
     }
-    lines = ["| | |", "|---|---|", *(f"| {fact} | {value} |" for fact, value in facts.items())]
+    lines = ["| | |", "|---|---|", *(f"| {fact} | {_plain(value)} |" for fact, value in facts.items())]
     if len(log.time_s):
         last = log.samples[-1]
         lines += ["", "| Place | Car | Team | Laps | Distance |", "|--:|---|--:|--:|--:|"]
         for car in np.argsort(last["place"], kind="stable").tolist():
             place, lap, distance_m = last["place"][car], last["lap"][car], last["distance_m"][car]
-            lines.append(f"| {place} | {labels(log)[car]} | {log.teams[car]} | {lap} | {distance_m:.0f} m |")
+            lines.append(
+                f"| {place} | {_plain(labels(log)[car])} | {log.teams[car]} | {lap} | {distance_m:.0f} m |"
+            )
     return "\n".join(lines)
+
+
+def _plain(value: object) -> str:
+    """A value in a Markdown table as it is: https://spec.commonmark.org/0.31.2/#backslash-escapes."""
+    return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", str(value))
 
 
 def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:

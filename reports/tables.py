@@ -11,6 +11,9 @@ import polars as pl
 from reports.selection import Selection
 from sim.whole_file import whole_file
 
+FORMULA = r"^[=+\-@\t\r']"
+"""How a text begins that spreadsheets may take for a formula, or that has the mark of one that does."""
+
 
 def write_tables(selection: Selection, folder: Path) -> None:
     """Write each table and `results` into `folder` as CSV and as Parquet, every file whole or not at all.
@@ -19,8 +22,19 @@ def write_tables(selection: Selection, folder: Path) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, table in {**selection.tables, "results": selection.results}.items():
-        _replace(folder / f"{name}.csv", table.write_csv)
+        _replace(folder / f"{name}.csv", as_texts(table).write_csv)
         _replace(folder / f"{name}.parquet", table.write_parquet)
+
+
+def as_texts(table: pl.DataFrame) -> pl.DataFrame:
+    """The table for a CSV file: texts that begin as FORMULA says have an apostrophe before them.
+
+    To take one apostrophe from texts that begin with it gives the table back.
+    """
+    text = pl.col(pl.String)
+    return table.with_columns(
+        pl.when(text.str.contains(FORMULA)).then("'" + text).otherwise(text).name.keep()
+    )
 
 
 def _replace(path: Path, write: Callable[[BytesIO], pl.DataFrame | None]) -> None:

@@ -11,6 +11,7 @@ import pygame
 from numpy.typing import NDArray
 
 from sim.episode import Episodes, Facts
+from sim.names import printable
 from sim.track import Track, X, Y
 
 Colour = tuple[int, int, int]
@@ -35,7 +36,7 @@ def _font(size: int) -> pygame.font.Font:
 
 @lru_cache(maxsize=512)
 def _line(text: str, size: int, colour: Colour) -> pygame.Surface:
-    return _font(size).render(text, True, colour)
+    return _font(size).render(printable(text), True, colour)
 
 
 def write(

@@ -11,12 +11,13 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from scipy.interpolate import CubicSpline
 
 from sim.crossing import LEAST_CLEARANCE_M, find_crossings, levels
 from sim.data_file import DATA, Section, find_data, read_toml
 from sim.errors import InputError
+from sim.names import printable, proper_name
 
 SPACING_M = 2.0
 TAPER_M = 8.0
@@ -43,6 +44,7 @@ Runoff = Literal["tarmac", "grass", "gravel"]
 Side = Literal["left", "right"]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Name = Annotated[str, AfterValidator(proper_name)]
 
 
 class Grid(Section):
@@ -69,7 +71,7 @@ class Stretch(Section):
 class NamedSection(Stretch):
     """A stretch with a name of its own."""
 
-    name: str
+    name: Name
     kind: Literal["corner", "chicane", "straight"]
 
 
@@ -90,8 +92,8 @@ class RunoffStretch(Stretch):
 class CircuitFile(Section):
     """The circuit's TOML file."""
 
-    name: str
-    description: str
+    name: Name
+    description: Annotated[str, AfterValidator(printable)]
     centre_line: str
     runoff: Runoff
     sectors_m: tuple[Positive, Positive]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -27,6 +28,17 @@ def draw_map(track: Track, path: Path) -> None:
     """
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a picture")
+    # A dollar sign in a name begins no formula.
+    with matplotlib.rc_context({"text.parse_math": False}):
+        figure = _drawn(track)
+    try:
+        with whole_file(path) as partial:
+            figure.savefig(partial, format="png", facecolor=PAPER)
+    except OSError as error:
+        raise InputError(f"{path}: the map cannot be written: {error.strerror}") from None
+
+
+def _drawn(track: Track) -> Figure:
     corners = np.concatenate(wall_lines(track))
     middle, extent = (corners.min(axis=0) + corners.max(axis=0)) / 2, np.ptp(corners, axis=0)
     across = PLAN_IN - 2 * NAMES_IN
@@ -47,11 +59,7 @@ def draw_map(track: Track, path: Path) -> None:
     _draw_heights(heights, track)
     _draw_bends(bends, track)
     _draw_key(figure, track)
-    try:
-        with whole_file(path) as partial:
-            figure.savefig(partial, format="png", facecolor=PAPER)
-    except OSError as error:
-        raise InputError(f"{path}: the map cannot be written: {error.strerror}") from None
+    return figure
 
 
 def _axes(figure: Figure, bottom: float, height: float) -> Axes:

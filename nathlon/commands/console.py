@@ -16,19 +16,34 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
 
-console = Console()
-_aside = Console(stderr=True)
+from sim.names import printable
+
+
+class Terminal(Console):
+    """A console on which text is text: nothing in names or paths is markup, an emoji or a control code."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """See `Console.render_str`."""
+        return super().render_str(printable(text), **options)
+
+
+console = Terminal()
+_aside = Terminal(stderr=True)
 
 
 def say(text: str) -> None:
-    """Print a line as it is: paths stay whole, and nothing in them is markup."""
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
+    """Print a line as it is: paths stay whole."""
+    console.print(text, soft_wrap=True)
 
 
 def warn(text: str) -> None:
     """Print a line that is no result to standard error, as it is."""
-    _aside.print(text, markup=False, highlight=False, soft_wrap=True)
+    _aside.print(text, soft_wrap=True)
 
 
 def print_json(value: Any) -> None:
@@ -53,10 +68,10 @@ def worker_count(asked: int | None) -> int:
 def progress_bars(quiet: bool = False) -> Progress:
     """Bars with a note, the time taken and the time to go; nothing is shown if quiet."""
     return Progress(
-        TextColumn("{task.description:<12}"),
+        TextColumn("{task.description:<12}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", markup=False),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=console,

@@ -18,6 +18,7 @@ from nathlon.filter import run_filter
 from nathlon.objective import Objective
 from nathlon.run import Answer
 from nathlon.single_run import single_run
+from reports.tables import as_texts
 from sim.whole_file import whole_file
 
 
@@ -39,7 +40,7 @@ def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_js
     table = pareto_table(entrants, answer)
     files = {"csv": out / "pareto.csv", "parquet": out / "pareto.parquet"}
     with whole_file(files["csv"]) as csv, whole_file(files["parquet"]) as parquet:
-        table.write_csv(csv)
+        as_texts(table).write_csv(csv)
         table.write_parquet(parquet)
     front = table.filter("survives")
     if as_json:

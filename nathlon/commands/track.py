@@ -10,6 +10,7 @@ import numpy as np
 from rich.table import Table
 
 from nathlon.commands.console import console, print_json, say
+from sim.names import file_stem
 from sim.track import CURVATURE, NamedSection, Track, load_track
 from sim.track_import import import_circuit
 from sim.track_map import draw_map
@@ -32,7 +33,7 @@ def import_track(file: Path, name: str, out: Path, as_json: bool) -> None:
 def show_track(name: str, out: Path | None, as_json: bool) -> None:
     """Draw the map of a circuit and print its sections."""
     circuit = load_track(name)
-    path = out or Path(Path(f"{circuit.name}.png").name)
+    path = out or Path(f"{file_stem(circuit.name)}.png")
     draw_map(circuit, path)
     sections = [_described(circuit, section) for section in circuit.sections]
     if as_json:
