@@ -18,6 +18,7 @@ from policies.identity import policy_id
 from policies.load import DRIVER, SUFFIXES, load_file, load_policy
 from policies.plugin import PLUGIN
 from sim.errors import InputError
+from sim.names import printable, proper_name
 
 TRAINING_STATE = ("state.safetensors", "replay.safetensors")
 """Files of a training run that are no checkpoints."""
@@ -52,8 +53,19 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
     """The entrant that a user calls by a path or a driver's name.
 
     Raises:
-        InputError: if it cannot drive this car on this circuit.
+        InputError: if it cannot drive this car on this circuit, or its name cannot be written down.
     """
+    try:
+        source.encode()
+    except UnicodeEncodeError:
+        raise InputError(
+            f"{printable(source)}: the name is no UTF-8, expected one that can be written down"
+        ) from None
+    entrant = _enter(source, circuit, car)
+    return replace(entrant, name=proper_name(entrant.name))
+
+
+def _enter(source: str, circuit: str, car: str) -> Entrant:
     kind, _, name = source.partition(":")
     if kind == DRIVER:
         load_policy(source, circuit, car)
@@ -137,7 +149,9 @@ def only_once(entrants: Sequence[Entrant]) -> list[Entrant]:
         raise InputError("no checkpoint given, expected at least one")
     shared = Counter(entrant.name for entrant in first)
     return [
-        replace(e, name=f"{Path(e.source).parent.name}/{e.name}-{e.id[:6]}") if shared[e.name] > 1 else e
+        replace(e, name=f"{proper_name(Path(e.source).parent.name)}/{e.name}-{e.id[:6]}")
+        if shared[e.name] > 1
+        else e
         for e in first
     ]
 

@@ -12,6 +12,7 @@ from arena.pool import Pool
 from policies.identity import policy_id
 from policies.plugin import PLUGIN
 from sim.errors import InputError
+from sim.names import printable, proper_name
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,11 @@ def newcomers(
     new = [
         source
         for source, digest in digests.items()
-        if digest not in known and (digest or source) not in refused
+        if digest not in known and (digest or printable(source)) not in refused
     ]
     for source, answer in zip(new, enter_each(pool, new, circuit, car), strict=True):
         if isinstance(answer, InputError):
-            excluded.append(Exclusion(source, str(answer), digests[source]))
+            excluded.append(Exclusion(printable(source), str(answer), digests[source]))
         elif answer.id not in known:
             found.setdefault(answer.id, answer)
     taken = set(known.values())
@@ -121,4 +122,4 @@ def _digest(source: str) -> str | None:
 
 
 def _folder(entrant: Entrant) -> str:
-    return Path(entrant.source).resolve().parent.name
+    return proper_name(Path(entrant.source).resolve().parent.name)

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+if sys.platform == "linux":
+    import resource
+
 OPENING_BYTES = 2 << 30
 """What opening a file may take beyond what the process has already."""
 
@@ -16,13 +19,9 @@ _DATA = 5
 
 def data_bytes() -> int:
     """Private memory that this process has asked for and may write, in bytes; 0 where Linux does not tell."""
-    try:
-        pages = int(_STATM.read_bytes().split()[_DATA])
-    except OSError:
+    if sys.platform != "linux":
         return 0
-    import resource
-
-    return pages * resource.getpagesize()
+    return int(_STATM.read_bytes().split()[_DATA]) * resource.getpagesize()
 
 
 @contextmanager
@@ -34,8 +33,6 @@ def memory_limit(more: int = OPENING_BYTES) -> Iterator[None]:
     if sys.platform != "linux":
         yield
         return
-    import resource
-
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     wanted = data_bytes() + more
     bounds = [limit for limit in (soft, hard, wanted) if limit != resource.RLIM_INFINITY]

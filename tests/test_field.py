@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from onnx import TensorProto, helper
 
 from arena.entrant import enter
 from arena.pool import Pool
 from nathlon.field import newcomers
 from sim.errors import InputError
+from sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
 
 PAIR = ("lindenring", "gt3")
@@ -64,3 +69,93 @@ def test_an_empty_folder_holds_nothing_yet_and_a_missing_one_is_refused(tmp_path
     assert newcomers(pool, [str(tmp_path)], *PAIR, known={}) == ([], [])
     with pytest.raises(InputError, match="none: no such file or folder"):
         newcomers(pool, [str(tmp_path / "none")], *PAIR, known={})
+
+
+def test_what_is_no_regular_file_is_set_aside_unread_and_not_told_again(watched: Path, pool: Pool) -> None:
+    """A pipe that nobody writes to would keep whoever reads it waiting for ever."""
+    os.mkfifo(watched / "pipe.safetensors")
+    (watched / "gone.onnx").symlink_to(watched / "nowhere")
+    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    assert len(new) == 2
+    names = {Path(item.source).name: item for item in excluded}
+    assert set(names) == {"broken.safetensors", "gone.onnx", "pipe.safetensors"}
+    assert names["pipe.safetensors"].digest is None
+    known = {entrant.id: entrant.name for entrant in new}
+    assert newcomers(pool, [str(watched)], *PAIR, known, {item.key for item in excluded}) == ([], [])
+
+
+def test_an_endless_graph_is_set_aside_when_its_time_is_up(watched: Path) -> None:
+    """It gives its actions after 2^62 rounds."""
+    endless(watched / "endless.onnx")
+    with Pool(1, first_answer_s=3.0) as pool:
+        new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    assert len(new) == 2
+    assert [item.reason for item in excluded if item.source.endswith("endless.onnx")] == [
+        f"{watched}/endless.onnx: took more than 3 s to open, expected a policy"
+    ]
+
+
+def endless(path: Path) -> None:
+    size = ObservationSpec().size
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["go"], ["goes"]), helper.make_node("Identity", ["x"], ["y"])],
+        "body",
+        [
+            helper.make_tensor_value_info("round", TensorProto.INT64, []),
+            helper.make_tensor_value_info("go", TensorProto.BOOL, []),
+            helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", 2]),
+        ],
+        [
+            helper.make_tensor_value_info("goes", TensorProto.BOOL, []),
+            helper.make_tensor_value_info("y", TensorProto.FLOAT, ["n", 2]),
+        ],
+    )
+    graph = helper.make_graph(
+        [
+            helper.make_node("Slice", ["seen", "from", "to", "axis"], ["first"]),
+            helper.make_node("Loop", ["rounds", "true", "first"], ["action"], body=body),
+        ],
+        "endless",
+        [helper.make_tensor_value_info("seen", TensorProto.FLOAT, ["n", size])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 2])],
+        [
+            helper.make_tensor("from", TensorProto.INT64, [1], [0]),
+            helper.make_tensor("to", TensorProto.INT64, [1], [2]),
+            helper.make_tensor("axis", TensorProto.INT64, [1], [1]),
+            helper.make_tensor("rounds", TensorProto.INT64, [], [2**62]),
+            helper.make_tensor("true", TensorProto.BOOL, [], [True]),
+        ],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    path.write_bytes(model.SerializeToString())
+
+
+def test_names_of_files_are_shown_as_they_can_be(watched: Path, pool: Pool) -> None:
+    """A name of bytes that are no text cannot be kept, one with a line end is written out."""
+    strange = Path(os.fsdecode(os.fsencode(watched) + b"/\xff.safetensors"))
+    shutil.copy(BUNDLED[2], strange)
+    shutil.copy(BUNDLED[3], watched / "two\nlines.safetensors")
+    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    assert "two\\nlines" in {entrant.name for entrant in new}
+    [item] = [item for item in excluded if "broken" not in item.source]
+    assert item.source == f"{watched}/\\udcff.safetensors"
+    assert item.reason == f"{item.source}: the name is no UTF-8, expected one that can be written down"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody else")
+def test_a_folder_that_cannot_be_looked_into_is_set_aside(watched: Path) -> None:
+    (watched / "closed").mkdir(mode=0o700)
+    script = (
+        "import os, sys\nfrom pathlib import Path\n"
+        "from arena.entrant import checkpoints_below, enter\nfrom sim.errors import InputError\n"
+        "os.setegid(65534)\nos.seteuid(65534)\n"
+        "closed = checkpoints_below(Path(sys.argv[1]))[-1]\n"
+        "try:\n    enter(str(closed), 'lindenring', 'gt3')\n"
+        "except InputError as error:\n    print(error)\n"
+    )
+    for folder in (watched, *watched.parents):
+        if folder.stat().st_uid == os.geteuid() and str(folder).startswith("/tmp/"):
+            folder.chmod(0o755)
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent), "XDG_CACHE_HOME": "/nowhere"}
+    told = subprocess.check_output([sys.executable, "-c", script, watched], text=True, env=environment)
+    assert told.startswith(f"{watched}/closed: ")

@@ -27,6 +27,7 @@ from reports.player import render_player
 from reports.replay import race_sheet, write_replay
 from reports.selection import Selection
 from reports.spreadsheet import write_spreadsheet
+from reports.summary import Sent, ranked
 from reports.tables import as_texts, write_tables
 from reports.video import pictures
 from sim.data_file import DATA
@@ -67,9 +68,13 @@ def hostile() -> Selection:
         **selection.tables,
         "entrants": cards.with_columns(name=pl.col("entrant").replace_strict(names)),
     }
-    ranking = [{"name": names[row["entrant"]], **row} for row in selection.tables["ranking"].to_dicts()]
-    summary = {"ranking": ranking, "sent": [{"name": NAMES[0], "entrant": final[0]}], "recording": None}
-    return replace(selection, title=NAMES[3], tables=named, summary={**selection.summary, **summary})
+    facts = {
+        "ranking": ranked(selection.tables["ranking"], names),
+        "sent": (Sent(name=NAMES[0], entrant=final[0]),),
+    }
+    return replace(
+        selection, title=NAMES[3], tables=named, summary=selection.summary.model_copy(update=facts)
+    )
 
 
 def hostile_race(names: tuple[str, ...] = NAMES[:8]) -> RaceLog:
