@@ -197,13 +197,14 @@ def test_data_nested_almost_too_deeply(tmp_path: Path, saved: Path, depth: int) 
     nest: Any = "[1. 1.]"
     for _ in range(depth):
         nest = [nest]
-    sys.setrecursionlimit(10_000)
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(10 * limit)
     try:
         text = json.dumps(
             {"policy_class": {"__module__": nest}, "action_space": {"low": nest}, "nathlon": nest}
         )
     finally:
-        sys.setrecursionlimit(1000)
+        sys.setrecursionlimit(limit)
     with zipfile.ZipFile(saved) as archive:
         weights = archive.read("policy.pth")
     path = tmp_path / "b.zip"
