@@ -1,34 +1,61 @@
 """Checkpoints: a policy's weights and the card that says what it is, in one safetensors file.
 
 The weights are stored as float16, the card as JSON under the key `nathlon` of the header's metadata. A
-checkpoint is data only: opening an unknown one can fail, it cannot run anything.
+checkpoint is data only: opening an unknown one can fail, it cannot run anything. The header is read strictly:
+what it says of the tensors is compared with the card and the file's size before any of them is made.
 """
 
 from __future__ import annotations
 
-import hashlib
+import io
 from collections.abc import Mapping
 from itertools import pairwise
+from math import prod
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, BinaryIO, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, ValidationError
-from safetensors import SafetensorError, safe_open
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationError,
+)
 from safetensors.numpy import save
 
 from policies.mlp import Mlp
 from policies.policy import Batch
+from policies.policy_file import content_id, open_policy_file, opening, read_policy_file
+from policies.strict_json import parse_json
 from sim.errors import InputError, first_fault
 from sim.observation import ObservationSpec
 from sim.whole_file import whole_file
 
 CARD_KEY = "nathlon"
 ACTION_SIZE = 2
+MOST_COUNT = 2**63 - 1
+MOST_CARD = 1 << 16
+"""Characters of a card."""
 
-Count = Annotated[int, Field(ge=0)]
+_MOST_HEADER = 1 << 20
+_HALF = np.dtype("<f2")
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("expected printable characters")
+    return text
+
+
+Count = Annotated[int, Field(ge=0, le=MOST_COUNT)]
 Width = Annotated[int, Field(ge=1, le=8192)]
+Text = Annotated[str, Field(max_length=200), AfterValidator(_printable)]
+Names = Annotated[tuple[Text, ...], Field(max_length=1000)]
+Versions = Annotated[dict[Text, Text], Field(max_length=1000)]
 
 
 def _observation_spec(value: Any) -> ObservationSpec:
@@ -63,16 +90,16 @@ class Card(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     format: Literal[1] = 1
-    algorithm: str
+    algorithm: Text
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)]
     observation: Observation
-    circuit: str
-    car: str
-    scenarios: tuple[str, ...]
+    circuit: Text
+    car: Text
+    scenarios: Names
     step: Count
     transitions: Count
     seed: Count
-    created_by: dict[str, str]
+    created_by: Versions
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -116,9 +143,7 @@ def checkpoint_id(path: Path) -> str:
     Raises:
         InputError: if there is no such file.
     """
-    _check_file(path)
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return content_id(read_policy_file(path))
 
 
 def read_card(path: Path) -> Card:
@@ -127,8 +152,8 @@ def read_card(path: Path) -> Card:
     Raises:
         InputError: if the file is no checkpoint that this program can drive.
     """
-    with _opened(path) as file:
-        return _card(path, file)
+    with opening(path), open_policy_file(path) as (file, size):
+        return _read_header(path, file, size)[0]
 
 
 def read_checkpoint(path: Path) -> tuple[Card, dict[str, NDArray[np.float32]]]:
@@ -137,17 +162,8 @@ def read_checkpoint(path: Path) -> tuple[Card, dict[str, NDArray[np.float32]]]:
     Raises:
         InputError: if the file is no checkpoint that this program can drive.
     """
-    with _opened(path) as file:
-        card = _card(path, file)
-        slices = {name: file.get_slice(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
-        _check_shapes(path, {name: tuple(part.get_shape()) for name, part in slices.items()}, card)
-        tensors = {}
-        for name, part in slices.items():
-            if part.get_dtype() != "F16":
-                raise InputError(f"{path}: tensor {name!r} is {part.get_dtype()}, expected F16")
-            tensors[name] = file.get_tensor(name).astype(np.float32)
-            _check_finite(path, name, tensors[name])
-    return card, tensors
+    with opening(path):
+        return _parse(path, read_policy_file(path))
 
 
 class NetworkPolicy:
@@ -178,8 +194,10 @@ class NetworkPolicy:
         Raises:
             InputError: if the file is no checkpoint that this program can drive.
         """
-        card, tensors = read_checkpoint(path)
-        return cls(card, checkpoint_id(path), tensors)
+        with opening(path):
+            content = read_policy_file(path)
+            card, tensors = _parse(path, content)
+            return cls(card, content_id(content), tensors)
 
     def initial_memory(self, n: int) -> Batch:
         """No memory: (n, 0) float32."""
@@ -199,35 +217,84 @@ def load_checkpoint(path: Path) -> NetworkPolicy:
     return NetworkPolicy.load(path)
 
 
-def _check_file(path: Path) -> None:
-    if not path.exists():
-        raise InputError(f"{path}: no such file, expected a checkpoint")
-    if not path.is_file():
-        raise InputError(f"{path}: not a file, expected a checkpoint")
+AnyCard = TypeVar("AnyCard", bound=BaseModel)
 
 
-def _opened(path: Path) -> Any:
-    _check_file(path)
-    if path.stat().st_size == 0:
-        raise InputError(f"{path}: the file is empty, expected a checkpoint")
+def parse_card(path: Path, text: str, model: type[AnyCard]) -> AnyCard:
+    """The card written as JSON in the file at `path`.
+
+    Raises:
+        InputError: if it is none.
+    """
+    if len(text) > MOST_CARD:
+        raise InputError(f"{path}: the card has {len(text)} characters, expected at most {MOST_CARD}")
     try:
-        return safe_open(path, framework="numpy")
-    except (SafetensorError, OSError, ValueError) as error:
-        raise InputError(f"{path}: not a whole safetensors file ({error})") from None
-
-
-def _card(path: Path, file: Any) -> Card:
-    text = (file.metadata() or {}).get(CARD_KEY)
-    if text is None:
-        raise InputError(f"{path}: no card under {CARD_KEY!r} in the header, expected a nathlon checkpoint")
-    try:
-        return Card.model_validate_json(text)
+        parse_json(text)
+        return model.model_validate_json(text)
     except ValidationError as error:
-        if error.errors()[0]["type"] == "json_invalid":
-            raise InputError(f"{path}: the card in the header is not valid JSON") from None
-        raise InputError(f"{path}: the card: {first_fault(error, Card)}") from None
+        raise InputError(f"{path}: the card: {first_fault(error, model)}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: the card is not valid JSON ({error})") from None
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: the card: {error}") from None
+
+
+def _parse(path: Path, content: bytes) -> tuple[Card, dict[str, NDArray[np.float32]]]:
+    card, places = _read_header(path, io.BytesIO(content), len(content))
+    tensors = {}
+    for name, shape in card.shapes.items():
+        # Not by safetensors' own reader, which panics where memory runs out.
+        half = np.frombuffer(content, _HALF, prod(shape), places[name])
+        tensors[name] = half.astype(np.float32).reshape(shape)
+        _check_finite(path, name, tensors[name])
+    return card, tensors
+
+
+def _read_header(path: Path, file: BinaryIO, size: int) -> tuple[Card, dict[str, int]]:
+    """The card of a file of `size` bytes, and where the card's tensors begin in it."""
+    header_size = int.from_bytes(file.read(8), "little")
+    if header_size > min(size - 8, _MOST_HEADER):
+        raise InputError(
+            f"{path}: not a whole safetensors file (the header has {header_size} of {size} bytes, "
+            f"expected at most {_MOST_HEADER})"
+        )
+    try:
+        header = parse_json(file.read(header_size).decode())
+    except ValueError as error:
+        raise InputError(f"{path}: not a whole safetensors file (the header: {error})") from None
+    card = parse_card(path, _card_text(path, header), Card)
+    parts = {name: _half(path, name, entry) for name, entry in header.items()}
+    _check_shapes(path, {name: shape for name, (shape, _, _) in parts.items()}, card)
+    start = place = 8 + header_size
+    places = {}
+    # As the format has it: one after another, without gaps, to the end of the file.
+    for name, (shape, begin, end) in sorted(parts.items(), key=lambda part: part[1][1]):
+        places[name] = place
+        if start + begin != place or end - begin != _HALF.itemsize * prod(shape):
+            raise InputError(f"{path}: tensor {name!r} lies at {begin} to {end}, where it does not fit")
+        place = start + end
+    if place != size:
+        raise InputError(f"{path}: not a whole safetensors file ({size} bytes, expected {place})")
+    return card, places
+
+
+def _card_text(path: Path, header: Any) -> str:
+    """The card in a header, which is left with the tensors alone."""
+    notes = header.pop("__metadata__", None) if isinstance(header, dict) else None
+    text = notes.get(CARD_KEY) if isinstance(notes, dict) else None
+    if not isinstance(text, str):
+        raise InputError(f"{path}: no card under {CARD_KEY!r} in the header, expected a nathlon checkpoint")
+    return text
+
+
+def _half(path: Path, name: str, entry: Any) -> tuple[tuple[int, ...], int, int]:
+    """Shape, beginning and end of a tensor of float16, by its entry in a header."""
+    match entry:
+        case {"dtype": "F16", "shape": list(shape), "data_offsets": [int(begin), int(end)]}:
+            return tuple(shape), begin, end
+        case {"dtype": str(dtype), "shape": list(), "data_offsets": list()} if dtype != "F16":
+            raise InputError(f"{path}: tensor {name!r} is {dtype}, expected F16")
+    raise InputError(f"{path}: tensor {name!r} has no type, shape and place in the header")
 
 
 def _check_shapes(path: Path, shapes: Mapping[str, tuple[int, ...]], card: Card) -> None:

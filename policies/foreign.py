@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from policies.checkpoint import Count, Observation
-from sim.errors import InputError, first_fault
+from policies.checkpoint import Count, Names, Observation, Text, Versions
+from sim.errors import InputError
 from sim.observation import ObservationSpec
 
 _POINT = ObservationSpec(course_points=2).size - ObservationSpec(course_points=1).size
@@ -20,29 +20,15 @@ class ForeignCard(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     format: Literal[1] = 1
-    algorithm: str | None = None
+    algorithm: Text | None = None
     observation: Observation | None = None
-    circuit: str | None = None
-    car: str | None = None
-    scenarios: tuple[str, ...] = ()
+    circuit: Text | None = None
+    car: Text | None = None
+    scenarios: Names = ()
     step: Count | None = None
     transitions: Count | None = None
     seed: Count | None = None
-    created_by: dict[str, str] = {}
-
-
-def parse_card(path: Path, text: str) -> ForeignCard:
-    """The card written as JSON in the file at `path`.
-
-    Raises:
-        InputError: if it is none.
-    """
-    try:
-        return ForeignCard.model_validate_json(text)
-    except ValidationError as error:
-        raise InputError(f"{path}: the card: {first_fault(error, ForeignCard)}") from None
-    except InputError as error:
-        raise InputError(f"{path}: the card: {error}") from None
+    created_by: Versions = {}
 
 
 def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpec:

@@ -8,10 +8,8 @@ between the layers, but Stable-Baselines3 writes the settings that tell as plain
 
 from __future__ import annotations
 
-import io
 import json
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import count, takewhile
@@ -20,13 +18,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from policies.checkpoint import ACTION_SIZE, CARD_KEY, checkpoint_id
-from policies.foreign import ForeignCard, observation_spec, parse_card
+from policies.archive import unpack
+from policies.checkpoint import ACTION_SIZE, CARD_KEY, MOST_COUNT, parse_card
+from policies.foreign import ForeignCard, observation_spec
 from policies.mlp import Mlp
 from policies.policy import Batch
+from policies.policy_file import content_id, opening, read_policy_file
+from policies.state_dict import read_state_dict
+from policies.strict_json import parse_json
 from sim.errors import InputError
 
-MOST_BYTES = 1 << 30
+MOST_SETTINGS = 1 << 25
+"""Bytes of `data`, with the last observations of all environments in it."""
 
 
 @dataclass(frozen=True)
@@ -99,19 +102,20 @@ class Sb3Policy:
         Raises:
             InputError: if the file is no policy of a known architecture.
         """
-        identity = checkpoint_id(path)
-        data, tensors = _read(path)
-        family = _family(path, data)
-        card = parse_card(path, json.dumps(data.get(CARD_KEY, {})))
-        known = {
-            "algorithm": f"SB3 {family.algorithm}",
-            "step": _whole(data.get("_n_updates")),
-            "transitions": _whole(data.get("num_timesteps")),
-            "seed": _whole(data.get("seed")),
-        }
-        missing = {name: value for name, value in known.items() if getattr(card, name) is None}
-        network = Mlp(_layers(path, family, tensors), _hidden(path, family, data), family.output)
-        return cls(card.model_copy(update=missing), identity, network, path)
+        with opening(path):
+            content = read_policy_file(path)
+            data, tensors = _read(path, content)
+            family = _family(path, data)
+            card = parse_card(path, json.dumps(data.get(CARD_KEY, {})), ForeignCard)
+            known = {
+                "algorithm": f"SB3 {family.algorithm}",
+                "step": _whole(data.get("_n_updates")),
+                "transitions": _whole(data.get("num_timesteps")),
+                "seed": _whole(data.get("seed")),
+            }
+            missing = {name: value for name, value in known.items() if getattr(card, name) is None}
+            network = Mlp(_layers(path, family, tensors), _hidden(path, family, data), family.output)
+            return cls(card.model_copy(update=missing), content_id(content), network, path)
 
     def initial_memory(self, n: int) -> Batch:
         """No memory: (n, 0) float32."""
@@ -123,44 +127,35 @@ class Sb3Policy:
 
 
 def _whole(value: Any) -> int | None:
-    return value if type(value) is int and value >= 0 else None
+    return value if type(value) is int and 0 <= value <= MOST_COUNT else None
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+def _read(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     """The values of `data` and the tensors of `policy.pth`."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            data = json.loads(_member(path, archive, "data"))
-            weights = _member(path, archive, "policy.pth")
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError, zlib.error) as error:
+        members = unpack(content, ("data", "policy.pth"))
+    except zipfile.BadZipFile as error:
         raise InputError(f"{path}: not a whole .zip of Stable-Baselines3 ({error})") from None
+    for name in ("data", "policy.pth"):
+        if name not in members:
+            raise InputError(f"{path}: no member {name!r}, expected a .zip of Stable-Baselines3")
+    data = _settings(path, members["data"])
+    try:
+        return data, read_state_dict(members["policy.pth"])
+    except ValueError as error:
+        raise InputError(f"{path}: member 'policy.pth' is not a file of weights ({error})") from None
+
+
+def _settings(path: Path, content: bytes) -> dict[str, Any]:
+    if len(content) > MOST_SETTINGS:
+        raise InputError(f"{path}: member 'data' has {len(content)} bytes, expected at most {MOST_SETTINGS}")
+    try:
+        data = parse_json(content.decode())
+    except ValueError as error:
+        raise InputError(f"{path}: member 'data' is not valid JSON ({error})") from None
     if not isinstance(data, dict):
         raise InputError(f"{path}: member 'data' is no JSON object, expected that of Stable-Baselines3")
-    return data, _tensors(path, weights)
-
-
-def _member(path: Path, archive: zipfile.ZipFile, name: str) -> bytes:
-    try:
-        size = archive.getinfo(name).file_size
-    except KeyError:
-        raise InputError(f"{path}: no member {name!r}, expected a .zip of Stable-Baselines3") from None
-    if size > MOST_BYTES:
-        raise InputError(f"{path}: member {name!r} has {size} bytes, expected at most {MOST_BYTES}")
-    return archive.read(name)
-
-
-def _tensors(path: Path, content: bytes) -> dict[str, Any]:
-    import torch  # takes seconds: only those who race such a file wait
-
-    try:
-        tensors = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
-    # Damaged weights make torch raise almost anything.
-    except Exception as error:
-        reason = str(error).partition("\n")[0]
-        raise InputError(f"{path}: member 'policy.pth' is not a file of weights ({reason})") from None
-    if not isinstance(tensors, dict):
-        raise InputError(f"{path}: member 'policy.pth' holds no tensors by name")
-    return tensors
+    return data
 
 
 def _family(path: Path, data: Mapping[str, Any]) -> _Family:
@@ -224,9 +219,11 @@ def _tensor(path: Path, name: str, tensors: Mapping[str, Any]) -> Batch:
     tensor = tensors.get(name)
     if not isinstance(tensor, torch.Tensor) or tensor.dtype != torch.float32 or not tensor.ndim:
         raise InputError(f"{path}: tensor {name!r} is missing or not of float32")
-    if tensor.layout != torch.strided:
-        raise InputError(f"{path}: tensor {name!r} is {tensor.layout}, expected a dense one")
-    array = tensor.detach().numpy()
+    try:
+        array = tensor.detach().numpy()
+    except (RuntimeError, TypeError) as error:
+        reason = str(error).partition("\n")[0]
+        raise InputError(f"{path}: tensor {name!r} is no plain array ({reason})") from None
     if not np.isfinite(array).all():
         raise InputError(f"{path}: tensor {name!r} holds numbers that are not finite")
     return array

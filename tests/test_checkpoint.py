@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from safetensors.numpy import save
+from safetensors.numpy import load, save
 
 from policies.checkpoint import (
     Card,
@@ -23,10 +23,12 @@ from policies.checkpoint import (
     checkpoint_id,
     load_checkpoint,
     read_card,
+    read_checkpoint,
     save_checkpoint,
 )
 from sim.errors import InputError
 from sim.observation import ObservationSpec
+from tests.refusals import refusal
 
 SPEC = ObservationSpec(course_points=2, cars_ahead=0, cars_behind=1)
 CARD = Card(
@@ -74,6 +76,14 @@ def test_what_is_saved_is_loaded(path: Path) -> None:
     assert policy.card == read_card(path) == CARD
     assert policy.observation_spec == SPEC
     assert policy.id == checkpoint_id(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_numbers_are_those_that_safetensors_reads(path: Path) -> None:
+    _, found = read_checkpoint(path)
+    expected = load(path.read_bytes())
+    assert found.keys() == expected.keys()
+    for name, tensor in expected.items():
+        np.testing.assert_array_equal(found[name], tensor.astype(np.float32))
 
 
 def test_actions_are_the_squashed_means_of_the_half_precision_network(path: Path) -> None:
@@ -161,13 +171,23 @@ def test_a_truncated_file_is_refused(path: Path) -> None:
 @pytest.mark.parametrize(
     ("card", "message"),
     [
-        ("{", "the card in the header is not valid JSON"),
+        ("{", "the card is not valid JSON"),
         ("[1]", "the card: "),
         ("{}", "field algorithm"),
         ({"format": 2}, "field format"),
         ({"colour": "red"}, "field colour"),
         ({"step": -1}, "field step"),
         ({"step": "10"}, "field step"),
+        ({"step": 2**63}, "field step"),
+        ({"seed": 10**30}, "field seed"),
+        ({"algorithm": "a" * 201}, "field algorithm"),
+        ({"algorithm": "a" * 70_000}, "the card has [0-9]+ characters, expected at most 65536"),
+        ({"car": "\x1b[2Jgt"}, r"field car is '\\x1b\[2Jgt': expected printable characters"),
+        ({"scenarios": ["grid\nstart"]}, r"field scenarios\.0"),
+        ({"created_by": {"a\rb": "1"}}, r"created_by\..*expected printable characters"),
+        ({"scenarios": ["grid"] * 1001}, "field scenarios"),
+        ('{"step": 1, "step": 2}', "the card is not valid JSON \\(key 'step' stands twice in an object"),
+        ("[" * 60_000, "the card is not valid JSON \\(nested too deeply"),
         ({"hidden": []}, "field hidden"),
         ({"hidden": [6, 0]}, r"field hidden\.1"),
         ({"hidden": [6] * 9}, "field hidden"),
@@ -202,6 +222,98 @@ def test_wrong_tensors_are_refused(path: Path, name: str, tensor: NDArray | None
     write(path, tensors={name: tensor})
     with pytest.raises(InputError, match=rf"policy\.safetensors: tensor '{name}' .*{message}"):
         load_checkpoint(path)
+
+
+def header(path: Path) -> tuple[dict[str, Any], bytes]:
+    """The header of a checkpoint and all that follows it."""
+    content = path.read_bytes()
+    end = 8 + int.from_bytes(content[:8], "little")
+    return json.loads(content[8:end]), content[end:]
+
+
+def set_header(path: Path, text: str, rest: bytes) -> None:
+    path.write_bytes(len(text.encode()).to_bytes(8, "little") + text.encode() + rest)
+
+
+def refused(path: Path, said: str) -> None:
+    """Both readers refuse the file, in one sentence that can be read."""
+    for reader in (read_card, load_checkpoint):
+        with refusal(path, said):
+            reader(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"data_offsets": [0, 2]}, "does not fit"),
+        ({"data_offsets": [12, 0]}, "does not fit"),
+        ({"data_offsets": [2, 14]}, "does not fit"),
+        ({"data_offsets": [0, 2**62]}, "does not fit"),
+        ({"data_offsets": [-12, 0]}, "does not fit"),
+        ({"data_offsets": [0]}, "has no type, shape and place"),
+        ({"data_offsets": None}, "has no type, shape and place"),
+        ({"data_offsets": ["0", "12"]}, "has no type, shape and place"),
+        ({"shape": 6}, "has no type, shape and place"),
+        ({"shape": [2**62]}, r"has shape \(4611686018427387904,\), expected \(6,\)"),
+        ({"shape": [10**400, 3]}, "has shape"),
+        ({"dtype": "F32"}, "is F32, expected F16"),
+        ({"dtype": 3}, "has no type, shape and place"),
+    ],
+)
+def test_a_header_that_does_not_fit_is_refused(path: Path, change: dict[str, Any], message: str) -> None:
+    entries, rest = header(path)
+    assert entries["0.bias"]["data_offsets"] == [0, 12]
+    entries["0.bias"] |= change
+    set_header(path, json.dumps(entries), rest)
+    refused(path, f"tensor '0.bias' .*{message}")
+
+
+def test_tensors_that_share_bytes_are_refused(path: Path) -> None:
+    entries, rest = header(path)
+    entries["2.bias"]["data_offsets"] = entries["0.bias"]["data_offsets"]
+    set_header(path, json.dumps(entries), rest)
+    refused(path, "where it does not fit")
+
+
+def test_a_key_that_stands_twice_is_refused(path: Path) -> None:
+    entries, rest = header(path)
+    text = json.dumps(entries)
+    for twice in (
+        '"__metadata__": {}, ',
+        '"0.bias": {"dtype": "F16", "shape": [6], "data_offsets": [0, 12]}, ',
+    ):
+        set_header(path, "{" + twice + text[1:], rest)
+        refused(path, "stands twice in an object")
+    set_header(path, text.replace('"__metadata__": {', '"__metadata__": {"nathlon": "{}", '), rest)
+    refused(path, "key 'nathlon' stands twice in an object")
+
+
+def test_the_header_is_bounded(path: Path) -> None:
+    entries, rest = header(path)
+    set_header(path, json.dumps(entries) + " " * 1000, rest)
+    assert read_card(path) == load_checkpoint(path).card == CARD
+    set_header(path, json.dumps(entries) + " " * (1 << 20), rest)
+    refused(path, "the header has [0-9]+ of [0-9]+ bytes, expected at most 1048576")
+    set_header(path, "[" * 100_000, rest)
+    refused(path, "nested too deeply")
+    set_header(path, '"' + "a" * 100_000, rest)
+    refused(path, "not a whole safetensors file")
+
+
+def test_a_file_with_more_than_its_tensors_is_refused(path: Path) -> None:
+    path.write_bytes(path.read_bytes() + b"more")
+    refused(path, "not a whole safetensors file")
+
+
+def test_what_is_quoted_from_a_file_can_be_read(path: Path) -> None:
+    entries, rest = header(path)
+    entries["\x1b[31m" + "z" * 100_000] = entries["0.bias"]
+    set_header(path, json.dumps(entries), rest)
+    with pytest.raises(InputError) as caught:
+        load_checkpoint(path)
+    reason = str(caught.value).removeprefix(f"{path}: ")
+    assert reason.isprintable()
+    assert len(reason) < 400
 
 
 @settings(max_examples=150, deadline=None)

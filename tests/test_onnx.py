@@ -196,6 +196,17 @@ def hidden_external() -> onnx.ModelProto:
     return graph([constant, PRODUCT])
 
 
+def memory_eater() -> onnx.ModelProto:
+    """A file of a few hundred bytes that asks for 4 GB."""
+    nodes = [
+        helper.make_node("ConstantOfShape", ["many"], ["zeros"]),
+        helper.make_node("ReduceMax", ["zeros"], ["zero"], keepdims=0),
+        helper.make_node("MatMul", ["x", "w"], ["product"]),
+        helper.make_node("Add", ["product", "zero"], ["y"]),
+    ]
+    return graph(nodes, weights=[numpy_helper.from_array(np.array([10**9]), "many"), WEIGHT])
+
+
 def props(**entries: str) -> onnx.ModelProto:
     """The plain model with metadata."""
     model = plain()

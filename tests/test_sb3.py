@@ -8,6 +8,7 @@ import json
 import os
 import pickle
 import re
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from policies.sb3 import Sb3Policy
 from sim.episode import action_space, observation_space
 from sim.errors import InputError
 from sim.observation import ObservationSpec
+from tests.refusals import refusal
 
 SPEC = ObservationSpec(course_points=2)
 ODD = ObservationSpec(course_points=2, horizon_s=3.0, cars_ahead=1, cars_behind=0)
@@ -80,6 +82,14 @@ def pack(path: Path, members: dict[str, bytes]) -> None:
     with zipfile.ZipFile(path, "w") as archive:
         for name, content in members.items():
             archive.writestr(name, content)
+
+
+def zipped(members: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", method) as archive:
+        for name, member in members.items():
+            archive.writestr(name, member)
+    return content.getvalue()
 
 
 TANH = {"policy_kwargs": {"net_arch": [8, 6], "activation_fn": torch.nn.Tanh}}
@@ -166,6 +176,52 @@ def test_pickles_are_not_opened(tmp_path: Path, saved: Path) -> None:
     assert folder.exists(), "it does burst"
 
 
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"[" * 100_000, "member 'data' is not valid JSON .nested too deeply"),
+        (b'{"a": ' * 100_000, "member 'data' is not valid JSON .nested too deeply"),
+        (b'{"nathlon": {"step": 1, "step": 2}}', "key 'step' stands twice in an object"),
+        (b'{"seed": ' + b"9" * 5000 + b"}", "member 'data' is not valid JSON"),
+        (b"\xff", "member 'data' is not valid JSON"),
+        (b" " * (1 << 25) + b"{}", "member 'data' has 33554434 bytes, expected at most 33554432"),
+    ],
+)
+def test_other_data_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
+    path = tmp_path / "b.zip"
+    path.write_bytes(zipped({"data": data, "policy.pth": b""}))
+    with refusal(path, message):
+        Sb3Policy.load(path)
+
+
+@pytest.mark.parametrize("depth", range(900, 1000, 7))
+def test_data_nested_almost_too_deeply(tmp_path: Path, saved: Path, depth: int) -> None:
+    nest: Any = "[1. 1.]"
+    for _ in range(depth):
+        nest = [nest]
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(10 * limit)
+    try:
+        text = json.dumps(
+            {"policy_class": {"__module__": nest}, "action_space": {"low": nest}, "nathlon": nest}
+        )
+    finally:
+        sys.setrecursionlimit(limit)
+    with zipfile.ZipFile(saved) as archive:
+        weights = archive.read("policy.pth")
+    path = tmp_path / "b.zip"
+    path.write_bytes(zipped({"data": text.encode(), "policy.pth": weights}))
+    with refusal(path, "nested too deeply|policy class of"):
+        Sb3Policy.load(path)
+
+
+def test_numbers_that_no_store_keeps_are_not_known(tmp_path: Path, saved: Path) -> None:
+    most = 2**63 - 1
+    path = rewrite(saved, tmp_path / "b.zip", {"_n_updates": most, "num_timesteps": most + 1, "seed": 10**40})
+    card = Sb3Policy.load(path).card
+    assert (card.step, card.transitions, card.seed) == (most, None, None)
+
+
 CUSTOM = {"policy_class": {":type:": "<class 'abc.ABCMeta'>", "__module__": "mine.policies"}}
 WIDE = {"action_space": {"low": "[-2. -2.]", "high": "[2. 2.]"}}
 
@@ -212,7 +268,7 @@ def test_other_settings_are_refused(tmp_path: Path, saved: Path, data: dict[str,
         ({"actor.mu.weight": torch.ones(2, 6).double()}, "not of float32"),
         ({"actor.mu.weight": "ones"}, "not of float32"),
         ({"actor.mu.weight": torch.tensor(1.0)}, "not of float32"),
-        ({"actor.mu.weight": torch.ones(2, 6).to_sparse()}, "sparse_coo, expected a dense one"),
+        ({"actor.mu.weight": torch.ones(2, 6).to_sparse()}, "_rebuild_sparse_tensor, expected plain"),
         (
             {"actor.mu.bias": torch.tensor([1.0, float("nan")])},
             "'actor.mu.bias' holds numbers that are not finite",
