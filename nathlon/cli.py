@@ -390,6 +390,14 @@ def main() -> None:
 
         warn(f"nathlon: {error}")
         sys.exit(2)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        from nathlon.commands.console import warn
+
+        # A file or folder that its owner does not share, wherever it came up.
+        warn(f"nathlon: {error.filename}: {error.strerror}; expected a file or folder that can be used")
+        sys.exit(2)
 
 
 if __name__ == "__main__":

@@ -55,9 +55,9 @@ def _beginning(folder: Path, name: str) -> str:
 
 
 def _read(path: Path) -> pl.DataFrame | None:
-    if not path.is_file():
-        return None
     try:
+        if not path.is_file():
+            return None
         curve = pl.read_csv(path, schema_overrides=NUMBERS).fill_nan(None)
         missing = [pl.lit(None, NUMBERS[name]).alias(name) for name in CRITICS if name not in curve.columns]
         return curve.with_columns(missing).select(list(NUMBERS))

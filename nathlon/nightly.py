@@ -61,7 +61,8 @@ class Night:
 def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
     """Go on with the night that has not ended, or begin one with what is new.
 
-    Processes that do this on one store at the same time share the work of one night.
+    Processes that do this on one store at the same time share the work of one night. A night that has ended
+    stays to be told until `told` says that it was: if its process was killed before, the next one tells it.
 
     Args:
         config: what to watch and how to select.
@@ -72,6 +73,11 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         InputError: if a watched folder or the store cannot be used.
     """
     with Store(config.store) as store, Pool(workers) as pool:
+        untold = _untold(store)
+        if untold:
+            name, outcome = untold
+            selection = publish(store, name, OutputFolder(Path(config.out) / name), pool)
+            return Night(name, DONE, outcome["code"], outcome["reason"], selection)
         night, excluded = _open(store, config, pool)
         if night is None and excluded:
             return Night(None, DONE, HEALTH, f"All that is new was set aside: {excluded[0].reason}.", None)
@@ -90,9 +96,18 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         if config.recordings == "all":
             record_tournament(store, night.name, output, pool, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
-        store.put_fact(night.name, "outcome", {"code": code, "reason": reason})
+        store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
         store.end_run(night.name, DONE)
         return Night(night.name, DONE, code, reason, selection)
+
+
+def told(config: Config, night: Night) -> None:
+    """Note that a night has been told to whoever asked for it; the last thing to do before exiting."""
+    if night.name is None or night.status != DONE:
+        return
+    with Store.open(config.store) as store:
+        outcome = {"code": night.code, "reason": night.reason, "told": True}
+        store.put_fact(night.name, "outcome", outcome)
 
 
 def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, str]:
@@ -110,6 +125,17 @@ def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, 
 
 def _nights(store: Store) -> list[RunRecord]:
     return [record for record in store.runs() if record.name.startswith(NIGHT)]
+
+
+def _untold(store: Store) -> tuple[str, dict[str, Any]] | None:
+    """Name and outcome of the first night that has ended and was not told."""
+    for night in _nights(store):
+        if night.status == DONE:
+            outcome: Any = store.facts(night.name).get("outcome") or {}
+            # Nights of older versions do not say so.
+            if not outcome.get("told", True):
+                return night.name, outcome
+    return None
 
 
 def _open(store: Store, config: Config, pool: Pool) -> tuple[RunRecord | None, Sequence[Exclusion]]:

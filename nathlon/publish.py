@@ -27,10 +27,11 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
     """Write page, spreadsheet, tables and summary, and have the pool record the races to look at.
 
     Of a run that has not come to its end, all is written as far as it has come. Races whose recordings are
-    there are not run again.
+    there are not run again. A store that cannot be written gives the laps and curves that it holds.
     """
-    keep_laps(store, run, pool)
-    keep_curves(store, run)
+    if not store.read_only:
+        keep_laps(store, run, pool)
+        keep_curves(store, run)
     tables = {name: store.table(run, name) for name in TABLES}
     results = store.results_of_run(run)
     races = results.filter(pl.col("stage") == "tournament")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -19,6 +18,7 @@ from arena.pool import Pool
 from arena.results import RESULTS
 from arena.store import Store
 from reports.summary import Stage
+from sim.process import HOST, has_ended
 
 STAGES = ("pareto", "battery", "tournament")
 CONFIDENCE = 0.95
@@ -94,7 +94,7 @@ class Run:
         if not matches:
             return pl.DataFrame(schema=RESULTS)
         wanted = {match.key: match for match in matches}
-        owner = f"{socket.gethostname()}/{os.getpid()}"
+        owner = f"{HOST}/{os.getpid()}"
         for dead in filter(_is_gone, self.store.owners()):
             self.store.release(dead)
         try:
@@ -152,12 +152,4 @@ class Run:
 def _is_gone(owner: str) -> bool:
     """Whether the owner of some claims was a process on this machine that has ended."""
     host, _, process = owner.rpartition("/")
-    if os.name != "posix" or host != socket.gethostname():
-        return False
-    try:
-        os.kill(int(process), 0)
-    except ProcessLookupError:
-        return True
-    except PermissionError:
-        pass
-    return False
+    return host == HOST and has_ended(int(process))

@@ -3,9 +3,23 @@
 from __future__ import annotations
 
 import os
+import re
+import threading
+import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from sim.process import HOST, has_ended, started_at
+
+MACHINE = f"{zlib.crc32(HOST.encode()):08x}"
+"""In the names of partial files: those of other machines that share the folder are their own affair."""
+PARTIAL = re.compile(rf"\..*\.{MACHINE}\.([1-9][0-9]*)\.partial", re.DOTALL)
+SURELY_S = 2.0
+"""By how much a process must be younger than a file not to be the one that wrote it."""
+
+_swept: set[Path] = set()
+_sweeping = threading.Lock()
 
 
 @contextmanager
@@ -14,14 +28,40 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Whoever reads `path` finds what was there before or what is there after, never a part. After an exception
     it is as it was, and nothing is left beside it. Processes that write the same file at once do not disturb
-    each other: it is that of the last one to finish.
+    each other: it is that of the last one to finish. What a process that was killed has left in the folder is
+    removed by the next one that writes there.
 
     Raises:
         OSError: if it cannot take its place.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    _sweep(path.parent)
+    partial = path.with_name(f".{path.name}.{MACHINE}.{os.getpid()}.partial")
     try:
         yield partial
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove partial files of processes that are gone, before this process makes its first one there."""
+    with _sweeping, suppress(OSError):
+        place = folder.resolve()
+        if place in _swept:
+            return
+        _swept.add(place)
+        for file in place.iterdir():
+            if _is_left(file):
+                file.unlink(missing_ok=True)
+
+
+def _is_left(file: Path) -> bool:
+    """Whether a file is a partial one whose process is gone, though its number may be another's by now."""
+    found = PARTIAL.fullmatch(file.name)
+    if not found:
+        return False
+    process = int(found[1])
+    if process == os.getpid() or has_ended(process):
+        return True
+    started = started_at(process)
+    return started is not None and started > file.stat().st_mtime + SURELY_S

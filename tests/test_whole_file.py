@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -73,3 +74,70 @@ def test_another_process_at_the_same_file_disturbs_neither(path: Path, ends: str
         assert (other.returncode == 0) == (ends == "well")
         assert path.read_text() == meanwhile
     assert files(path) == {"table.csv": "ours"}
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from sim.whole_file import whole_file
+
+with whole_file(Path(sys.argv[1])) as partial:
+    partial.write_text("half")
+    print(partial.name, flush=True)
+    if sys.argv[2] == "wait":
+        sys.stdin.read()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def write_in_another_process(path: Path) -> None:
+    subprocess.run([sys.executable, "-c", OTHER, path, "well"], check=True)
+
+
+def test_what_a_killed_process_left_is_removed_by_the_next_one_that_writes_there(path: Path) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, path, "die"], capture_output=True, text=True)
+    assert files(path) == {"table.csv": "old", killed.stdout.strip(): "half"}
+    write_in_another_process(path.with_name("other"))
+    assert files(path) == {"table.csv": "old", "other": "theirs"}
+
+
+def test_what_another_process_is_writing_is_left_alone(path: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(path), "wait"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as writing:
+        assert writing.stdout is not None
+        name = writing.stdout.readline().strip()
+        write_in_another_process(path.with_name("other"))
+        assert files(path)[name] == "half"
+        os.utime(path.with_name(name), (0, 0))
+        write_in_another_process(path.with_name("other"))
+        assert name not in files(path), "a file older than the process is not its own"
+
+
+def test_files_that_are_nobodys_here_stay(path: Path) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, path, "die"], capture_output=True, text=True)
+    name = killed.stdout.strip()
+    *front, machine, process, _ = name.split(".")
+    elsewhere = f"{'.'.join(front)}.{(int(machine, 16) + 1) % 2**32:08x}.{process}.partial"
+    for other in (
+        elsewhere,
+        name[1:],
+        f"{name}.mcap",
+        ".table.csv.partial",
+        f"{'.'.join(front)}.{process}.partial",
+    ):
+        path.with_name(other).write_text("theirs")
+    write_in_another_process(path.with_name("other"))
+    assert set(files(path)) == {
+        "table.csv", "other", elsewhere, name[1:], f"{name}.mcap", ".table.csv.partial",
+        f"{'.'.join(front)}.{process}.partial",
+    }  # fmt: skip
+
+
+def test_a_folder_by_another_name_is_the_same_folder(path: Path) -> None:
+    alias = path.parent.with_name(f"{path.parent.name}-alias")
+    alias.symlink_to(path.parent)
+    with whole_file(path) as one:
+        one.write_text("one")
+        with whole_file(alias / "other") as other:
+            other.write_text("two")
+    assert files(path) == {"table.csv": "one", "other": "two"}

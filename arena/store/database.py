@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from urllib.parse import quote
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
@@ -32,6 +34,7 @@ class Database:
     Attributes:
         name: the path, or the URL without its password.
         path: of the SQLite file; None for PostgreSQL.
+        read_only: whether it is a SQLite file that cannot be written here, or lies in a folder that cannot.
     """
 
     def __init__(self, target: Path | str) -> None:
@@ -47,6 +50,9 @@ class Database:
             self.path = Path(target)
             self.name = str(target)
             url = sa.URL.create("sqlite", database=str(target))
+        self.read_only = self.path is not None and self.exists() and not _writable(self.path)
+        if self.path and self.read_only:
+            url = _read_only_url(self.path)
         try:
             if self.path:
                 self._engine = sa.create_engine(
@@ -61,6 +67,13 @@ class Database:
             raise InputError(
                 f"{self.name}: PostgreSQL needs the driver psycopg; expected `pip install nathlon[postgres]`"
             ) from None
+
+    def exists(self) -> bool:
+        """Whether there is a SQLite file; True for PostgreSQL."""
+        try:
+            return self.path is None or self.path.is_file()
+        except OSError as error:
+            raise InputError(f"{self.name}: the store cannot be used: {error.strerror}") from None
 
     def close(self) -> None:
         self._engine.dispose()
@@ -123,6 +136,11 @@ class Database:
             yield
         except sa.exc.DBAPIError as error:
             reason = " ".join(str(error.orig).split())
+            if self.path and self.read_only and (left := _left_beside(self.path)):
+                raise InputError(
+                    f"{self.name}: its last writes are in {left.name}, which cannot be read here ({reason}); "
+                    "expected a folder that can be written, or a copy of both files in one"
+                ) from error
             raise InputError(f"{self.name}: the store cannot be used: {reason}") from error
         except UnicodeDecodeError as error:  # of sqlite3, for names of tables
             raise InputError(f"{self.name}: damaged: a text is not UTF-8 ({error.reason})") from None
@@ -143,6 +161,31 @@ def _postgresql_url(text: str) -> sa.URL:
     if "connect_timeout" not in url.query:
         url = url.update_query_dict({"connect_timeout": str(CONNECT_TIMEOUT_S)})
     return url
+
+
+def _writable(path: Path) -> bool:
+    """Whether SQLite can write to a file: it makes others beside it."""
+    return os.access(path, os.W_OK) and os.access(path.parent, os.W_OK | os.X_OK)
+
+
+def _left_beside(path: Path) -> Path | None:
+    """The file beside a SQLite file that holds writes which are not in it; see https://sqlite.org/tempfiles.html."""
+    beside = (path.with_name(path.name + end) for end in ("-wal", "-journal"))
+    return next((file for file in beside if file.is_file() and file.stat().st_size), None)
+
+
+def _read_only_url(path: Path) -> sa.URL:
+    """To read a file where SQLite can make none beside it.
+
+    If nobody has it open and all writes are in it, it is taken as one that does not change, for which SQLite
+    needs no files beside it; else it uses those that are there. See https://sqlite.org/wal.html#read_only_databases.
+    """
+    in_use = _left_beside(path) or path.with_name(f"{path.name}-shm").exists()
+    return sa.URL.create(
+        "sqlite",
+        database=f"file:{quote(str(path.absolute()))}",
+        query={"uri": "true", "mode": "ro"} | ({} if in_use else {"immutable": "1"}),
+    )
 
 
 def _driver(connection: sa.Connection) -> sqlite3.Connection:

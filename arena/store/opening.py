@@ -32,13 +32,18 @@ def prepare(database: Database, must_exist: bool) -> None:
     version = EMPTY
     if not must_exist:
         database.make_folder()
-    if not must_exist or database.path is None or database.path.is_file():
+    if not must_exist or database.exists():
         with database.reading() as connection:
             version = _version(connection)
             if version == NEWEST and not _missing(connection):
                 return
     if version == EMPTY and must_exist:
         raise InputError(f"{database.name}: no such store; expected one that an earlier run has written")
+    if database.read_only:
+        raise InputError(
+            f"{database.name}: a store of an older version, which cannot be brought up to date here; "
+            "expected a folder and a file that can be written"
+        )
     with database.restructuring() as connection:
         version = _version(connection)
         if version not in (EMPTY, NEWEST) and database.path:

@@ -32,7 +32,8 @@ class Store:
         one is brought up to date, after a copy of the file.
 
         Raises InputError where there is something else, a store of a newer version, or nothing that can
-        be used, or another process holds it for longer than 30 s.
+        be used, or another process holds it for longer than 30 s. A file that cannot be written here can
+        be read all the same.
         """
         self._database = Database(target)
         try:
@@ -50,6 +51,11 @@ class Store:
     def name(self) -> str:
         """The path, or the URL without its password."""
         return self._database.name
+
+    @property
+    def read_only(self) -> bool:
+        """Whether it is a file that cannot be written, or lies in a folder that cannot."""
+        return self._database.read_only
 
     def __enter__(self) -> Store:
         return self

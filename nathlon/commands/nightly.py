@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from nathlon.commands.console import console, print_json, say, tell, worker_coun
 from nathlon.commands.selection import print_selection, progress
 from nathlon.config import TEMPLATE, read_config
 from nathlon.nightly import nightly as run_nightly
+from nathlon.nightly import told
 from nathlon.output import OutputFolder
 from sim.errors import InputError
 
@@ -41,6 +43,8 @@ def nightly(path: Path, workers: int | None, as_json: bool) -> None:
         print_selection(night.selection, OutputFolder(Path(config.out) / night.name))
     if not as_json:
         say(f"Outcome      {night.reason}")
+    sys.stdout.flush()
+    told(config, night)
     raise SystemExit(night.code)
 
 
