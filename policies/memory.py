@@ -7,11 +7,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sim.errors import InputError
+
 if sys.platform == "linux":
     import resource
 
 OPENING_BYTES = 2 << 30
 """What opening a file may take beyond what the process has already."""
+
+
+class OutOfMemoryError(InputError, MemoryError):
+    """A file needs more memory than there is: its own fault only if nobody else has taken it."""
+
 
 _STATM = Path("/proc/self/statm")
 _DATA = 5

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from policies.memory import OutOfMemoryError
 from sim.errors import InputError
 
 MOST_BYTES = 1 << 29
@@ -83,12 +84,13 @@ def opening(path: Path) -> Iterator[None]:
 
     Raises:
         InputError: as the block does, what it quotes from the file cut and freed of control characters; and
-            if the memory or the stack runs out.
+            if the stack runs out.
+        OutOfMemoryError: if the memory does.
     """
     try:
         yield
     except MemoryError:
-        raise InputError(f"{path}: needs more memory than opening a policy may take") from None
+        raise OutOfMemoryError(f"{path}: needs more memory than opening a policy may take") from None
     except RecursionError:
         raise InputError(f"{path}: nested too deeply, expected a policy") from None
     except InputError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from onnx import TensorProto, helper
 
 from arena.entrance import enter_each
 from arena.entrant import enter
@@ -24,6 +26,8 @@ from arena.pool import Pool
 from arena.runner import run_match
 from policies.memory import data_bytes, memory_limit
 from sim.errors import InputError
+from sim.observation import ObservationSpec
+from tests.checkpoints import BUNDLED
 from tests.test_plugin import install
 
 CODE = '''
@@ -307,3 +311,40 @@ def test_whatever_opening_brings_about_is_a_sentence(pool: Pool) -> None:
         "odd.zip: cannot be opened (TypeError), expected a policy",
     ]
     assert answers[3] == 3
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux alone enforces a limit on memory")
+def test_a_file_that_needs_too_much_memory_is_told_from_one_whose_memory_another_took(
+    tmp_path: Path, pool: Pool
+) -> None:
+    """Of 64 bytes a constant of 4 GiB is made."""
+    [small, good] = (tmp_path / name for name in ("small.onnx", "good.safetensors"))
+    small.write_bytes(filling(1 << 30))
+    shutil.copy(BUNDLED[0], good)
+    refused, entered = enter_each(pool, [str(small), str(good)], *PLACE)
+    assert str(refused).startswith(f"{small}: needs more memory than opening a policy may take")
+    assert not isinstance(entered, InputError)
+
+
+def filling(count: int) -> bytes:
+    """A graph that fills so many numbers and then acts by their sum."""
+    size = ObservationSpec().size
+    graph = helper.make_graph(
+        [
+            helper.make_node("ConstantOfShape", ["shape"], ["many"]),
+            helper.make_node("ReduceSum", ["many"], ["one"], keepdims=0),
+            helper.make_node("Slice", ["seen", "from", "to", "axis"], ["first"]),
+            helper.make_node("Add", ["first", "one"], ["action"]),
+        ],
+        "filling",
+        [helper.make_tensor_value_info("seen", TensorProto.FLOAT, ["n", size])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 2])],
+        [
+            helper.make_tensor("shape", TensorProto.INT64, [1], [count]),
+            helper.make_tensor("from", TensorProto.INT64, [1], [0]),
+            helper.make_tensor("to", TensorProto.INT64, [1], [2]),
+            helper.make_tensor("axis", TensorProto.INT64, [1], [1]),
+        ],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    return bytes(model.SerializeToString())
