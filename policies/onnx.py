@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -81,7 +82,8 @@ class OnnxPolicy:
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """Actions (n, 2) float32 for observations (n, observation_spec.size) float32; memory as it was."""
-        (actions,) = self._session.run(None, {self._input: observations})
+        with _memory_errors():
+            (actions,) = self._session.run(None, {self._input: observations})
         return np.clip(actions, -1.0, 1.0), memory
 
 
@@ -186,12 +188,24 @@ def _session(path: Path, content: bytes) -> Any:
     # Else it might take the bytes for its own format, in which nothing was checked.
     options.add_session_config_entry("session.load_model_format", "ONNX")
     try:
-        return onnxruntime.InferenceSession(content, options, ["CPUExecutionProvider"])
+        with _memory_errors():
+            return onnxruntime.InferenceSession(content, options, ["CPUExecutionProvider"])
     except MemoryError:
         raise
     # Its other errors have no class in common.
     except Exception as error:
         raise InputError(f"{path}: onnxruntime cannot run the graph ({_first_line(error)})") from None
+
+
+@contextmanager
+def _memory_errors() -> Iterator[None]:
+    """Raise as a MemoryError what onnxruntime calls otherwise."""
+    try:
+        yield
+    except Exception as error:
+        if "Failed to allocate memory" in str(error):
+            raise MemoryError(_first_line(error)) from None
+        raise
 
 
 def _first_line(error: Exception) -> str:
@@ -210,7 +224,8 @@ def _input(path: Path, session: Any) -> tuple[str, int]:
 
 def _actions(path: Path, session: Any, observations: Batch) -> Batch:
     try:
-        found = session.run(None, {session.get_inputs()[0].name: observations})
+        with _memory_errors():
+            found = session.run(None, {session.get_inputs()[0].name: observations})
     except MemoryError:
         raise
     except Exception as error:

@@ -47,8 +47,8 @@ def race(
         output = OutputFolder(record) if record else None
         [(_, results)] = pool.run([match])
         path = _record(pool, match, results, entrants, output) if output else None
-    if pool.log.text:
-        warn(pool.log.text.rstrip())
+    for line in pool.log.text.splitlines():
+        warn(line)
     names = {entrant.id: entrant.name for entrant in entrants}
     if as_json:
         print_json([{"name": names[row["entrant"]], **row} for row in results.sort("place").to_dicts()])
