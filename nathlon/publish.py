@@ -13,7 +13,7 @@ from nathlon.curves import keep_curves
 from nathlon.decision import describe
 from nathlon.laps import keep_laps
 from nathlon.minutes import Minutes
-from nathlon.output import SUMMARY, OutputFolder
+from nathlon.output import POLICY_LOG, SUMMARY, OutputFolder
 from nathlon.replays import record_replays
 from nathlon.run import CONFIDENCE
 from reports.page import write_page
@@ -38,7 +38,8 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
     summary, under_way = _summary(store, run, tables, results)
     with output.filling():
         replays = record_replays(store, races, tables, output, pool)
-        summary = summary.model_copy(update=replays.facts)
+        log = f"../{POLICY_LOG}" if (output.root / POLICY_LOG).exists() else None
+        summary = summary.model_copy(update=replays.facts | {"log": log})
         selection = Selection(
             f"{run} · {summary.circuit} · {summary.car}",
             tables,

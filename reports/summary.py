@@ -175,6 +175,7 @@ class Summary(Part):
         committee: what it was asked.
         replays: races to look at, the deciding one first.
         recording, replay: of the deciding race; paths from the report's folder.
+        log: of what policies have printed, likewise; None where they have printed nothing.
     """
 
     version: int = VERSION
@@ -197,6 +198,7 @@ class Summary(Part):
     replays: tuple[Replay, ...] = ()
     recording: str | None = None
     replay: str | None = None
+    log: str | None = None
 
 
 def ranked(ranking: pl.DataFrame, names: Mapping[str, str]) -> tuple[Ranked, ...]:

@@ -24,6 +24,7 @@ from nathlon.n_athlon import BatterySettings, skill_matches
 from nathlon.output import OutputFolder
 from nathlon.race_off import TournamentSettings, tournament_matches
 from nathlon.skill import load_skills
+from reports.summary import read_summary
 from sim.errors import InputError
 from tests.checkpoints import BUNDLED, save_faulty
 
@@ -66,6 +67,10 @@ def test_it_leaves_everything_that_it_promises(run: Path) -> None:
     for path in ("report/index.html", "report/ranking.xlsx", "replays/final.rrd", "races/final.mcap"):
         assert (run / path).stat().st_size > 1000, path
     assert not list(run.rglob("*.partial"))
+    assert read_summary(run / "summary.json").log == "../policies.log", (
+        "the faulty policy's faults are logged"
+    )
+    assert "its cars are out" in (run / "policies.log").read_text()
 
 
 def test_the_summary_counts_what_was_run(run: Path, summary: Any, entrants: list[Entrant]) -> None:

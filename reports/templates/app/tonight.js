@@ -56,6 +56,7 @@ function health() {
     set.length > 0 && h("ul", {}, set.map(([test, reason]) => h("li", {}, `${plain(test)} was not held: ${reason}`))),
     summary.excluded.length > 0 && h("details", { open: summary.excluded.length < 6 }, h("summary", {}, "Files set aside"),
       h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),
+    summary.log && h("p", {}, h("a", { href: summary.log }, "What policies printed")),
     data.notes.length > 0 && h("ul", {}, data.notes.map((text) => h("li", {}, text))),
   ];
 }
