@@ -10,6 +10,8 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
+from sim.errors import InputError
+
 CLEARANCE_M, LEAST_CLEARANCE_M = 6.0, 4.0
 """From road to road where it is laid out, and where it is given."""
 RAMP_M = 100.0
@@ -17,6 +19,10 @@ RAMP_M = 100.0
 NEAR_M = 150.0
 """Along the road to either side of a crossing, where cars above and below are kept apart. It is as far as a
 slipstream reaches; at the ends, roads that cross at 30 degrees are 78 m apart, about as far as cars see."""
+
+MOST_NEIGHBOURS, MOST_MEETINGS = 100, 1000
+"""Segments near each, and crossings in all, up to which roads cross and do not lie on each other."""
+ON_ITSELF = "the road lies on itself, expected one that crosses itself at a few bridges at most"
 
 
 class Crossing(NamedTuple):
@@ -40,10 +46,16 @@ def meetings(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[
 
     Returns:
         (pairs, 2) indices of segments, the lower first, in order.
+
+    Raises:
+        InputError: if segments lie upon each other everywhere.
     """
     steps = ends - starts
     reach = float(np.hypot(*steps.T).max())
-    pairs = KDTree((starts + ends) / 2).query_pairs(reach, output_type="ndarray").astype(np.int64)
+    middles = KDTree((starts + ends) / 2)
+    if middles.count_neighbors(middles, reach) > MOST_NEIGHBOURS * len(starts):
+        raise InputError(ON_ITSELF)
+    pairs = middles.query_pairs(reach, output_type="ndarray").astype(np.int64)
     one, other = pairs.T
     apart = starts[other] - starts[one]
     turn = _cross(steps[one], steps[other])
@@ -58,12 +70,17 @@ def meetings(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[
 
 
 def find_crossings(line: NDArray[np.float64]) -> list[Crossing]:
-    """Where a closed line, (n, 2), crosses itself, in the order of the lap."""
+    """Where a closed line, (n, 2), crosses itself, in the order of the lap.
+
+    Raises InputError if it lies on itself rather than cross itself.
+    """
     rows = len(line)
     ends = np.roll(line, -1, axis=0)
     steps = (ends - line) / np.hypot(*(ends - line).T)[:, None]
     found: list[Crossing] = []
     pairs = meetings(line, ends)
+    if len(pairs) > MOST_MEETINGS:
+        raise InputError(ON_ITSELF)
     while len(pairs):
         first, second = pairs[0]
         sine = abs(float(_cross(steps[[first]], steps[[second]])[0]))

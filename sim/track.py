@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
 from scipy.interpolate import CubicSpline
 
+from sim.centre_line import COLUMNS, RIGHT_WIDTH, read_centre_line
 from sim.crossing import LEAST_CLEARANCE_M, find_crossings, levels
 from sim.data_file import DATA, Section, find_data, read_toml
 from sim.errors import InputError
@@ -22,18 +23,6 @@ from sim.names import printable, proper_name
 SPACING_M = 2.0
 TAPER_M = 8.0
 """Over this length a kerb grows to its width."""
-COLUMNS = (
-    "x_m",
-    "y_m",
-    "z_m",
-    "w_tr_right_m",
-    "w_tr_left_m",
-    "bank_rad",
-    "wall_right_m",
-    "wall_left_m",
-)
-RIGHT_WIDTH, LEFT_WIDTH, BANK_ANGLE, RIGHT_WALL, LEFT_WALL = range(3, 8)
-
 # Columns of `Track.table`, so that what one look-up needs lies close together.
 X, Y, TANGENT_X, TANGENT_Y, CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT = range(9)
 SLOPE, BANK, CREST, TWIST, KERB_LEFT, KERB_RIGHT, RUNOFF_LEFT, RUNOFF_RIGHT, Z, SECTION, ZONE = range(9, 20)
@@ -79,7 +68,7 @@ class Kerb(Stretch):
     """A kerb beside the road: in bounds, with less grip."""
 
     side: Side
-    width_m: Positive
+    width_m: Annotated[float, Field(gt=0, le=100)]
 
 
 class RunoffStretch(Stretch):
@@ -192,33 +181,6 @@ class Track:
         return self.sections[index].name if index >= 0 else ""
 
 
-def _read_centre_line(path: Path) -> NDArray[np.float64]:
-    try:
-        lines = path.read_text("utf-8").split()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot read the centre line: {error}") from None
-    if not lines or tuple(lines[0].split(",")) != COLUMNS:
-        raise InputError(f"{path}: first line: expected the column names {','.join(COLUMNS)}")
-    try:
-        points = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
-    except ValueError:
-        raise InputError(f"{path}: expected {len(COLUMNS)} numbers on every line") from None
-    if points.ndim != 2 or points.shape[1:] != (len(COLUMNS),) or len(points) < 20:
-        raise InputError(f"{path}: expected at least 20 lines of {len(COLUMNS)} numbers")
-    widths = points[:, [RIGHT_WIDTH, LEFT_WIDTH]]
-    if not np.isfinite(points).all() or (widths <= 0).any():
-        raise InputError(f"{path}: expected finite positions and positive widths on every line")
-    if (np.hypot(*(points[:, :2] - np.roll(points[:, :2], 1, axis=0)).T) < 0.01).any():
-        raise InputError(
-            f"{path}: x_m, y_m: expected no point twice in a row, nor the first again at the end"
-        )
-    if (np.abs(points[:, BANK_ANGLE]) > 0.6).any():
-        raise InputError(f"{path}: bank_rad: expected angles from -0.6 to 0.6 rad on every line")
-    if (points[:, [RIGHT_WALL, LEFT_WALL]] < widths).any():
-        raise InputError(f"{path}: wall_right_m, wall_left_m: expected walls outside the edges on every line")
-    return points
-
-
 def _kerb_widths(kerbs: tuple[Kerb, ...], side: Side, distance: NDArray[np.float64]) -> NDArray[np.float64]:
     widths = np.zeros(len(distance))
     for kerb in kerbs:
@@ -246,6 +208,9 @@ def build_track(points: NDArray[np.float64], facts: CircuitFile) -> Track:
     Args:
         points: (n, 8) float64, columns as in COLUMNS.
         facts: everything else about the circuit.
+
+    Raises:
+        InputError: if the road lies on itself, or has no direction somewhere.
     """
     closed = np.vstack([points, points[:1]])
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed[:, :2], axis=0).T))])
@@ -259,6 +224,8 @@ def build_track(points: NDArray[np.float64], facts: CircuitFile) -> Track:
     at = np.interp(distance, arc, fine)
     position, first, second = line(at), line(at, 1), line(at, 2)
     speed = np.hypot(first[:, 0], first[:, 1])
+    if not speed.min() > 0.0:
+        raise InputError("no smooth road goes through the points, expected them some way apart, evenly")
     tangent = first[:, :2] / speed[:, None]
     right, left, bank_angle, wall_right, wall_left = (
         np.interp(at, chord, closed[:, column]) for column in range(RIGHT_WIDTH, len(COLUMNS))
@@ -310,6 +277,17 @@ def _check_on_lap(path: Path, facts: CircuitFile, track: Track) -> None:
                     f"{path}: {field}: end_m is {stretch.end_m:g}, "
                     f"expected at most the lap's {track.length:.1f} m"
                 )
+    for name, value in (("pole_m", facts.grid.pole_m), ("spacing_m", facts.grid.spacing_m)):
+        if abs(value) > track.length:
+            raise InputError(
+                f"{path}: grid.{name} is {value:g}, expected at most the lap's {track.length:.1f} m"
+            )
+    widest = float(track.table[:, [LEFT, RIGHT]].max())
+    if facts.grid.lateral_m > widest:
+        raise InputError(
+            f"{path}: grid.lateral_m is {facts.grid.lateral_m:g}, expected places on the road, "
+            f"at most {widest:.1f} m from its centre line"
+        )
     if facts.sectors_m[1] >= track.length:
         raise InputError(
             f"{path}: sectors_m: {facts.sectors_m[1]:g} is not on the lap of {track.length:.1f} m"
@@ -335,7 +313,11 @@ def read_track(path: Path) -> Track:
     """
     facts = read_toml(path, CircuitFile, "circuit")
     centre_line = path.parent / facts.centre_line
-    track = build_track(_read_centre_line(centre_line), facts)
+    points = read_centre_line(centre_line)
+    try:
+        track = build_track(points, facts)
+    except InputError as error:
+        raise InputError(f"{centre_line}: x_m, y_m: {error}") from None
     _check_on_lap(path, facts, track)
     _check_bridges(centre_line, track)
     return track

@@ -23,17 +23,17 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.sparse.linalg import spsolve
 
+from sim.centre_line import COLUMNS, check_count, check_turns
 from sim.crossing import bridge_heights
 from sim.errors import InputError
-from sim.track import COLUMNS, CircuitFile
+from sim.track import CircuitFile
 from sim.track_layout import FOLD, LEAST_ANGLE_DEGREES, Road, edges_cross, lay_out
 
 FIELDS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
-LEAST_POINTS, LARGEST_GAP_M = 20, 50.0
+LARGEST_GAP_M = 50.0
 LEAST_LENGTH_M, LARGEST_LENGTH_M = 500.0, 30_000.0
 LEAST_WIDTH_M, LEAST_RADIUS_M = 4.0, 6.0
 STEEPEST = 0.05
-SHARPEST_TURN = np.radians(120.0)
 TOML_ORDER = (
     *("name", "description", "centre_line", "runoff", "sectors_m", "kind", "side"),
     *("pole_m", "spacing_m", "lateral_m", "start_m", "end_m", "width_m", "surface"),
@@ -69,9 +69,8 @@ def read_racetrack(path: Path) -> NDArray[np.float64]:
         raise InputError(f"{path}: line 1: expected the column names # {','.join(FIELDS)}")
     while len(lines) > 1 and not lines[-1].strip():
         lines.pop()
+    check_count(path, len(lines) - 1)
     points = np.array([_numbers(path, number, line) for number, line in enumerate(lines[1:], start=2)])
-    if len(points) < LEAST_POINTS:
-        raise InputError(f"{path}: x_m, y_m: {len(points)} points, expected at least {LEAST_POINTS}")
     if np.hypot(*(points[0, :2] - points[-1, :2])) < 0.01:
         points = points[:-1]
     _check_line(path, points[:, :2])
@@ -119,14 +118,7 @@ def _check_line(path: Path, points: NDArray[np.float64]) -> None:
             f"{path}: x_m, y_m: a lap of {gaps.sum():.0f} m, "
             f"expected {LEAST_LENGTH_M:g} to {LARGEST_LENGTH_M:g} m"
         )
-    direction = np.arctan2(steps[:, 1], steps[:, 0])
-    turn = np.abs(np.angle(np.exp(1j * (direction - np.roll(direction, 1)))))
-    if (turn > SHARPEST_TURN).any():
-        at = int(np.argmax(turn))
-        raise InputError(
-            f"{path}: line {at + 2}: x_m, y_m: the points turn back by {np.degrees(turn[at]):.0f} degrees, "
-            "expected them in driving order"
-        )
+    check_turns(path, points)
 
 
 def _check_widths(path: Path, points: NDArray[np.float64]) -> None:
@@ -220,7 +212,10 @@ def smooth_road(path: Path, points: NDArray[np.float64]) -> Road:
             f"{path}: {_place(road, sharpest)} the road bends with a radius of {radius:.1f} m, "
             f"expected at least {LEAST_RADIUS_M:g} m"
         )
-    crossing = edges_cross(road)
+    try:
+        crossing = edges_cross(road)
+    except InputError as error:
+        raise InputError(f"{path}: x_m, y_m: {error}") from None
     if crossing is not None:
         raise InputError(
             f"{path}: {_place(road, crossing)} the edges given by w_tr_right_m and w_tr_left_m cross, "

@@ -37,6 +37,8 @@ ROAD, WALL, PLACE, PENALTY, START = "#4a5058", "#2b2f36", "#ffffff", "#f2b134", 
 SURFACE = {"tarmac": "#a9adb3", "kerb": "#d7263d", "grass": "#a9cf8e", "gravel": "#e3cf9f"}
 SECTORS = ("#2f6fde", "#12a594", "#8e4ec6")
 PLACES, CAR_M = 20, (4.6, 2.0)
+LEAST_BEND = 1e-9
+"""Curvature of no account, 1/m."""
 
 
 def wall_lines(track: Track) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -205,9 +207,11 @@ class _Names:
     def write_section(self, section: NamedSection) -> None:
         """The name of a section at its middle, or where a corner bends the most, on the outside."""
         table, spacing = self._track.table, self._track.spacing
-        inside = np.arange(int(section.start_m / spacing), int(section.end_m / spacing))
-        bend = table[inside, CURVATURE] if section.kind == "corner" else np.ones(len(inside))
-        middle = float(spacing * (inside * np.abs(bend)).sum() / np.abs(bend).sum())
+        first, last = int(section.start_m / spacing), int(section.end_m / spacing)
+        inside = np.arange(first, max(last, first + 1))
+        bend = table[inside % len(table), CURVATURE] if section.kind == "corner" else np.ones(len(inside))
+        weight = np.abs(bend) + LEAST_BEND
+        middle = float(spacing * (inside * weight).sum() / weight.sum())
         outside = -1.0 if bend.sum() > 0 else 1.0
         if section.kind == "straight":
             text = self._axes.text(0, 0, section.name, fontsize=9, color=FAINT, style="italic", zorder=7)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from sim.data_file import DATA
 from sim.errors import InputError
@@ -39,6 +40,7 @@ from sim.track import (
     load_track,
     read_track,
 )
+from sim.track_map import draw_map
 from tests.driving import circle, drive, road, world_with
 
 CIRCUITS = DATA / "circuits"
@@ -316,6 +318,9 @@ def edited(folder: Path, file: str, old: str, new: str) -> Path:
          "circuit.toml: field kerb.0: start_m must lie before end_m"),
         ("[[kerb]]", '[[kerb]]\nside = "left"\nwidth_m = 1.0\nstart_m = 9.0\nend_m = 99999.0\n[[kerb]]',
          "circuit.toml: kerb: end_m is 99999, expected at most the lap's 5800"),
+        ("pole_m = ", "pole_m = 1e308 #", "circuit.toml: grid.pole_m is 1e.308, expected at most the lap's"),
+        ("spacing_m = ", "spacing_m = 1e308 #", "circuit.toml: grid.spacing_m is 1e.308, expected at most"),
+        ("lateral_m = ", "lateral_m = 9.0 #", "grid.lateral_m is 9, expected places on the road, at most"),
     ],
 )  # fmt: skip
 def test_faulty_circuit_file_is_named_with_the_field(
@@ -335,13 +340,19 @@ def rows() -> list[str]:
 @pytest.mark.parametrize(
     ("row", "complaint"),
     [
-        ("0,0,0,-6,6,0,10,10", "expected finite positions and positive widths"),
-        ("nan,0,0,6,6,0,10,10", "expected finite positions and positive widths"),
-        ("0,0,inf,6,6,0,10,10", "expected finite positions and positive widths"),
-        ("0,0,0,6,6,0.7,10,10", "bank_rad: expected angles from -0.6 to 0.6"),
-        ("0,0,0,6,6,0,5,10", "wall_right_m, wall_left_m: expected walls outside the edges"),
-        ("0,0,0,6,6,0,10", "expected "),
-        ("0,0,0,6,6,0,10,wall", "expected 8 numbers on every line"),
+        ("0,0,0,-6,6,0,10,10", "line 8: w_tr_right_m is '-6', expected a number from 0.5 to 100"),
+        ("nan,0,0,6,6,0,10,10", "line 8: x_m is 'nan', expected a number from -1,000,000 to 1,000,000"),
+        ("0,0,inf,6,6,0,10,10", "line 8: z_m is 'inf', expected a number from -10,000 to 10,000"),
+        ("1e308,0,0,6,6,0,10,10", "line 8: x_m is '1e308', expected a number from -1,000,000 to"),
+        ("0,-1e30,0,6,6,0,10,10", "line 8: y_m is '-1e30', expected a number from -1,000,000 to"),
+        ("0,0,0,6,1e-320,0,10,10", "line 8: w_tr_left_m is '1e-320', expected a number from 0.5"),
+        ("0,0,0,6,6,0,10,1e9", "line 8: wall_left_m is '1e9', expected a number from 0.5 to 1,000"),
+        ("200000,0,0,6,6,0,10,10", "x_m, y_m: a lap of 40.,... m with 199,... m before line [89], expected"),
+        ("32,0,99,6,6,0,10,10", "line [89]: z_m: a slope of .* from the line before, expected at most 100%"),
+        ("0,0,0,6,6,0.7,10,10", "line 8: bank_rad is '0.7', expected a number from -0.6 to 0.6"),
+        ("0,0,0,6,6,0,5,10", "line 8: wall_right_m, wall_left_m: expected walls outside the edges"),
+        ("0,0,0,6,6,0,10", "line 8: 7 columns, expected 8 numbers on every line"),
+        ("0,0,0,6,6,0,10,wall", "line 8: wall_left_m is 'wall', expected a number"),
     ],
 )
 def test_faulty_row_of_the_centre_line(tmp_path: Path, row: str, complaint: str) -> None:
@@ -352,7 +363,7 @@ def test_faulty_row_of_the_centre_line(tmp_path: Path, row: str, complaint: str)
 
 def test_a_repeated_point_is_named(tmp_path: Path) -> None:
     path = edited(tmp_path, "centre_line.csv", rows()[7], rows()[8])
-    with pytest.raises(InputError, match=r"centre_line.csv: x_m, y_m: expected no point twice in a row"):
+    with pytest.raises(InputError, match=r"line 9: x_m, y_m: expected no point twice in a row"):
         read_track(path)
 
 
@@ -361,8 +372,55 @@ def test_faulty_heading_and_too_few_rows(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="first line: expected the column names x_m,y_m,z_m,w_tr_right_m"):
         read_track(path)
     (path.parent / "centre_line.csv").write_text("\n".join(rows()[:10]))
-    with pytest.raises(InputError, match="expected at least 20 lines of 8 numbers"):
+    with pytest.raises(InputError, match=r"centre_line.csv: x_m, y_m: 9 points, expected at least 20"):
         read_track(path)
+
+
+def drawn(folder: Path, x: NDArray[np.float64], y: NDArray[np.float64]) -> Path:
+    """The shipped circuit with another centre line, level and as wide everywhere."""
+    path = edited(folder, "circuit.toml", "[grid]", "[grid]")
+    points = [f"{a!r},{b!r},0,6,6,0,10,10" for a, b in zip(x.tolist(), y.tolist(), strict=True)]
+    (path.parent / "centre_line.csv").write_text("\n".join([rows()[0], *points]))
+    return path
+
+
+ROUND = np.linspace(0.0, 2 * np.pi, 1000, endpoint=False)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "complaint"),
+    [
+        (1e-4 * np.cos(ROUND), 1e-4 * np.sin(ROUND), "line .*expected no point twice in a row"),
+        (10 * np.cos(ROUND), 10 * np.sin(ROUND), "a lap of 63 m .*expected 100 to 100,000 m"),
+        (1e5 * np.cos(ROUND), 1e5 * np.sin(ROUND), "a lap of 628,.* m .*expected 100 to 100,000 m"),
+        (np.arange(1000.0), 0.0 * ROUND, "line 2: x_m, y_m: the points turn back by 180 degrees"),
+        (20 * np.cos(150 * ROUND + ROUND), 20 * np.sin(150 * ROUND + ROUND), "the road lies on itself"),
+        (np.tile(ROUND, 101), np.tile(ROUND, 101), "101,000 points, expected at most 100,000"),
+        (300 * np.sin(ROUND), 300 * np.sin(2 * ROUND), "the road crosses itself: z_m differs by 0.0 m"),
+    ],
+)  # fmt: skip
+def test_lines_that_are_no_road(
+    tmp_path: Path, x: NDArray[np.float64], y: NDArray[np.float64], complaint: str
+) -> None:
+    path = drawn(tmp_path, x, y)
+    # Only the road is at fault.
+    text = path.read_text("utf-8")
+    bare = text.partition("[[")[0]
+    sectors = next(line for line in bare.splitlines() if line.startswith("sectors_m"))
+    path.write_text(bare.replace(sectors, "sectors_m = [20.0, 40.0]"), "utf-8")
+    with pytest.raises(InputError, match=complaint) as caught:
+        read_track(path)
+    assert str(caught.value).startswith(str(path.parent / "centre_line.csv"))
+
+
+def test_the_map_shows_sections_shorter_than_a_row_and_corners_without_a_bend(tmp_path: Path) -> None:
+    short = '[[section]]\nname = "short"\nkind = "corner"\nstart_m = 0.1\nend_m = 0.2\n'
+    path = edited(tmp_path, "circuit.toml", "[[section]]", f"{short}\n[[section]]")
+    text = path.read_text("utf-8")
+    first = text.split("[[section]]")[2]
+    path.write_text(text.replace(first, first.replace("start_m = 0.0", "start_m = 0.3"), 1), "utf-8")
+    draw_map(read_track(path), tmp_path / "map.png")
+    assert (tmp_path / "map.png").stat().st_size > 1000
 
 
 def test_unknown_circuit_lists_the_known() -> None:
