@@ -1,19 +1,32 @@
-PYTHON ?= python3.11
+# The first of these that is there, is new enough and can make a virtual environment. CI tests with 3.11.
+PYTHON ?= $(shell for python in python3.11 python3.12 python3.13 python3.14 python3; do \
+	$$python -c "import sys, ensurepip; sys.exit(sys.version_info < (3, 11))" 2>/dev/null && echo $$python && break; done)
 BIN := .venv/bin
+INSTALL := $(BIN)/uv pip install --quiet --python $(BIN)/python
+ITSELF := $(INSTALL) --no-deps --no-build-isolation --editable .
+COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes pyproject.toml
 
-.PHONY: setup demo test lint gallery lock
+.PHONY: setup demo test lint gallery lock lowest release
 
-setup: .venv/installed
+demo: .venv/base
+	$(BIN)/nathlon demo
 
-.venv/installed: requirements.lock pyproject.toml
+setup: .venv/all
+
+# What a selection and the environments need.
+.venv/base: requirements-base.lock pyproject.toml
+	$(if $(PYTHON),,$(error no Python of 3.11 or newer that can make a virtual environment: install python3.11-venv, or name one with PYTHON=))
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet uv==0.13.9
-	$(BIN)/uv pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	$(INSTALL) --require-hashes --requirements requirements-base.lock
+	$(ITSELF)
 	touch $@
 
-demo: setup
-	$(BIN)/nathlon demo
+# The rest: training, other people's checkpoints, tests.
+.venv/all: .venv/base requirements.lock
+	$(BIN)/uv pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	$(ITSELF)
+	touch $@
 
 test: setup
 	$(BIN)/pytest
@@ -27,5 +40,28 @@ lint: setup
 gallery: setup
 	$(BIN)/python -m benchmarks.gallery runs/demo
 
+# The second has the same versions as the first.
 lock:
-	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --extra dev pyproject.toml --output-file requirements.lock
+	$(COMPILE) --extra all --extra dev --output-file requirements.lock
+	$(COMPILE) --extra build --constraint requirements.lock --output-file requirements-base.lock
+
+# The core at the lower bounds of pyproject.toml, in an environment of its own.
+CORE := $(addprefix tests/test_, physics.py rules.py checkpoint.py onnx.py parallel_env.py pareto.py battery.py points.py \
+	ratings.py store.py recording.py replay_picture.py spreadsheet.py track_cli.py video.py)
+
+lowest: .venv/base
+	$(PYTHON) -m venv --clear build/lowest
+	$(BIN)/uv pip install --quiet --python build/lowest/bin/python --resolution lowest-direct \
+		--editable ".[postgres,video]" "hypothesis>=6.120" "openpyxl>=3.1" "pytest>=8.3"
+	build/lowest/bin/python -m pytest --noconftest --override-ini addopts=-q $(CORE)
+
+# What is to be published: built and checked, but neither tagged nor sent anywhere.
+VERSION := $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+
+release: setup
+	@git diff --quiet HEAD || { echo "there are changes that are not committed"; exit 1; }
+	@grep -qE '^## \[$(VERSION)\] - [0-9-]+$$' CHANGELOG.md || { echo "CHANGELOG.md: expected $(VERSION) with its date"; exit 1; }
+	@! git rev-parse --quiet --verify "refs/tags/v$(VERSION)" || { echo "v$(VERSION) is tagged already"; exit 1; }
+	rm -rf dist
+	$(BIN)/python -m hatchling build --directory dist
+	$(BIN)/uvx twine==7.0.0 check --strict dist/*

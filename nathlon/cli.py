@@ -12,6 +12,7 @@ import typer
 from nathlon.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED, MOST_WORKERS
 from nathlon.commands.committee_app import committee
 from sim.errors import InputError
+from sim.extras import need
 from sim.names import printable
 
 app = typer.Typer(
@@ -203,6 +204,7 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
+    need("torch", "train", "training")
     from nathlon.commands.training import train as run
 
     run(config, out, seed, threads, device, resume, origin, as_json)
@@ -220,6 +222,7 @@ def polish(
     as_json: AsJson = False,
 ) -> None:
     """Improve a checkpoint by what its actions bring in races; the same command goes on after Ctrl-C."""
+    need("torch", "train", "polishing")
     from nathlon.commands.polish import polish as run
 
     run(checkpoint, config, out, rounds, seed, as_json)
@@ -255,6 +258,7 @@ def ablate(
 
     The same command goes on after Ctrl-C.
     """
+    need("torch", "train", "an ablation")
     from nathlon.commands.ablate import ablate as run
 
     run(config, out, seeds, updates, variant or [], pairs, workers, as_json)

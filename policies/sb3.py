@@ -27,6 +27,7 @@ from policies.policy_file import content_id, opening, read_policy_file
 from policies.state_dict import read_state_dict
 from policies.strict_json import parse_json
 from sim.errors import InputError
+from sim.extras import need
 
 MOST_SETTINGS = 1 << 25
 """Bytes of `data`, with the last observations of all environments in it."""
@@ -140,6 +141,7 @@ def _read(path: Path, content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
         if name not in members:
             raise InputError(f"{path}: no member {name!r}, expected a .zip of Stable-Baselines3")
     data = _settings(path, members["data"])
+    need("torch", "sb3", f"{path}: a .zip of Stable-Baselines3")
     try:
         return data, read_state_dict(members["policy.pth"])
     except ValueError as error:

@@ -16,7 +16,7 @@ from sim.whole_file import whole_file
 
 VERSION = 1
 """Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
-PACKAGES = ("nathlon", "numpy", "numba", "torch")
+PACKAGES = ("nathlon", "numpy", "numba")
 
 
 class Part(BaseModel):

@@ -220,7 +220,5 @@ def test_a_server_that_cannot_be_reached_is_named_without_its_password(url: str,
 
 def test_postgresql_without_its_driver(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "psycopg", None)
-    with pytest.raises(
-        InputError, match=r"needs the driver psycopg; expected `pip install nathlon\[postgres\]`"
-    ):
+    with pytest.raises(InputError, match=r"PostgreSQL needs psycopg, .* pip install -e '\.\[postgres\]'"):
         Store("postgresql+psycopg://me@localhost/there")

@@ -16,6 +16,7 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from sim.errors import InputError
+from sim.extras import need
 from sim.whole_file import whole_file
 
 APPLICATION_ID = 0x6E41544C  # "nATL", in a file's header: tells a store from any other database
@@ -53,20 +54,14 @@ class Database:
         self.read_only = self.path is not None and self.exists() and not _writable(self.path)
         if self.path and self.read_only:
             url = _read_only_url(self.path)
-        try:
-            if self.path:
-                self._engine = sa.create_engine(
-                    url, max_overflow=-1, connect_args={"timeout": BUSY_TIMEOUT_S}
-                )
-                sa.event.listen(self._engine, "connect", _configure_sqlite)
-                sa.event.listen(self._engine, "begin", _begin_sqlite)
-            else:
-                self._engine = sa.create_engine(url, max_overflow=-1, pool_pre_ping=True)
-                sa.event.listen(self._engine, "connect", _configure_postgresql)
-        except ModuleNotFoundError:
-            raise InputError(
-                f"{self.name}: PostgreSQL needs the driver psycopg; expected `pip install nathlon[postgres]`"
-            ) from None
+        if self.path:
+            self._engine = sa.create_engine(url, max_overflow=-1, connect_args={"timeout": BUSY_TIMEOUT_S})
+            sa.event.listen(self._engine, "connect", _configure_sqlite)
+            sa.event.listen(self._engine, "begin", _begin_sqlite)
+        else:
+            need("psycopg", "postgres", f"{self.name}: PostgreSQL")
+            self._engine = sa.create_engine(url, max_overflow=-1, pool_pre_ping=True)
+            sa.event.listen(self._engine, "connect", _configure_postgresql)
 
     def exists(self) -> bool:
         """Whether there is a SQLite file; True for PostgreSQL."""

@@ -14,9 +14,9 @@ from nathlon.commands.console import print_json, say, tell, warn
 from nathlon.replays import record_stored_race
 from reports.player import write_player
 from reports.replay import labels, open_viewer, write_replay
-from reports.video import write_video
 from reports.web_viewer import WebViewer
 from sim.errors import InputError
+from sim.extras import need
 
 
 def replay(
@@ -54,6 +54,9 @@ def replay(
     if html:
         made["page"] = _written(html, lambda: write_player(log, html, follow))
     if video:
+        need("av", "video", "a video")
+        from reports.video import write_video
+
         made["video"] = _written(video, lambda: write_video(log, video, follow, start_s, end_s))
     if html or video:
         tell(made, as_json)
