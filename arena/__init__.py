@@ -1,0 +1,2 @@
+if __name__ != "nathlon.arena":
+    raise ModuleNotFoundError("import nathlon.arena in place of arena", name="arena")

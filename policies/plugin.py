@@ -17,6 +17,8 @@ from sim.observation import ObservationSpec
 
 PLUGIN = "plugin"
 GROUP = "nathlon.policies"
+MOVED = ("sim", "policies", "arena", "tournament", "reports")
+"""Packages of nathlon that had a name of their own once."""
 
 
 def load_plugin(name: str, circuit: str, car: str) -> Policy:
@@ -30,11 +32,13 @@ def load_plugin(name: str, circuit: str, car: str) -> Policy:
         policy = point.load()(circuit, car)
     except MemoryError:
         raise
+    except ModuleNotFoundError as error:
+        room = str(error.name).partition(".")[0]
+        reason = f"imports {room}, expected nathlon.{room}" if room in MOVED else _raised(error)
+        raise InputError(f"{PLUGIN}:{name}: {point.value} {reason}") from error
     # It is foreign code: whatever it raises, the user wants to know whose it is.
     except Exception as error:
-        raise InputError(
-            f"{PLUGIN}:{name}: {point.value} raised {type(error).__name__} ({error}), expected a policy"
-        ) from error
+        raise InputError(f"{PLUGIN}:{name}: {point.value} {_raised(error)}") from error
     if not isinstance(getattr(policy, "observation_spec", None), ObservationSpec):
         raise InputError(f"{PLUGIN}:{name}: {point.value} made no policy: it has no observation_spec")
     for method in ("initial_memory", "act"):
@@ -67,6 +71,10 @@ def plugin_id(name: str) -> str:
             content = path.read_bytes()
             digest.update(f"\0{relative.as_posix()}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()
+
+
+def _raised(error: Exception) -> str:
+    return f"raised {type(error).__name__} ({error}), expected a policy"
 
 
 def _entry_point(name: str) -> EntryPoint:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+if __name__ != "nathlon.sim":
+    raise ModuleNotFoundError("import nathlon.sim in place of sim", name="sim")
+
 if TYPE_CHECKING:
     from sim.observation import ObservationSpec
     from sim.race_env import RaceEnv

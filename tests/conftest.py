@@ -24,6 +24,7 @@ LONGEST = (
     "test_pool",
     "test_faults",
     "test_ablation",
+    "test_wheel",
 )
 """Files that take longest: they begin first, so that no test process waits for another at the end."""
 

@@ -11,9 +11,10 @@ import pytest
 
 from benchmarks.lap_search import TAKEN, Search
 from benchmarks.time_trial import SEED
+from policies.bundled import BUNDLED
 from policies.checkpoint import NetworkPolicy, load_checkpoint
 
-CHECKPOINT = Path("policies/bundled/lindenring/lindenring-s1-020k.safetensors")
+CHECKPOINT = BUNDLED / "lindenring" / "lindenring-s1-020k.safetensors"
 TO_THE_FIRST_BEND = 80
 SEARCHES = 20
 

@@ -157,3 +157,10 @@ def test_a_name_offered_twice_is_refused(site: Path) -> None:
     install(site, "rivals", "[nathlon.policies]\nstraight = lone:Straight\n")
     with pytest.raises(InputError, match=r"plugin:straight: offered more than once, by .*lone:Straight"):
         load_policy("plugin:straight", "lindenring", "gt3")
+
+
+def test_a_plugin_of_the_version_before_is_told_what_to_change(site: Path) -> None:
+    (site / "older.py").write_text("import sim\n")
+    install(site, "older", "[nathlon.policies]\nolder = older:Policy\n")
+    with pytest.raises(InputError, match=r"^plugin:older: older:Policy imports sim, expected nathlon\.sim$"):
+        load_policy("plugin:older", "lindenring", "gt3")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+from policies import bundled
 from policies.checkpoint import NetworkPolicy, load_checkpoint
 from policies.heat import Heat
 from policies.policy import Batch
@@ -17,8 +16,7 @@ from sim.episode import Episodes
 from sim.errors import InputError
 from sim.observation import ObservationSpec
 
-LADDER = Path(__file__).parent.parent / "policies" / "bundled" / "lindenring"
-BUNDLED = sorted(LADDER.glob("*.safetensors"))[:3]
+BUNDLED = sorted((bundled.BUNDLED / "lindenring").glob("*.safetensors"))[:3]
 
 
 def population(*opponents: str | tuple[str, float]) -> Population:
