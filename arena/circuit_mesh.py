@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.race_log import Outline
-from sim.track import SURFACES
+from nathlon.arena.race_log import Outline
+from nathlon.sim.track import SURFACES
 
 ROAD = (62, 63, 68)
 KERB = ((200, 45, 50), (232, 232, 232))

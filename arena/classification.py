@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.match import Match, Race
-from arena.results import POLICY_FAULTS, RESULTS
-from sim.state import CAR_STATE
+from nathlon.arena.match import Match, Race
+from nathlon.arena.results import POLICY_FAULTS, RESULTS
+from nathlon.sim.state import CAR_STATE
 
 POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
 

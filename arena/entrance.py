@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once, weights
-from arena.job import Opening
-from arena.pool import Pool
-from policies.load import load_file
-from sim.errors import InputError
+from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once, weights
+from nathlon.arena.job import Opening
+from nathlon.arena.pool import Pool
+from nathlon.policies.load import load_file
+from nathlon.sim.errors import InputError
 
 
 def enter_each(pool: Pool, sources: Sequence[str], circuit: str, car: str) -> list[Entrant | InputError]:
-    """The entrants that sources give, or why they give none; see `arena.entrant.enter`."""
+    """The entrants that sources give, or why they give none; see `nathlon.arena.entrant.enter`."""
     return pool.open([Opening(source, enter, (source, circuit, car)) for source in sources])
 
 

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import polars as pl
 
-from arena.results import ENTRANTS
-from policies.composite import SUFFIX as COMPOSITE
-from policies.composite import CompositeSource
-from policies.handed_over import OBJECT
-from policies.identity import policy_id
-from policies.load import DRIVER, SUFFIXES, load_file, load_policy
-from policies.plugin import PLUGIN
-from sim.errors import InputError
-from sim.names import printable, proper_name
+from nathlon.arena.results import ENTRANTS
+from nathlon.policies.composite import SUFFIX as COMPOSITE
+from nathlon.policies.composite import CompositeSource
+from nathlon.policies.handed_over import OBJECT
+from nathlon.policies.identity import policy_id
+from nathlon.policies.load import DRIVER, SUFFIXES, load_file, load_policy
+from nathlon.policies.plugin import PLUGIN
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable, proper_name
 
 TRAINING_STATE = ("state.safetensors", "replay.safetensors")
 """Files of a training run that are no checkpoints."""

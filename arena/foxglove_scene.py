@@ -17,8 +17,8 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from numpy.typing import NDArray
 
-from arena.circuit_mesh import mesh, surfaces
-from arena.race_log import Outline, RaceLog
+from nathlon.arena.circuit_mesh import mesh, surfaces
+from nathlon.arena.race_log import Outline, RaceLog
 
 CAR_HEIGHT_M = 1.25
 TEAM_COLOURS: dict[int, tuple[int, int, int]] = {0: (51, 136, 238), 1: (245, 130, 32), -1: (190, 190, 190)}

@@ -7,8 +7,8 @@ from collections import defaultdict
 from collections.abc import Iterable
 from itertools import pairwise
 
-from arena.match import Match
-from sim.scenario import load_scenario
+from nathlon.arena.match import Match
+from nathlon.sim.scenario import load_scenario
 
 CARS = 256
 """In a world: beyond it the work for each car is most of the work, and the networks of all their matches

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.race_log import Incident
-from sim.rules import Rules
-from sim.state import REAR_END, SIDE_SWIPE, CarRecord
-from sim.track import Track
-from sim.world import World
+from nathlon.arena.race_log import Incident
+from nathlon.sim.rules import Rules
+from nathlon.sim.state import REAR_END, SIDE_SWIPE, CarRecord
+from nathlon.sim.track import Track
+from nathlon.sim.world import World
 
 APART_S = 1.0
 """Wall contacts or excursions of a car closer together than this are one."""

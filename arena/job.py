@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
-from arena.classification import void
-from arena.match import Match
-from arena.recorder import Recorded
-from arena.watch import NOBODY, Asked, Taken
-from sim.errors import InputError
+from nathlon.arena.classification import void
+from nathlon.arena.match import Match
+from nathlon.arena.recorder import Recorded
+from nathlon.arena.watch import NOBODY, Asked, Taken
+from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
 

@@ -16,13 +16,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import policies
-import sim
-from sim.car import load_car
-from sim.errors import InputError
-from sim.rules import load_rules
-from sim.scenario import load_scenario
-from sim.track import load_track
+from nathlon import policies, sim
+from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.rules import load_rules
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
 
 DECISIVE = ("*.py", "*.toml", "*.csv")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from arena.entrant import enter
-from arena.match import Match
-from policies.load import load_policy
-from policies.policy import Policy
-from sim.errors import InputError
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Policy
+from nathlon.sim.errors import InputError
 
 
 @lru_cache(maxsize=256)

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.race_log import RaceLog, lap_length, origin, progress
+from nathlon.arena.race_log import RaceLog, lap_length, origin, progress
 
 START_S = 10.0
 """So long a grid sorts itself out: who gets away better passes nobody."""

@@ -13,17 +13,17 @@ from typing import Any
 
 import polars as pl
 
-from arena.grouping import group
-from arena.job import Answer, Job, Loss, Opening, Racing, Wanted, again
-from arena.match import Match
-from arena.race_log import RaceLog
-from arena.recorder import Recorded
-from arena.results import VOID_ENDINGS
-from arena.serving import came_otherwise, do, serve
-from arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, MATCH_S, Watch
-from arena.workers import Worker, new_output_log
-from policies.handed_over import OBJECT
-from sim.errors import InputError
+from nathlon.arena.grouping import group
+from nathlon.arena.job import Answer, Job, Loss, Opening, Racing, Wanted, again
+from nathlon.arena.match import Match
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recorder import Recorded
+from nathlon.arena.results import VOID_ENDINGS
+from nathlon.arena.serving import came_otherwise, do, serve
+from nathlon.arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, MATCH_S, Watch
+from nathlon.arena.workers import Worker, new_output_log
+from nathlon.policies.handed_over import OBJECT
+from nathlon.sim.errors import InputError
 
 LOOKS = 5
 """How often a policy is looked at within its time for an answer."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from arena.entrant import Entrant
-from arena.match import Match, Race, Seat
-from arena.pool import Pool
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
 
 SCENARIO = "time_trial"
 

@@ -84,8 +84,8 @@ class Outline:
     """The circuit as closed polylines in the world frame, row beside row, each (n, 3) float64, metres.
 
     The kerb lines are the outer edges of the kerbs; where there is no kerb they run on the road's edges.
-    The run-off between there and the walls is (n,) int64, indices of `sim.track.SURFACES`; `zone` is (n,)
-    bool, true where penalties are served.
+    The run-off between there and the walls is (n,) int64, indices of `nathlon.sim.track.SURFACES`; `zone` is
+    (n,) bool, true where penalties are served.
     """
 
     left: NDArray[np.float64]

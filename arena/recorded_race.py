@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from arena.race_log import CAR_SAMPLE, KINDS, RaceLog
+from nathlon.arena.race_log import CAR_SAMPLE, KINDS, RaceLog
 
 MOST_CARS = 20
 LONGEST_S = 1e5

@@ -10,18 +10,18 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.incidents import Alarm, IncidentWatch
-from arena.match import Match
-from arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, Outline, RaceLog, Stretch
-from arena.runner import run_together
-from arena.team import Absent
-from arena.watch import Watch
-from policies.policy import Policy
-from sim.car import load_car
-from sim.rules import load_rules
-from sim.scenario import load_scenario
-from sim.state import CAR_STATE
-from sim.track import (
+from nathlon.arena.incidents import Alarm, IncidentWatch
+from nathlon.arena.match import Match
+from nathlon.arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, Outline, RaceLog, Stretch
+from nathlon.arena.runner import run_together
+from nathlon.arena.team import Absent
+from nathlon.arena.watch import Watch
+from nathlon.policies.policy import Policy
+from nathlon.sim.car import load_car
+from nathlon.sim.rules import load_rules
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.state import CAR_STATE
+from nathlon.sim.track import (
     KERB_LEFT,
     KERB_RIGHT,
     LEFT,
@@ -34,7 +34,7 @@ from sim.track import (
     Track,
     load_track,
 )
-from sim.world import SUBSTEPS, World
+from nathlon.sim.world import SUBSTEPS, World
 
 COPIED = {
     "x_m": "x",

@@ -29,14 +29,14 @@ from mcap_protobuf.schema import build_file_descriptor_set, register_schema
 from numpy.typing import NDArray
 from zstandard import ZstdError, frame_content_size
 
-from arena import _car_state_pb2 as pb
-from arena.foxglove_scene import scene
-from arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
-from arena.recorded_race import check_race
-from sim.errors import InputError
-from sim.text_file import read_bytes
-from sim.track import SURFACES
-from sim.whole_file import whole_file
+from nathlon.arena import _car_state_pb2 as pb
+from nathlon.arena.foxglove_scene import scene
+from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
+from nathlon.arena.recorded_race import check_race
+from nathlon.sim.errors import InputError
+from nathlon.sim.text_file import read_bytes
+from nathlon.sim.track import SURFACES
+from nathlon.sim.whole_file import whole_file
 
 OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}
 OUTLINE_LINES = ("left", "centre", "right", "kerb_left", "kerb_right", "wall_left", "wall_right")

@@ -10,18 +10,18 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.classification import BLANK, classify
-from arena.match import Match
-from arena.team import ROW_WISE, Absent, Team
-from arena.watch import Watch
-from policies.policy import Batch, Policy
-from sim.car import load_car
-from sim.episode import end_runs
-from sim.observation import ObservationSpec
-from sim.reaction import Perception, Reaction
-from sim.scenario import load_scenario
-from sim.track import load_track
-from sim.world import World
+from nathlon.arena.classification import BLANK, classify
+from nathlon.arena.match import Match
+from nathlon.arena.team import ROW_WISE, Absent, Team
+from nathlon.arena.watch import Watch
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.car import load_car
+from nathlon.sim.episode import end_runs
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.reaction import Perception, Reaction
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.sim.world import World
 
 Observer = Callable[[World], None]
 LineUp = tuple[Match, Sequence[Policy | Absent]]

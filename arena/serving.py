@@ -11,21 +11,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from multiprocessing import connection, parent_process
 from typing import Any
 
-from arena.isolation import preserved
-from arena.job import Answer, Job, Opening, Racing, Wanted
-from arena.match import Match
-from arena.match_policies import match_policy
-from arena.output_log import print_into
-from arena.recorder import Recorded, record_races
-from arena.recording import recording_name, write_recording
-from arena.results import came_out_alike
-from arena.runner import LineUp, run_together
-from arena.team import Absent
-from arena.watch import Watch
-from arena.workers import NO_MEMORY, READY
-from policies.load import DRIVER
-from policies.policy import Policy
-from sim.errors import InputError
+from nathlon.arena.isolation import preserved
+from nathlon.arena.job import Answer, Job, Opening, Racing, Wanted
+from nathlon.arena.match import Match
+from nathlon.arena.match_policies import match_policy
+from nathlon.arena.output_log import print_into
+from nathlon.arena.recorder import Recorded, record_races
+from nathlon.arena.recording import recording_name, write_recording
+from nathlon.arena.results import came_out_alike
+from nathlon.arena.runner import LineUp, run_together
+from nathlon.arena.team import Absent
+from nathlon.arena.watch import Watch
+from nathlon.arena.workers import NO_MEMORY, READY
+from nathlon.policies.load import DRIVER
+from nathlon.policies.policy import Policy
+from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
 

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.isolation import Apart
-from arena.watch import Watch
-from policies.checkpoint import NetworkPolicy
-from policies.driver import Driver
-from policies.early_braker import EarlyBraker
-from policies.onnx import OnnxPolicy
-from policies.policy import Batch, Policy
-from policies.sb3 import Sb3Policy
+from nathlon.arena.isolation import Apart
+from nathlon.arena.watch import Watch
+from nathlon.policies.checkpoint import NetworkPolicy
+from nathlon.policies.driver import Driver
+from nathlon.policies.early_braker import EarlyBraker
+from nathlon.policies.onnx import OnnxPolicy
+from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sb3 import Sb3Policy
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ class Absent:
     """In place of a policy that is not asked: its cars are out from the start.
 
     Attributes:
-        ending: how their runs end, one of `arena.results.POLICY_FAULTS`.
+        ending: how their runs end, one of `nathlon.arena.results.POLICY_FAULTS`.
     """
 
     ending: str

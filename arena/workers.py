@@ -10,8 +10,8 @@ from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
-from arena.output_log import OutputLog
-from arena.watch import TOLD, Patience, Watch
+from nathlon.arena.output_log import OutputLog
+from nathlon.arena.watch import TOLD, Patience, Watch
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 NO_MEMORY = 71
@@ -19,7 +19,7 @@ NO_MEMORY = 71
 READY = "ready"
 """What a worker sends when it waits for something to do."""
 
-SHARED = ["policies.load"]
+SHARED = ["nathlon.policies.load"]
 """What all workers need and takes seconds to load; it starts no threads, so that it may be forked."""
 
 _CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")

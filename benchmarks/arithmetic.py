@@ -30,13 +30,13 @@ from rich.table import Table
 
 from benchmarks.result import write_result
 from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
-from sim import lanes, observe, world
-from sim.car import load_car
-from sim.kernel import kernel
-from sim.lanes import LANES
-from sim.scenario import load_scenario
-from sim.track import load_track
-from sim.world import SUBSTEPS, World
+from nathlon.sim import lanes, observe, world
+from nathlon.sim.car import load_car
+from nathlon.sim.kernel import kernel
+from nathlon.sim.lanes import LANES
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.sim.world import SUBSTEPS, World
 
 CARS = 8
 WARM_UP = 20
@@ -137,7 +137,7 @@ def uncompile() -> None:
     """Have the simulator's kernels call each other's source, with functions that count."""
     vectors = {key: getattr(lanes, key) for key in VECTORS}
     for name, module in list(sys.modules.items()):
-        if not name.startswith("sim."):
+        if not name.startswith("nathlon.sim."):
             continue
         for key, value in list(vars(module).items()):
             if isinstance(value, Dispatcher):

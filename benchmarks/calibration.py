@@ -38,20 +38,20 @@ from rich.progress import track
 from scipy.special import ndtri
 from scipy.stats import binomtest
 
-from arena.entrant import Entrant, enter, only_once
-from arena.match import Match, Race, Seat
-from arena.pool import run_matches
-from arena.results import RESULTS
-from arena.runner import run_match
 from benchmarks.result import write_result
+from nathlon.arena.entrant import Entrant, enter, only_once
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import run_matches
+from nathlon.arena.results import RESULTS
+from nathlon.arena.runner import run_match
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.load import load_policy
 from nathlon.race_off import TournamentSettings, tournament_matches
 from nathlon.run import CONFIDENCE
-from policies.bundled import BUNDLED
-from policies.load import load_policy
-from tournament.evidence import appearances, differences
-from tournament.formats import FORMATS
-from tournament.points import EQUAL, TEAM_POINTS, rank
-from tournament.stopping import OPEN, Stopping, repeated, settled
+from nathlon.tournament.evidence import appearances, differences
+from nathlon.tournament.formats import FORMATS
+from nathlon.tournament.points import EQUAL, TEAM_POINTS, rank
+from nathlon.tournament.stopping import OPEN, Stopping, repeated, settled
 
 LADDER, CIRCUIT, CAR = "lindenring-s1", "lindenring", "gt3"
 SHORT = "standing_start"

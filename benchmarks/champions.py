@@ -46,19 +46,19 @@ from rich.table import Table
 from scipy.special import gammaincinv
 from scipy.stats import binomtest
 
-from arena.entrant import Entrant, enter, find_checkpoints, only_once
-from arena.match import Match, Race, Seat
-from arena.pool import run_matches
-from arena.results import VOID_ENDINGS
-from arena.statistics import interval, spread
 from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, TimeTrial, drive_alone, limits
-from policies.bundled import BUNDLED
-from policies.checkpoint import read_card
-from policies.load import DRIVER
-from sim.data_file import Section, read_toml
-from sim.errors import InputError
-from sim.scenario import load_scenario
+from nathlon.arena.entrant import Entrant, enter, find_checkpoints, only_once
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import run_matches
+from nathlon.arena.results import VOID_ENDINGS
+from nathlon.arena.statistics import interval, spread
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import read_card
+from nathlon.policies.load import DRIVER
+from nathlon.sim.data_file import Section, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 
 CHAMPIONS = BUNDLED / "champions.toml"
 RACE = "race"

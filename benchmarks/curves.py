@@ -17,11 +17,11 @@ from matplotlib.axes import Axes
 from rich.console import Console
 from rich.progress import track
 
-from arena.entrant import enter
 from benchmarks.time_trial import drive_alone, limits
-from policies.bundled import BUNDLED
-from policies.checkpoint import Card, read_card
-from policies.load import DRIVER
+from nathlon.arena.entrant import enter
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import Card, read_card
+from nathlon.policies.load import DRIVER
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

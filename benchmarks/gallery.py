@@ -18,7 +18,7 @@ from PIL import Image
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 from rich.progress import track
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 OUT = Path(__file__).parent.parent / "docs" / "gallery"
 SIZE: ViewportSize = {"width": 1280, "height": 800}

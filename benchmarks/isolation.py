@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from arena.isolation import Apart
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.runner import run_match
 from benchmarks.result import write_result
-from policies.bundled import BUNDLED
-from policies.identity import policy_id
-from policies.policy import Batch, Policy
+from nathlon.arena.isolation import Apart
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.runner import run_match
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.identity import policy_id
+from nathlon.policies.policy import Batch, Policy
 
 PLACE = ("lindenring", "gt3")
 NAMES = ("lindenring-mend-059k", "lindenring-again-056k")

@@ -34,8 +34,8 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.result import read_result, write_result
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.gymnasium_training import GymnasiumTraining, evaluate
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.gymnasium_training import GymnasiumTraining, evaluate
 
 EPISODES = 10
 EVALUATION_SEED = 10_000

@@ -31,12 +31,12 @@ from rich.progress import Progress
 
 from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, SEED, limits
-from policies.checkpoint import NetworkPolicy, load_checkpoint
-from sim.car import load_car
-from sim.errors import InputError
-from sim.scenario import load_scenario
-from sim.track import load_track
-from sim.world import World
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
+from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.sim.world import World
 
 CANDIDATES = 256
 ELITE = 24

@@ -41,9 +41,9 @@ from stable_baselines3.common.logger import configure
 from torch.utils.flop_counter import FlopCounterMode
 
 from benchmarks.result import write_result
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.learner import QRSAC, fast_precision
-from policies.replay import NStepReplay
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.learner import QRSAC, fast_precision
+from nathlon.policies.replay import NStepReplay
 
 OBSERVATION, ACTION = 231, 2
 SIZES = {

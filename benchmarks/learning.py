@@ -33,16 +33,16 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from arena.entrant import enter
 from benchmarks.result import read_result, write_result
 from benchmarks.time_trial import drive_alone
+from nathlon.arena.entrant import enter
 from nathlon.commands.console import progress_bars, say
-from policies.load import DRIVER
-from policies.training.config import CONFIGS, TrainingConfig, read_config
-from policies.training.log import CURVE_FILE, Status
-from policies.training.state import REPLAY_FILE
-from policies.training.trainer import CONFIG_FILE, Trainer
-from sim.errors import InputError, first_fault
+from nathlon.policies.load import DRIVER
+from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
+from nathlon.policies.training.log import CURVE_FILE, Status
+from nathlon.policies.training.state import REPLAY_FILE
+from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.sim.errors import InputError, first_fault
 
 CORES = 2
 MOST_OFF_COURSE = 0.01

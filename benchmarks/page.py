@@ -15,7 +15,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from benchmarks.result import RESULTS, Result, read_result
-from sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs" / "benchmarks.md"

@@ -14,14 +14,14 @@ import numpy as np
 import polars as pl
 from safetensors.numpy import load_file
 
-from arena.entrant import Entrant, enter, only_once
-from arena.pool import Pool
-from arena.store import Store
 from benchmarks.result import write_result
+from nathlon.arena.entrant import Entrant, enter, only_once
+from nathlon.arena.pool import Pool
+from nathlon.arena.store import Store
 from nathlon.filter import FilterSettings, run_filter
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import read_card, save_checkpoint
 from nathlon.run import Run
-from policies.bundled import BUNDLED
-from policies.checkpoint import read_card, save_checkpoint
 
 CIRCUIT, CAR = "lindenring", "gt3"
 SEED = 2027

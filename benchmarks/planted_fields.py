@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from arena.statistics import group_sums
 from benchmarks.result import write_result
+from nathlon.arena.statistics import group_sums
 from nathlon.filter import FilterSettings, undecided
 from nathlon.objective import Measured
 from nathlon.pareto import nondominated_probability

@@ -14,15 +14,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.race_log import RaceLog
-from arena.recorder import record_races
-from arena.recording import read_recording, write_recording
 from benchmarks.result import write_result
-from reports.player import write_player
-from reports.replay import write_replay
-from reports.video import write_video
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recorder import record_races
+from nathlon.arena.recording import read_recording, write_recording
+from nathlon.reports.player import write_player
+from nathlon.reports.replay import write_replay
+from nathlon.reports.video import write_video
 
 DRIVERS = ("driver:pace=0.95", "driver:pace=0.9")
 CLIP_S = 5.0

@@ -26,13 +26,13 @@ import numpy as np
 import polars as pl
 from playwright.sync_api import Page, sync_playwright
 
-from arena.results import RESULTS, TABLES
 from benchmarks.result import write_result
-from reports.page import write_page
-from reports.selection import Selection
-from reports.spreadsheet import write_spreadsheet
-from reports.summary import Summary
-from reports.tables import write_tables
+from nathlon.arena.results import RESULTS, TABLES
+from nathlon.reports.page import write_page
+from nathlon.reports.selection import Selection
+from nathlon.reports.spreadsheet import write_spreadsheet
+from nathlon.reports.summary import Summary
+from nathlon.reports.tables import write_tables
 
 CHECKPOINTS, SURVIVORS, FINALISTS, RACES, CARS = 2000, 60, 13, 5000, 8
 TESTS = 14

@@ -17,8 +17,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from sim.errors import InputError, first_fault
-from sim.whole_file import whole_file
+from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.whole_file import whole_file
 
 RESULTS = Path(__file__).with_name("results")
 ALWAYS = ("numba", "numpy", "torch")

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.result import write_result
-from policies.driver import Driver
-from sim.car import load_car
-from sim.track import load_track
-from sim.world import Start, World
+from nathlon.policies.driver import Driver
+from nathlon.sim.car import load_car
+from nathlon.sim.track import load_track
+from nathlon.sim.world import Start, World
 
 PAIRS = {"porto-sereno": "coupe", "lindenring": "gt3", "grandes-landes": "prototype"}
 GAP_M = 15.0

@@ -11,11 +11,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.entrant import Entrant
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.runner import run_match
 from benchmarks.result import RESULTS, read_result
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.runner import run_match
 
 SCENARIO = "time_trial"
 """One lap that begins soon after the start, as checkpoints are compared in training and the filter."""

@@ -28,15 +28,15 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-import sim
-from arena.entrant import Entrant, enter, only_once
-from arena.match import Match
-from arena.match_policies import match_policies
-from arena.pool import Pool
 from benchmarks.result import write_result
+from nathlon import sim
+from nathlon.arena.entrant import Entrant, enter, only_once
+from nathlon.arena.match import Match
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.pool import Pool
+from nathlon.policies.bundled import BUNDLED
 from nathlon.race_off import plan
-from policies.bundled import BUNDLED
-from tournament.event import Event, EventRace
+from nathlon.tournament.event import Event, EventRace
 
 CIRCUIT, CAR = "lindenring", "gt3"
 SCENARIO = str(Path(__file__).with_name("three_laps.toml"))

@@ -40,13 +40,13 @@ from rich.progress import track
 
 from benchmarks.peers import measure
 from benchmarks.result import write_result
-from policies.bundled import BUNDLED
-from policies.checkpoint import load_checkpoint
-from sim.car import load_car
-from sim.observation import ObservationSpec
-from sim.scenario import load_scenario
-from sim.track import load_track
-from sim.world import AGENT_DT, World
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.sim.car import load_car
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.sim.world import AGENT_DT, World
 
 CIRCUIT = "lindenring"
 CAR = "gt3"

@@ -43,8 +43,8 @@ SETTINGS = {
     "Gates": "nathlon.committee_rules",
     "TournamentSettings": "nathlon.race_off",
     "NightlySettings": "nathlon.config",
-    "Event": "tournament.event",
-    "EventRace": "tournament.event",
+    "Event": "nathlon.tournament.event",
+    "EventRace": "nathlon.tournament.event",
     "Skill": "nathlon.skill",
     "Gains": "nathlon.skill",
 }

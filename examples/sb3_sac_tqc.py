@@ -21,7 +21,7 @@ from stable_baselines3.common.callbacks import CheckpointCallback
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 import nathlon  # noqa: F401  # makes the environments known
-from sim.observation import ObservationSpec
+from nathlon.sim.observation import ObservationSpec
 
 OBSERVATION = ObservationSpec(course_points=20)
 CIRCUIT, CAR = "lindenring", "gt3"

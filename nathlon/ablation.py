@@ -8,15 +8,15 @@ import numpy as np
 import polars as pl
 from scipy.special import stdtrit
 
-from arena.entrant import Entrant, enter
-from arena.match import Match
-from arena.pool import run_matches
-from arena.statistics import precision, standard_error
-from arena.store import Store
+from nathlon.arena.entrant import Entrant, enter
+from nathlon.arena.match import Match
+from nathlon.arena.pool import run_matches
+from nathlon.arena.statistics import precision, standard_error
+from nathlon.arena.store import Store
+from nathlon.policies.training.ablation import BASE, Run
 from nathlon.race_off import tournament_matches
-from policies.training.ablation import BASE, Run
-from reports.ablation import ABLATION, EFFECTS, last_checkpoints
-from tournament.points import matchups
+from nathlon.reports.ablation import ABLATION, EFFECTS, last_checkpoints
+from nathlon.tournament.points import matchups
 
 CHECKPOINT = ("variant", "seed", "updates")
 DUELS = pl.Schema({name: ABLATION[name] for name in (*CHECKPOINT, "score_difference", "contacts_per_km")})

@@ -6,8 +6,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.results import BATTERY, SKILLS
-from arena.statistics import Floats, Precision, holm, interval, p_values, spread, standard_error
+from nathlon.arena.results import BATTERY, SKILLS
+from nathlon.arena.statistics import Floats, Precision, holm, interval, p_values, spread, standard_error
 
 MARKS = pl.Schema(
     {

@@ -11,9 +11,9 @@ import typer
 
 from nathlon.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED, MOST_WORKERS
 from nathlon.commands.committee_app import committee
-from sim.errors import InputError
-from sim.extras import need
-from sim.names import printable
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
+from nathlon.sim.names import printable
 
 app = typer.Typer(
     help="Which of my thousands of racing checkpoints do I send to the race, and why?",
@@ -69,7 +69,7 @@ def demo(
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
     from nathlon.commands.selection import configured
     from nathlon.commands.selection import evaluate as run
-    from policies.bundled import BUNDLED
+    from nathlon.policies.bundled import BUNDLED
 
     run([BUNDLED / "lindenring"], out, configured(None, seed, shortlist, pairs, workers), as_json)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from arena.passes import Pass, passes
-from arena.race_log import Incident, RaceLog
+from nathlon.arena.passes import Pass, passes
+from nathlon.arena.race_log import Incident, RaceLog
 
 BEFORE_S, AFTER_S = 6.0, 4.0
 """A clip begins so long before its moment and ends so long after it."""

@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 
 import polars as pl
 
-from arena.entrant import Entrant
+from nathlon.arena.entrant import Entrant
 from nathlon.ballots import Ballot
 from nathlon.committee_events import Closed, Compared, Opened, Reopened, Voted
 from nathlon.committee_rules import SOURCES, CommitteeSettings, Question, gather
 from nathlon.decision import Decision
 from nathlon.minutes import Minutes
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 
 def ask(

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter
 
 from nathlon.committee_rules import CommitteeSettings, Evidence, Question
-from sim.data_file import Section
+from nathlon.sim.data_file import Section
 
 
 class Opened(Section):

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 import polars as pl
 from pydantic import AfterValidator, Field, model_validator
 
-from arena.entrant import Entrant
-from arena.results import POLICY_FAULTS, VOID_ENDINGS
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.ballots import Ballot
 from nathlon.bounds import MOST_SHORTLISTED
-from sim.data_file import Name, Section
+from nathlon.sim.data_file import Name, Section
 
 AUTOMATIC = "rule:"
 """What the name of an automatic member begins with."""
@@ -155,7 +155,7 @@ def gather(
     Args:
         question: what is asked.
         entrants: the candidates.
-        tables: of the stages so far, by their names in `arena.results.TABLES`.
+        tables: of the stages so far, by their names in `nathlon.arena.results.TABLES`.
         results: RESULTS of the races that the candidates are judged by.
     """
     source = SOURCES[question]

@@ -10,17 +10,17 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from arena.match import surroundings
+from nathlon.arena.match import surroundings
 from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
 from nathlon.committee_rules import CommitteeSettings
 from nathlon.filter import FilterSettings
 from nathlon.n_athlon import BatterySettings
+from nathlon.policies.identity import policy_id
+from nathlon.policies.load import DRIVER
 from nathlon.race_off import TournamentSettings
 from nathlon.recordings import Kept
+from nathlon.sim.data_file import Section, read_toml
 from nathlon.skill import load_skills
-from policies.identity import policy_id
-from policies.load import DRIVER
-from sim.data_file import Section, read_toml
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

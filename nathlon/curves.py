@@ -7,11 +7,11 @@ from pathlib import Path
 
 import polars as pl
 
-from arena.results import CURVES
-from arena.store import Store
-from policies.handed_over import OBJECT
-from policies.load import DRIVER
-from policies.plugin import PLUGIN
+from nathlon.arena.results import CURVES
+from nathlon.arena.store import Store
+from nathlon.policies.handed_over import OBJECT
+from nathlon.policies.load import DRIVER
+from nathlon.policies.plugin import PLUGIN
 
 CURVE_FILE = "curve.csv"
 CRITICS = ("mean_q", "entropy")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import polars as pl
 
-from arena.results import VOID_ENDINGS
+from nathlon.arena.results import VOID_ENDINGS
 
 RACE = ["match", "race"]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from nathlon.ballots import Ballot, Preferences, agreement, order, support
 from nathlon.committee_events import Closed, Compared, Entry, Opened, Reopened, Result, Standing, Voted
-from reports.summary import CandidateStanding, Decided
+from nathlon.reports.summary import CandidateStanding, Decided
 
 
 @dataclass

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from arena.entrant import Entrant
-from arena.pool import Pool
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
 from nathlon.config import Config
 from nathlon.field import Field
 from nathlon.output import OutputFolder
 from nathlon.pipeline import select
 from nathlon.publish import publish
 from nathlon.recordings import record_tournament
+from nathlon.reports.selection import Selection
 from nathlon.run import WAITING, OnMatch
 from nathlon.single_run import single_run
-from reports.selection import Selection
 
 
 def evaluate(

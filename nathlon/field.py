@@ -6,13 +6,13 @@ from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from arena.entrance import enter_each
-from arena.entrant import Entrant, checkpoints_below
-from arena.pool import Pool
-from policies.identity import policy_id
-from policies.plugin import PLUGIN
-from sim.errors import InputError
-from sim.names import printable, proper_name
+from nathlon.arena.entrance import enter_each
+from nathlon.arena.entrant import Entrant, checkpoints_below
+from nathlon.arena.pool import Pool
+from nathlon.policies.identity import policy_id
+from nathlon.policies.plugin import PLUGIN
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable, proper_name
 
 
 @dataclass(frozen=True)

@@ -11,18 +11,18 @@ import polars as pl
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from arena.entrance import check_opponents
-from arena.entrant import Entrant
-from arena.match import Match
-from arena.results import RESULTS
-from arena.statistics import Floats
+from nathlon.arena.entrance import check_opponents
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match
+from nathlon.arena.results import RESULTS
+from nathlon.arena.statistics import Floats
 from nathlon.objective import RACE, TIME_TRIAL, Objective, objectives_table, own_runs
 from nathlon.pareto import STANDARD, came_through, in_contention, pareto
 from nathlon.run import Answer, Run
+from nathlon.sim.data_file import Section
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 from nathlon.trials import against, draw_seeds
-from sim.data_file import Section
-from sim.errors import InputError
-from sim.scenario import load_scenario
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

@@ -8,16 +8,16 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.job import Wanted
-from arena.match import Match
-from arena.pool import Pool
-from arena.race_log import RaceLog, lap_length, origin, progress
-from arena.results import COURSE, LAPS
-from arena.store import Store
+from nathlon.arena.job import Wanted
+from nathlon.arena.match import Match
+from nathlon.arena.pool import Pool
+from nathlon.arena.race_log import RaceLog, lap_length, origin, progress
+from nathlon.arena.results import COURSE, LAPS
+from nathlon.arena.store import Store
 from nathlon.objective import TIME_TRIAL
-from policies.driver import Driver
-from sim.errors import InputError
-from sim.track import LEFT, RIGHT, Track, load_track
+from nathlon.policies.driver import Driver
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import LEFT, RIGHT, Track, load_track
 
 STEP_M = 8.0
 """Between two rows of a lap, about: the road is drawn true to half a metre in its tightest bends."""

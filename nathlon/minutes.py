@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from arena.store import Store
+from nathlon.arena.store import Store
 from nathlon.committee_events import EVENT, Entry, Event, Opened
 from nathlon.committee_rules import Question
 from nathlon.decision import Decision

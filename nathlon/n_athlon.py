@@ -12,19 +12,19 @@ import numpy as np
 import polars as pl
 from pydantic import Field
 
-from arena.entrance import check_opponents
-from arena.entrant import Entrant, enter
-from arena.match import Match
-from arena.results import RESULTS
+from nathlon.arena.entrance import check_opponents
+from nathlon.arena.entrant import Entrant, enter
+from nathlon.arena.match import Match
+from nathlon.arena.results import RESULTS
 from nathlon.battery import MARKS, rank_battery, skills
+from nathlon.policies.load import DRIVER
 from nathlon.run import Answer, Run
+from nathlon.sim.data_file import Section
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
 from nathlon.skill import Marks, Skill, load_skills
 from nathlon.trials import against, draw_seeds
-from policies.load import DRIVER
-from sim.data_file import Section
-from sim.errors import InputError
-from sim.scenario import load_scenario
-from sim.track import load_track
 
 DECATHLON = (
     "hot_lap",

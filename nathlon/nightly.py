@@ -10,24 +10,24 @@ from typing import Any
 
 import polars as pl
 
-from arena.entrance import enter_all, intact
-from arena.entrant import Entrant
-from arena.match import code_fingerprint
-from arena.pool import Pool
-from arena.results import RANKING
-from arena.store import RunRecord, Store
+from nathlon.arena.entrance import enter_all, intact
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import code_fingerprint
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import RANKING
+from nathlon.arena.store import RunRecord, Store
 from nathlon.config import Config
 from nathlon.field import Exclusion, Field, newcomers
 from nathlon.output import POLICY_LOG, OutputFolder
 from nathlon.pipeline import select
 from nathlon.publish import publish
 from nathlon.recordings import record_tournament
+from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Summary
 from nathlon.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
-from reports.selection import Selection
-from reports.summary import Summary
-from sim.errors import InputError
-from tournament.points import rank
-from tournament.stopping import repeated
+from nathlon.sim.errors import InputError
+from nathlon.tournament.points import rank
+from nathlon.tournament.stopping import repeated
 
 NIGHT = "night-"
 """What the names of nights begin with in the store."""

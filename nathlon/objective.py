@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 from pydantic import ConfigDict, Field, model_validator
 
-from arena.results import OBJECTIVES, POLICY_FAULTS, VOID_ENDINGS
-from arena.statistics import Floats, Sizes, group_sums
-from sim.data_file import Section
+from nathlon.arena.results import OBJECTIVES, POLICY_FAULTS, VOID_ENDINGS
+from nathlon.arena.statistics import Floats, Sizes, group_sums
+from nathlon.sim.data_file import Section
 
 RACE, TIME_TRIAL = "race", "time_trial"
 """Tests of the filter: names by which its matches are known."""

@@ -10,8 +10,8 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from arena.results import PARETO
-from arena.statistics import Floats, group_sums
+from nathlon.arena.results import PARETO
+from nathlon.arena.statistics import Floats, group_sums
 from nathlon.objective import (
     CONTACTS,
     LAP,

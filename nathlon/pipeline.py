@@ -12,8 +12,8 @@ from dataclasses import asdict
 
 import polars as pl
 
-from arena.entrant import Entrant, entrants_table
-from arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.entrant import Entrant, entrants_table
+from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.committee import ask
 from nathlon.config import Config
 from nathlon.decision import Decision
@@ -22,9 +22,9 @@ from nathlon.filter import run_filter
 from nathlon.minutes import Minutes
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.race_off import run_round_robin
+from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
 from nathlon.run import CONFIDENCE, DONE, WAITING, Answer, Run
-from reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
-from tournament.points import pair_correlation
+from nathlon.tournament.points import pair_correlation
 
 
 def select(run: Run, field: Field, config: Config) -> str:

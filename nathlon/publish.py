@@ -6,21 +6,21 @@ from typing import Any
 
 import polars as pl
 
-from arena.pool import Pool
-from arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
-from arena.store import RunRecord, Store
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
+from nathlon.arena.store import RunRecord, Store
 from nathlon.curves import keep_curves
 from nathlon.decision import describe
 from nathlon.laps import keep_laps
 from nathlon.minutes import Minutes
 from nathlon.output import POLICY_LOG, SUMMARY, OutputFolder
 from nathlon.replays import record_replays
+from nathlon.reports.page import write_page
+from nathlon.reports.selection import Previous, Selection
+from nathlon.reports.spreadsheet import write_spreadsheet
+from nathlon.reports.summary import Summary, ranked, versions, write_summary
+from nathlon.reports.tables import write_tables
 from nathlon.run import CONFIDENCE
-from reports.page import write_page
-from reports.selection import Previous, Selection
-from reports.spreadsheet import write_spreadsheet
-from reports.summary import Summary, ranked, versions, write_summary
-from reports.tables import write_tables
 
 
 def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selection:

@@ -13,22 +13,22 @@ import numpy as np
 import polars as pl
 from pydantic import Field
 
-from arena.entrance import enter_each
-from arena.entrant import Entrant
-from arena.match import Match, Race, Seat
-from arena.pool import Pool
-from arena.results import RESULTS
+from nathlon.arena.entrance import enter_each
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import RESULTS
 from nathlon.bounds import MOST_PAIRS
 from nathlon.run import CONFIDENCE, Answer, Run
-from sim.data_file import Section
-from sim.errors import InputError
-from tournament.conduct import Gate
-from tournament.event import Event, EventRace, load_event
-from tournament.formats import FormatName
-from tournament.points import matchups, rank
-from tournament.ratings import notes, rate
-from tournament.schedule import Meeting, round_robin
-from tournament.stopping import Stopping, repeated, settled
+from nathlon.sim.data_file import Section
+from nathlon.sim.errors import InputError
+from nathlon.tournament.conduct import Gate
+from nathlon.tournament.event import Event, EventRace, load_event
+from nathlon.tournament.formats import FormatName
+from nathlon.tournament.points import matchups, rank
+from nathlon.tournament.ratings import notes, rate
+from nathlon.tournament.schedule import Meeting, round_robin
+from nathlon.tournament.stopping import Stopping, repeated, settled
 
 
 class TournamentSettings(Section):

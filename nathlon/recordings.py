@@ -9,15 +9,15 @@ from typing import Literal
 
 import polars as pl
 
-from arena.job import Wanted
-from arena.match import Match
-from arena.pool import Pool
-from arena.race_log import RaceLog
-from arena.recording import recording_name
-from arena.store import Store
+from nathlon.arena.job import Wanted
+from nathlon.arena.match import Match
+from nathlon.arena.pool import Pool
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recording import recording_name
+from nathlon.arena.store import Store
 from nathlon.output import OutputFolder
 from nathlon.run import OnMatch
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
 

@@ -9,17 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
-from arena.pool import Pool
-from arena.race_log import RaceLog
-from arena.recording import read_recording, recording_name, write_recording
-from arena.store import Store
+from nathlon.arena.pool import Pool
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recording import read_recording, recording_name, write_recording
+from nathlon.arena.store import Store
 from nathlon.clips import clips
 from nathlon.decider import Notable, notable_races
 from nathlon.output import OutputFolder
 from nathlon.recordings import run_again, stored_match
-from reports.player import write_player
-from reports.summary import Replay, Scene
-from sim.errors import InputError
+from nathlon.reports.player import write_player
+from nathlon.reports.summary import Replay, Scene
+from nathlon.sim.errors import InputError
 
 FINAL = "final"
 """What the files of the deciding race are called; those of others are called after match and race."""
@@ -115,7 +115,7 @@ def _files(log: RaceLog, output: OutputFolder, name: str, fresh: bool) -> dict[s
     if recording.stem == FINAL:
         replay = output.replays / f"{FINAL}.rrd"
         if fresh or not replay.exists():
-            from reports.replay import write_replay  # Rerun takes seconds to load
+            from nathlon.reports.replay import write_replay  # Rerun takes seconds to load
 
             write_replay(log, replay)
         written["replay"] = f"../replays/{replay.name}"

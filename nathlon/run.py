@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import polars as pl
 
-from arena.entrant import Entrant
-from arena.match import Match
-from arena.pool import Pool
-from arena.results import RESULTS
-from arena.store import Store
-from reports.summary import Stage
-from sim.process import HOST, has_ended
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import RESULTS
+from nathlon.arena.store import Store
+from nathlon.reports.summary import Stage
+from nathlon.sim.process import HOST, has_ended
 
 STAGES = ("pareto", "battery", "tournament")
 CONFIDENCE = 0.95
@@ -45,7 +45,7 @@ class Answer:
     """What a stage found out.
 
     Attributes:
-        tables: by their names in `arena.results.TABLES`.
+        tables: by their names in `nathlon.arena.results.TABLES`.
         entrants: those that go on.
         results: RESULTS of the matches that it had run.
     """
@@ -138,7 +138,7 @@ class Run:
                 self._say(stage, done, total)
 
     def keep(self, tables: Mapping[str, pl.DataFrame]) -> None:
-        """Keep stage tables, by their names in `arena.results.TABLES`."""
+        """Keep stage tables, by their names in `nathlon.arena.results.TABLES`."""
         for name, table in tables.items():
             self.store.put_table(self.name, name, table)
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from arena.entrant import Entrant
-from arena.pool import Pool
-from arena.store import Store
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
+from nathlon.arena.store import Store
 from nathlon.config import Config
 from nathlon.output import POLICY_LOG
 from nathlon.run import OnMatch, Run

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from scipy.optimize import brentq
 
-from arena.results import POLICY_FAULTS, VOID_ENDINGS
+from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.battery import MARKS
 from nathlon.measures import MEASURES, Measure
+from nathlon.policies.load import DRIVER
 from nathlon.scoring import BASE_POINTS, Kind, Scoring
-from policies.load import DRIVER
-from sim.data_file import Name, Section, find_data, read_toml
-from sim.errors import InputError
-from sim.scenario import load_scenario
+from nathlon.sim.data_file import Name, Section, find_data, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 
 SKILLS_FOLDER = Path(__file__).parent / "data" / "skills"
 

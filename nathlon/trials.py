@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arena.entrant import Entrant
-from arena.match import Match, Race, Seat
-from policies.identity import policy_id
-from sim.scenario import load_scenario
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.policies.identity import policy_id
+from nathlon.sim.scenario import load_scenario
 
 
 def against(

@@ -27,13 +27,13 @@ from pydantic import (
 )
 from safetensors.numpy import save
 
-from policies.mlp import Mlp
-from policies.policy import Batch
-from policies.policy_file import content_id, open_policy_file, opening, read_policy_file
-from policies.strict_json import parse_json
-from sim.errors import InputError, first_fault
-from sim.observation import ObservationSpec
-from sim.whole_file import whole_file
+from nathlon.policies.mlp import Mlp
+from nathlon.policies.policy import Batch
+from nathlon.policies.policy_file import content_id, open_policy_file, opening, read_policy_file
+from nathlon.policies.strict_json import parse_json
+from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.whole_file import whole_file
 
 CARD_KEY = "nathlon"
 ACTION_SIZE = 2

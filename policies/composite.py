@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from policies.plugin import PLUGIN
-from policies.policy import Batch, Policy
-from sim.data_file import Name, Section, read_toml
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.track import Track, load_track
+from nathlon.policies.plugin import PLUGIN
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.data_file import Name, Section, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.track import Track, load_track
 
 SUFFIX = ".toml"
 NO_FILES = ("driver", PLUGIN)

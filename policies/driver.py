@@ -10,21 +10,21 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from policies.driving import drive
-from policies.envelope import envelope
-from policies.knowledge import Knowledge, layout
-from policies.notes import noted
-from policies.policy import Batch
-from policies.practice import practise
-from policies.racing_line import NoLine, minimum_time
-from policies.room import room, room_aside
-from policies.speed_profile import Line, Profile, profile
-from policies.steering import plan
-from sim.car import Car, load_car
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.physics.chassis import AIR_DENSITY
-from sim.track import TANGENT_X, TANGENT_Y, Track, X, Y, load_track
+from nathlon.policies.driving import drive
+from nathlon.policies.envelope import envelope
+from nathlon.policies.knowledge import Knowledge, layout
+from nathlon.policies.notes import noted
+from nathlon.policies.policy import Batch
+from nathlon.policies.practice import practise
+from nathlon.policies.racing_line import NoLine, minimum_time
+from nathlon.policies.room import room, room_aside
+from nathlon.policies.speed_profile import Line, Profile, profile
+from nathlon.policies.steering import plan
+from nathlon.sim.car import Car, load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.physics.chassis import AIR_DENSITY
+from nathlon.sim.track import TANGENT_X, TANGENT_Y, Track, X, Y, load_track
 
 CARE = 0.9
 """Share of the grip found in practice that a driver uses among others and off its line."""

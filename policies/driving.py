@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from policies.knowledge import Knowledge, Layout, along, clip
-from policies.speed_profile import at_speed, corner_limit, demand, look_up
-from policies.traffic import mind_others
-from sim.kernel import inlined, kernel
-from sim.physics.chassis import GRAVITY
-from sim.physics.tyre import worn_grip
-from sim.world import AGENT_DT
+from nathlon.policies.knowledge import Knowledge, Layout, along, clip
+from nathlon.policies.speed_profile import at_speed, corner_limit, demand, look_up
+from nathlon.policies.traffic import mind_others
+from nathlon.sim.kernel import inlined, kernel
+from nathlon.sim.physics.chassis import GRAVITY
+from nathlon.sim.physics.tyre import worn_grip
+from nathlon.sim.world import AGENT_DT
 
 ACTUATION_S = 0.06
 """From the observation to the middle of the time in which its action works."""

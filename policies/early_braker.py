@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from policies.driver import Driver
-from policies.policy import Batch
-from sim.track import load_track
+from nathlon.policies.driver import Driver
+from nathlon.policies.policy import Batch
+from nathlon.sim.track import load_track
 
 
 class EarlyBraker:

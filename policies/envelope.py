@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.car import Car, CarParameters, parameters
-from sim.physics.chassis import AIR_DENSITY, GRAVITY
-from sim.physics.powertrain import RPM, engine_torque
+from nathlon.sim.car import Car, CarParameters, parameters
+from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY
+from nathlon.sim.physics.powertrain import RPM, engine_torque
 
 SPEEDS = np.linspace(0.0, 110.0, 111)
 WEIGHTS = np.linspace(0.0, 24.0, 13)

@@ -10,7 +10,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "nathlon/TimeTrial-v0": {"scenario": "1v0", "opponents": ()},
     "nathlon/Race-v0": {},
 }
-"""Names and the arguments in which they differ from `policies.race_gym_env.RaceGymEnv`."""
+"""Names and the arguments in which they differ from `nathlon.policies.race_gym_env.RaceGymEnv`."""
 
 
 def register_environments() -> None:
@@ -18,7 +18,7 @@ def register_environments() -> None:
     for name, arguments in ENVIRONMENTS.items():
         gymnasium.register(
             name,
-            entry_point="policies.race_gym_env:RaceGymEnv",
-            vector_entry_point="policies.race_vector_env:RaceVectorEnv",
+            entry_point="nathlon.policies.race_gym_env:RaceGymEnv",
+            vector_entry_point="nathlon.policies.race_vector_env:RaceVectorEnv",
             kwargs=arguments,
         )

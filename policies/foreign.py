@@ -7,9 +7,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from policies.checkpoint import Count, Names, Observation, Text, Versions
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies.checkpoint import Count, Names, Observation, Text, Versions
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 
 _POINT = ObservationSpec(course_points=2).size - ObservationSpec(course_points=1).size
 

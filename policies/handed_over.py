@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import pickle
 
-from policies.policy import Policy
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies.policy import Policy
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 
 OBJECT = "object"
 

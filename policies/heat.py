@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.load import load_policy
-from policies.policy import Batch, Policy
-from sim.episode import Episodes, Moment, View
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.episode import Episodes, Moment, View
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 
 Indices = NDArray[np.int64]
 
@@ -155,7 +155,7 @@ def _seats(races: Indices, cars: Indices) -> tuple[Indices, Indices]:
 
 
 def load_opponents(opponents: Sequence[str | Policy], circuit: str, car: str) -> list[Policy]:
-    """Policies, of which some are given by name; see `policies.load.load_policy`.
+    """Policies, of which some are given by name; see `nathlon.policies.load.load_policy`.
 
     Raises:
         InputError: if a name is not that of a policy.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from policies.checkpoint import checkpoint_id
-from policies.composite import SUFFIX as COMPOSITE
-from policies.composite import CompositeSource
-from policies.handed_over import OBJECT, handed_over, object_id
-from policies.load import DRIVER
-from policies.plugin import PLUGIN, plugin_id
+from nathlon.policies.checkpoint import checkpoint_id
+from nathlon.policies.composite import SUFFIX as COMPOSITE
+from nathlon.policies.composite import CompositeSource
+from nathlon.policies.handed_over import OBJECT, handed_over, object_id
+from nathlon.policies.load import DRIVER
+from nathlon.policies.plugin import PLUGIN, plugin_id
 
 
 def policy_id(source: str) -> str:

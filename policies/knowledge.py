@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.envelope import Envelope
-from policies.speed_profile import Path
-from policies.steering import Steering
-from sim.kernel import inlined
-from sim.observation import ObservationSpec
+from nathlon.policies.envelope import Envelope
+from nathlon.policies.speed_profile import Path
+from nathlon.policies.steering import Steering
+from nathlon.sim.kernel import inlined
+from nathlon.sim.observation import ObservationSpec
 
 
 class Layout(NamedTuple):

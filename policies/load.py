@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from policies.checkpoint import NetworkPolicy, load_checkpoint
-from policies.composite import SUFFIX as COMPOSITE
-from policies.composite import CompositeSource
-from policies.driver import Driver
-from policies.early_braker import EarlyBraker
-from policies.handed_over import OBJECT, handed_over
-from policies.memory import memory_limit
-from policies.onnx import OnnxPolicy
-from policies.plugin import PLUGIN, load_plugin
-from policies.policy import Policy
-from policies.sb3 import Sb3Policy
-from sim.errors import InputError
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
+from nathlon.policies.composite import SUFFIX as COMPOSITE
+from nathlon.policies.composite import CompositeSource
+from nathlon.policies.driver import Driver
+from nathlon.policies.early_braker import EarlyBraker
+from nathlon.policies.handed_over import OBJECT, handed_over
+from nathlon.policies.memory import memory_limit
+from nathlon.policies.onnx import OnnxPolicy
+from nathlon.policies.plugin import PLUGIN, load_plugin
+from nathlon.policies.policy import Policy
+from nathlon.policies.sb3 import Sb3Policy
+from nathlon.sim.errors import InputError
 
 DRIVER = "driver"
 FilePolicy = NetworkPolicy | Sb3Policy | OnnxPolicy

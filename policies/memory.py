@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 if sys.platform == "linux":
     import resource

@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from policies.policy import Batch
-from sim.kernel import lean_kernel
+from nathlon.policies.policy import Batch
+from nathlon.sim.kernel import lean_kernel
 
 FEW = 4
 """Rows up to which they are multiplied one by one."""

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from policies.speed_profile import Line
-from sim.whole_file import whole_file
+from nathlon.policies.speed_profile import Line
+from nathlon.sim.whole_file import whole_file
 
 FOLDER = "nathlon"
 """In the user's folder of caches."""

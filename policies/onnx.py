@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from policies.checkpoint import ACTION_SIZE, CARD_KEY, NetworkPolicy, parse_card
-from policies.foreign import ForeignCard, observation_spec
-from policies.policy import Batch
-from policies.policy_file import content_id, opening, read_policy_file
-from sim.errors import InputError
-from sim.whole_file import whole_file
+from nathlon.policies.checkpoint import ACTION_SIZE, CARD_KEY, NetworkPolicy, parse_card
+from nathlon.policies.foreign import ForeignCard, observation_spec
+from nathlon.policies.policy import Batch
+from nathlon.policies.policy_file import content_id, opening, read_policy_file
+from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import whole_file
 
 OPSET, IR_VERSION = 17, 8
 """Old enough for every runtime of the last years."""

@@ -11,9 +11,9 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
-from policies.policy import Policy
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies.policy import Policy
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 
 PLUGIN = "plugin"
 GROUP = "nathlon.policies"

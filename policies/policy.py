@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.observation import ObservationSpec
+from nathlon.sim.observation import ObservationSpec
 
 Batch = NDArray[np.float32]
 

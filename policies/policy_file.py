@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from policies.memory import OutOfMemoryError
-from sim.errors import InputError
+from nathlon.policies.memory import OutOfMemoryError
+from nathlon.sim.errors import InputError
 
 MOST_BYTES = 1 << 29
 """Size of a file, and of all that is packed in it."""

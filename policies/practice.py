@@ -11,12 +11,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.envelope import Envelope
-from policies.policy import Policy
-from policies.speed_profile import Line, Profile, profile
-from sim.car import Car
-from sim.track import Track
-from sim.world import AGENT_DT, Start, World
+from nathlon.policies.envelope import Envelope
+from nathlon.policies.policy import Policy
+from nathlon.policies.speed_profile import Line, Profile, profile
+from nathlon.sim.car import Car
+from nathlon.sim.track import Track
+from nathlon.sim.world import AGENT_DT, Start, World
 
 CARS = 26
 """Two of them begin on the grid, the others spread over the lap."""

@@ -10,17 +10,18 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.heat import load_opponents, single_seat
-from policies.policy import Policy
-from sim.episode import Episodes, action_space, info_of, observation_space
-from sim.observation import ObservationSpec
-from sim.render import RENDER_MODES, open_screen
+from nathlon.policies.heat import load_opponents, single_seat
+from nathlon.policies.policy import Policy
+from nathlon.sim.episode import Episodes, action_space, info_of, observation_space
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.render import RENDER_MODES, open_screen
 
 Observation = NDArray[np.float32]
 
 
 class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
-    """`nathlon/Race-v0` and `nathlon/TimeTrial-v0`: steps, spaces and reward as in `sim.race_env.RaceEnv`.
+    """`nathlon/Race-v0` and `nathlon/TimeTrial-v0`: steps, spaces and reward as in
+    `nathlon.sim.race_env.RaceEnv`.
 
     The default scenarios start anywhere on the lap and are truncated after 150 s, which shows a
     learner the whole circuit from the first episode.
@@ -41,8 +42,8 @@ class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """An environment.
 
         Args:
-            circuit, car, scenario, observation, render_mode: as of `sim.parallel_env`.
-            opponents: who drive the other cars in turn, by name (see `policies.load`) or themselves.
+            circuit, car, scenario, observation, render_mode: as of `nathlon.sim.parallel_env`.
+            opponents: who drive the other cars in turn, by name (see `nathlon.policies.load`) or themselves.
             place: the agent's starting place, 1 is the first; None for the last.
 
         Raises:

@@ -10,10 +10,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from policies.heat import load_opponents, single_seat
-from policies.policy import Policy
-from sim.episode import Episodes, action_space, observation_space
-from sim.observation import ObservationSpec
+from nathlon.policies.heat import load_opponents, single_seat
+from nathlon.policies.policy import Policy
+from nathlon.sim.episode import Episodes, action_space, observation_space
+from nathlon.sim.observation import ObservationSpec
 
 Observations = NDArray[np.float32]
 Flags = NDArray[np.bool_]

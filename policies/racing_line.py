@@ -16,11 +16,11 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from policies.envelope import SPEEDS, USED, WEIGHTS, Envelope, Table
-from policies.room import lacking, less, room
-from policies.speed_profile import Line, path_of, profile
-from sim.physics.chassis import GRAVITY
-from sim.track import TANGENT_X, TANGENT_Y, Track, X, Y
+from nathlon.policies.envelope import SPEEDS, USED, WEIGHTS, Envelope, Table
+from nathlon.policies.room import lacking, less, room
+from nathlon.policies.speed_profile import Line, path_of, profile
+from nathlon.sim.physics.chassis import GRAVITY
+from nathlon.sim.track import TANGENT_X, TANGENT_Y, Track, X, Y
 
 POINT_M = 4.0
 CORRECTIONS = 3

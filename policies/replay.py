@@ -10,7 +10,7 @@ import torch
 from numpy.typing import DTypeLike, NDArray
 from torch import Tensor
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 ENDS = 1 / 8
 """A full table holds its capacity as long as a smaller share of the steps ends a run."""

@@ -11,8 +11,8 @@ import torch
 from numpy.typing import DTypeLike
 from torch import Tensor
 
-from policies.replay import Batch, NStepReplay, table_bytes
-from sim.errors import InputError
+from nathlon.policies.replay import Batch, NStepReplay, table_bytes
+from nathlon.sim.errors import InputError
 
 
 def apportion(total: int, shares: Sequence[float]) -> list[int]:

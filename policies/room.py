@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from policies.speed_profile import Line, path_of
-from sim.track import CURVATURE, KERB_LEFT, KERB_RIGHT, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
+from nathlon.policies.speed_profile import Line, path_of
+from nathlon.sim.track import CURVATURE, KERB_LEFT, KERB_RIGHT, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
 
 KERB_MARGIN_M = 0.95
 """From the far side of the kerbs to the racing line: the tyres stay on road and kerbs."""
@@ -41,7 +41,7 @@ def _within(track: Track, left: Line, right: Line, from_wall: float) -> tuple[Li
 def lacking(track: Track, offset: Line) -> tuple[Line, Line]:
     """How far (m) the car's corners on a line come too near the walls to the left and right, (rows,) each.
 
-    They are where `sim.physics.course.meet_walls` takes them to be.
+    They are where `nathlon.sim.physics.course.meet_walls` takes them to be.
     """
     _, heading = path_of(track, offset)
     sine, cosine = np.sin(heading), np.cos(heading)

@@ -18,16 +18,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from policies.archive import unpack
-from policies.checkpoint import ACTION_SIZE, CARD_KEY, MOST_COUNT, parse_card
-from policies.foreign import ForeignCard, observation_spec
-from policies.mlp import Mlp
-from policies.policy import Batch
-from policies.policy_file import content_id, opening, read_policy_file
-from policies.state_dict import read_state_dict
-from policies.strict_json import parse_json
-from sim.errors import InputError
-from sim.extras import need
+from nathlon.policies.archive import unpack
+from nathlon.policies.checkpoint import ACTION_SIZE, CARD_KEY, MOST_COUNT, parse_card
+from nathlon.policies.foreign import ForeignCard, observation_spec
+from nathlon.policies.mlp import Mlp
+from nathlon.policies.policy import Batch
+from nathlon.policies.policy_file import content_id, opening, read_policy_file
+from nathlon.policies.state_dict import read_state_dict
+from nathlon.policies.strict_json import parse_json
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
 
 MOST_SETTINGS = 1 << 25
 """Bytes of `data`, with the last observations of all environments in it."""

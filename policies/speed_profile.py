@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.envelope import Envelope
-from sim.kernel import inlined, kernel
-from sim.physics.chassis import GRAVITY
-from sim.track import BANK, CREST, CURVATURE, SLOPE, TWIST, Track
+from nathlon.policies.envelope import Envelope
+from nathlon.sim.kernel import inlined, kernel
+from nathlon.sim.physics.chassis import GRAVITY
+from nathlon.sim.track import BANK, CREST, CURVATURE, SLOPE, TWIST, Track
 
 Line = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def path_of(track: Track, offset: Line) -> tuple[Path, Line]:
     climb = (table[:, SLOPE] + table[:, TWIST] * offset) * stretch
     bank = table[:, BANK]
     advance = cosine * stretch
-    # As `sim.physics.course.feel_road`, at unit speed.
+    # As `nathlon.sim.physics.course.feel_road`, at unit speed.
     heave = advance * (
         table[:, CREST] * advance
         + 2.0 * table[:, TWIST] * sine

@@ -13,7 +13,7 @@ import re
 import zipfile
 from typing import Any
 
-from policies.archive import unpack
+from nathlon.policies.archive import unpack
 
 MOST_PICKLE = 1 << 20
 """Bytes of the pickle; that of a multilayer perceptron has some thousands."""

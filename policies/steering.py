@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.envelope import SPEEDS, Axle, Envelope, Limits
-from policies.speed_profile import Line, Profile
-from sim.car import Car
-from sim.physics.chassis import GRAVITY
-from sim.world import AGENT_DT, SUBSTEPS
+from nathlon.policies.envelope import SPEEDS, Axle, Envelope, Limits
+from nathlon.policies.speed_profile import Line, Profile
+from nathlon.sim.car import Car
+from nathlon.sim.physics.chassis import GRAVITY
+from nathlon.sim.world import AGENT_DT, SUBSTEPS
 
 LATERAL_M = 0.15
 STEERING_RAD = 0.03

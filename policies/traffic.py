@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from policies.knowledge import Knowledge, Layout, along, clip
-from sim.kernel import inlined
-from sim.observation import OPPONENT
+from nathlon.policies.knowledge import Knowledge, Layout, along, clip
+from nathlon.sim.kernel import inlined
+from nathlon.sim.observation import OPPONENT
 
 PASSING_GAP_M = 2.6
 """Lateral distance between centres at which two cars pass each other safely."""

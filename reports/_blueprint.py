@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from arena.race_log import Outline, RaceLog
+from nathlon.arena.race_log import Outline, RaceLog
 
 TIMELINE = "race_time"
 TRAIL_S = 4.0

@@ -6,9 +6,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from arena.circuit_mesh import RUNOFF, band, mesh, surfaces
-from arena.race_log import Outline
-from reports._countryside import countryside
+from nathlon.arena.circuit_mesh import RUNOFF, band, mesh, surfaces
+from nathlon.arena.race_log import Outline
+from nathlon.reports._countryside import countryside
 
 WALL_HEIGHT_M = 0.9
 WALL_COLOURS = ((150, 150, 150), (176, 176, 176))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 
-from arena.race_log import Outline
+from nathlon.arena.race_log import Outline
 
 MARGIN_M = 300.0
 GRID_M = 40.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.race_log import RaceLog, progress
+from nathlon.arena.race_log import RaceLog, progress
 
 POSE = ("x_m", "y_m", "z_m", "yaw_rad", "pitch_rad", "roll_rad")
 

@@ -14,8 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from sim.errors import InputError
-from sim.whole_file import whole_file
+from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import whole_file
 
 ABLATION = pl.Schema(
     {

@@ -10,11 +10,11 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from reports.payload import payload
-from reports.player import player_script, player_style
-from reports.selection import Selection
-from reports.verdict import verdict
-from sim.whole_file import whole_file
+from nathlon.reports.payload import payload
+from nathlon.reports.player import player_script, player_style
+from nathlon.reports.selection import Selection
+from nathlon.reports.verdict import verdict
+from nathlon.sim.whole_file import whole_file
 
 HERE = Path(__file__).parent
 APP = (

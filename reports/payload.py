@@ -7,10 +7,10 @@ from typing import Any
 
 import polars as pl
 
-from arena.results import ENDINGS, RESULTS, TABLES
-from reports.race_data import circuit_data, race_data
-from reports.selection import Previous, Selection
-from reports.verdict import verdict
+from nathlon.arena.results import ENDINGS, RESULTS, TABLES
+from nathlon.reports.race_data import circuit_data, race_data
+from nathlon.reports.selection import Previous, Selection
+from nathlon.reports.verdict import verdict
 
 Columns = dict[str, list[Any]]
 

@@ -11,10 +11,10 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from arena.race_log import RaceLog
-from reports.race_data import circuit_data, race_data
-from reports.replay import winner
-from sim.whole_file import whole_file
+from nathlon.arena.race_log import RaceLog
+from nathlon.reports.race_data import circuit_data, race_data
+from nathlon.reports.replay import winner
+from nathlon.sim.whole_file import whole_file
 
 TEMPLATES = Path(__file__).parent / "templates"
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.circuit_mesh import KERB, ROAD, RUNOFF
-from arena.passes import passes
-from arena.race_log import NOTICES, RaceLog, lap_length, origin, progress
-from reports.replay import car_colours, labels
-from sim.track import SURFACES
+from nathlon.arena.circuit_mesh import KERB, ROAD, RUNOFF
+from nathlon.arena.passes import passes
+from nathlon.arena.race_log import NOTICES, RaceLog, lap_length, origin, progress
+from nathlon.reports.replay import car_colours, labels
+from nathlon.sim.track import SURFACES
 
 STEPS = {
     "x": 0.02,  # m

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from arena.foxglove_scene import TEAM_COLOURS
-from arena.race_log import NOTICES, Incident, RaceLog, orientation
-from reports._blueprint import TIMELINE, blueprint
-from reports._circuit import log_circuit, log_map, north_up
-from reports._motion import POSE, gaps, poses
-from reports.car_model import car_model
-from sim.errors import InputError
-from sim.whole_file import whole_file
+from nathlon.arena.foxglove_scene import TEAM_COLOURS
+from nathlon.arena.race_log import NOTICES, Incident, RaceLog, orientation
+from nathlon.reports._blueprint import TIMELINE, blueprint
+from nathlon.reports._circuit import log_circuit, log_map, north_up
+from nathlon.reports._motion import POSE, gaps, poses
+from nathlon.reports.car_model import car_model
+from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import whole_file
 
 FRAMES_PER_TICK = 3
 """Pictures between two samples of the log: cars at 10 Hz would jump by several metres."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from arena.race_log import RaceLog
-from reports.summary import Sent, Summary
+from nathlon.arena.race_log import RaceLog
+from nathlon.reports.summary import Sent, Summary
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Previous:
 class Selection:
     """The tables of one selection with the facts of its run.
 
-    `tables` has the keys and schemas of `arena.results.TABLES`, `results` that of
-    `arena.results.RESULTS`.
+    `tables` has the keys and schemas of `nathlon.arena.results.TABLES`, `results` that of
+    `nathlon.arena.results.RESULTS`.
 
     Attributes:
         title: of the report.

@@ -10,7 +10,7 @@ import polars as pl
 import xlsxwriter
 from xlsxwriter.exceptions import FileCreateError
 
-from reports._sheets import (
+from nathlon.reports._sheets import (
     BLUES,
     DIVERGING,
     ENTRANT,
@@ -21,9 +21,9 @@ from reports._sheets import (
     write_cell,
     write_sheet,
 )
-from reports._skill_sheets import write_skills, write_weighted
-from reports.selection import Selection
-from sim.whole_file import whole_file
+from nathlon.reports._skill_sheets import write_skills, write_weighted
+from nathlon.reports.selection import Selection
+from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
 ROW_LIMIT = 10_000  # rows of a sheet; all rows are in the tables beside it, and above this it opens slowly

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import polars as pl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from sim.errors import InputError, first_fault
-from sim.whole_file import whole_file
+from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.whole_file import whole_file
 
 VERSION = 1
 """Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
@@ -42,7 +42,9 @@ class Stage(Part):
 
 
 class Ranked(Part):
-    """An entrant of the round robin: a row of the table `ranking` (`arena.results.RANKING`) with its name."""
+    """An entrant of the round robin: a row of the table `ranking` (`nathlon.arena.results.RANKING`) with its
+    name.
+    """
 
     name: str
     entrant: str

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import polars as pl
 
-from reports.selection import Selection
-from sim.whole_file import whole_file
+from nathlon.reports.selection import Selection
+from nathlon.sim.whole_file import whole_file
 
 FORMULA = r"^[=+\-@\t\r']"
 """How a text begins that spreadsheets may take for a formula, or that has the mark of one that does."""
@@ -18,7 +18,7 @@ FORMULA = r"^[=+\-@\t\r']"
 def write_tables(selection: Selection, folder: Path) -> None:
     """Write each table and `results` into `folder` as CSV and as Parquet, every file whole or not at all.
 
-    Schemas are those of `arena.results`; times are in s, ways in m.
+    Schemas are those of `nathlon.arena.results`; times are in s, ways in m.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, table in {**selection.tables, "results": selection.results}.items():

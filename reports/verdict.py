@@ -8,8 +8,8 @@ from typing import Any
 
 import polars as pl
 
-from reports.selection import Selection
-from reports.summary import Decided
+from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Decided
 
 Row = Mapping[str, Any]
 

@@ -10,16 +10,16 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from arena.circuit_mesh import surfaces
-from arena.race_log import NOTICES, RaceLog
-from reports._motion import poses
-from reports._video_panels import Panels, brief
-from reports.car_model import car_model
-from reports.replay import car_colours, winner
-from sim.errors import InputError
-from sim.render_panels import write
-from sim.render_scene import Camera
-from sim.whole_file import whole_file
+from nathlon.arena.circuit_mesh import surfaces
+from nathlon.arena.race_log import NOTICES, RaceLog
+from nathlon.reports._motion import poses
+from nathlon.reports._video_panels import Panels, brief
+from nathlon.reports.car_model import car_model
+from nathlon.reports.replay import car_colours, winner
+from nathlon.sim.errors import InputError
+from nathlon.sim.render_panels import write
+from nathlon.sim.render_scene import Camera
+from nathlon.sim.whole_file import whole_file
 
 SIZE, FINE, RATE = (1280, 720), 2, 30
 """Pixels of a picture, how much larger it is drawn, and pictures a second."""

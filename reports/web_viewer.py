@@ -22,7 +22,7 @@ from typing import NamedTuple
 from urllib.error import URLError
 from urllib.request import urlopen
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 LOOPBACK = "127.0.0.1"
 VIEWER_FILES = {"re_viewer.js": "text/javascript", "re_viewer_bg.wasm": "application/wasm"}

@@ -8,8 +8,8 @@ if __name__ != "nathlon.sim":
     raise ModuleNotFoundError("import nathlon.sim in place of sim", name="sim")
 
 if TYPE_CHECKING:
-    from sim.observation import ObservationSpec
-    from sim.race_env import RaceEnv
+    from nathlon.sim.observation import ObservationSpec
+    from nathlon.sim.race_env import RaceEnv
 
 
 def parallel_env(
@@ -19,7 +19,7 @@ def parallel_env(
     observation: ObservationSpec | None = None,
     render_mode: str | None = None,
 ) -> RaceEnv:
-    """A race as a PettingZoo parallel environment; see `sim.race_env.RaceEnv`.
+    """A race as a PettingZoo parallel environment; see `nathlon.sim.race_env.RaceEnv`.
 
     Args:
         circuit, car, scenario: shipped names or paths of `.toml` files.
@@ -30,6 +30,6 @@ def parallel_env(
         InputError: if a name is unknown, a file is wrong, or there is no display for a window.
     """
     # Here, so that importing the package does not load the compiler.
-    from sim.race_env import RaceEnv
+    from nathlon.sim.race_env import RaceEnv
 
     return RaceEnv(circuit, car, scenario, observation, render_mode)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from sim.data_file import DATA, Name, Section, find_data, read_toml
-from sim.errors import InputError
-from sim.tyre_curve import curve_cells
+from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.tyre_curve import curve_cells
 
 TORQUE_POINTS = 64
 
@@ -116,7 +116,8 @@ class Tyre(Section):
     def _loads(self) -> Tyre:
         if self.load_n[0] >= self.load_n[1]:
             raise ValueError("load_n must rise")
-        # From an unloaded tyre to the load beyond which nothing changes any more, see `sim.physics.tyre`.
+        # From an unloaded tyre to the load beyond which nothing changes any more, see
+        # `nathlon.sim.physics.tyre`.
         span = self.load_n[1] - self.load_n[0]
         ends = -self.load_n[0] / span, (2.0 * self.load_n[0] + 6000.0) / span
         for name in ("friction_longitudinal", "friction_lateral", "peak_slip_ratio", "peak_slip_angle_rad"):
@@ -197,7 +198,7 @@ class CarParameters(NamedTuple):
     peak_x_slope: float
     peak_y: float
     peak_y_slope: float
-    curve: NDArray[np.float64]  # (CELLS, 4) shape of the magic formula, see sim.tyre_curve
+    curve: NDArray[np.float64]  # (CELLS, 4) shape of the magic formula, see nathlon.sim.tyre_curve
     wear_per_joule: float
     fuel_capacity: float
     fuel_per_joule: float

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 COLUMNS = (
     "x_m",

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 CLEARANCE_M, LEAST_CLEARANCE_M = 6.0, 4.0
 """From road to road where it is laid out, and where it is given."""

@@ -13,9 +13,9 @@ import numpy as np
 from numba import cuda, float64, int64
 from numpy.typing import NDArray
 
-from sim.observation import ObservationSpec
-from sim.observe import observe_car
-from sim.world import SUBSTEPS, World, step_race
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observe import observe_car
+from nathlon.sim.world import SUBSTEPS, World, step_race
 
 THREADS = 64
 """Threads of a block."""
@@ -25,7 +25,7 @@ MOST_SEEN = 19
 
 @cuda.jit
 def step_races(state, actions, ticks, touched, contacts, count, substeps, p, course, rates, rules):  # type: ignore[no-untyped-def]
-    """Advance every race by some dynamics steps; see `sim.world.step_races`."""
+    """Advance every race by some dynamics steps; see `nathlon.sim.world.step_races`."""
     race = cuda.grid(1)
     if race < len(state):
         tyres = cuda.local.array((3, 4), float64)
@@ -47,7 +47,7 @@ def step_races(state, actions, ticks, touched, contacts, count, substeps, p, cou
 
 @cuda.jit
 def observe_cars(state, races, cars, out, mean, scale, points, horizon, ahead, behind, p, course):  # type: ignore[no-untyped-def]
-    """Fill in observations; see `sim.observe.observe_cars`."""
+    """Fill in observations; see `nathlon.sim.observe.observe_cars`."""
     row = cuda.grid(1)
     if row < len(races):
         nearest = cuda.local.array(MOST_SEEN, int64)[: ahead + behind]

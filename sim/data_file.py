@@ -9,8 +9,8 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from sim.errors import InputError, first_fault
-from sim.text_file import read_text
+from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.text_file import read_text
 
 DATA = Path(__file__).parent / "data"
 

@@ -9,15 +9,15 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from sim.car import load_car
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.reaction import Perception
-from sim.scenario import Scenario, load_scenario
-from sim.state import CONTACT
-from sim.timing import gaps
-from sim.track import load_track
-from sim.world import DYNAMICS_HZ, World
+from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.reaction import Perception
+from nathlon.sim.scenario import Scenario, load_scenario
+from nathlon.sim.state import CONTACT
+from nathlon.sim.timing import gaps
+from nathlon.sim.track import load_track
+from nathlon.sim.world import DYNAMICS_HZ, World
 
 FLAGS = ("off_course", "wall_contact", "car_contact")
 

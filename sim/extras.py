@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 
 def need(module: str, extra: str, what: str) -> None:

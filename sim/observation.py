@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 VERSION = 2
 

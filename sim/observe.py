@@ -1,4 +1,4 @@
-"""The kernel that fills in observations as `sim.observation` describes them."""
+"""The kernel that fills in observations as `nathlon.sim.observation` describes them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from sim.car import CarParameters
-from sim.kernel import lean_inlined, lean_kernel
-from sim.lanes import load, minus, plus, store, times
-from sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
-from sim.physics.course import CourseParameters, on_other_level
-from sim.sharing import Tally, finish, take
-from sim.state import CarRecord
+from nathlon.sim.car import CarParameters
+from nathlon.sim.kernel import lean_inlined, lean_kernel
+from nathlon.sim.lanes import load, minus, plus, store, times
+from nathlon.sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
+from nathlon.sim.physics.course import CourseParameters, on_other_level
+from nathlon.sim.sharing import Tally, finish, take
+from nathlon.sim.state import CarRecord
 
 BLOCK = 8
 """Rows that a thread takes at once: between two takes a core cannot work ahead."""
@@ -57,7 +57,7 @@ def observe_cars(
         points, horizon, ahead: of the spec.
         nearest, distance: scratch for each of the opponents seen, (n,) int64 and float64.
         p, course: car model and circuit.
-        tally, thread: see `sim.sharing`.
+        tally, thread: see `nathlon.sim.sharing`.
     """
     rows = len(races)
     while True:

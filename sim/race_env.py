@@ -9,9 +9,9 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from sim.episode import Episodes, action_space, info_of, observation_space
-from sim.observation import ObservationSpec
-from sim.render import RENDER_MODES, open_screen
+from nathlon.sim.episode import Episodes, action_space, info_of, observation_space
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.render import RENDER_MODES, open_screen
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
@@ -21,9 +21,9 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
     """A scenario as a parallel environment with the agents `car_0`, `car_1`... in starting order.
 
     A step is 0.1 s unless the scenario has another action rate. Observations are those of
-    `sim.observation`, standardised, float32; actions are throttle (+) or brake (-), and steering (+
+    `nathlon.sim.observation`, standardised, float32; actions are throttle (+) or brake (-), and steering (+
     is left), in [-1, 1]. The reward is the progress along the centre line during the step, m, and 0
-    off course. An agent is terminated when it has finished or is stuck (`sim.episode.STUCK_S`), and
+    off course. An agent is terminated when it has finished or is stuck (`nathlon.sim.episode.STUCK_S`), and
     truncated when the scenario's time is up.
     """
 
@@ -37,7 +37,7 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
         observation: ObservationSpec | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """See `sim.parallel_env`."""
+        """See `nathlon.sim.parallel_env`."""
         self._episodes = Episodes(circuit, car, scenario)
         cars = self._episodes.scenario.cars
         spec = observation or ObservationSpec()

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.observation import ObservationSpec
-from sim.world import DYNAMICS_HZ, World
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.world import DYNAMICS_HZ, World
 
 
 @dataclass(frozen=True, eq=False)

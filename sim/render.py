@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sim.episode import Episodes
-from sim.errors import InputError
+from nathlon.sim.episode import Episodes
+from nathlon.sim.errors import InputError
 
 if TYPE_CHECKING:
-    from sim.render_screen import Screen
+    from nathlon.sim.render_screen import Screen
 
 RENDER_MODES = ["human", "rgb_array"]
 
@@ -33,6 +33,6 @@ def open_screen(
     if mode not in RENDER_MODES:
         raise InputError(f"render_mode is {mode!r}, expected None, 'human' or 'rgb_array'")
     # Here, so that environments that show nothing do not load pygame.
-    from sim.render_screen import Screen
+    from nathlon.sim.render_screen import Screen
 
     return Screen(mode == "human", episodes, names, focus)

@@ -10,9 +10,9 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from sim.episode import Episodes, Facts
-from sim.names import printable
-from sim.track import Track, X, Y
+from nathlon.sim.episode import Episodes, Facts
+from nathlon.sim.names import printable
+from nathlon.sim.track import Track, X, Y
 
 Colour = tuple[int, int, int]
 

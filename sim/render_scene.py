@@ -11,8 +11,8 @@ import pygame
 from numpy.typing import NDArray
 from pygame import gfxdraw
 
-from sim.car import Car
-from sim.track import (
+from nathlon.sim.car import Car
+from nathlon.sim.track import (
     KERB_LEFT,
     KERB_RIGHT,
     LEFT,

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.episode import Episodes
-from sim.errors import InputError
+from nathlon.sim.episode import Episodes
+from nathlon.sim.errors import InputError
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 import pygame  # it greets on standard output unless told before
 
-from sim.render_panels import Panels
-from sim.render_scene import Camera, CarShape, Ground, Trails
+from nathlon.sim.render_panels import Panels
+from nathlon.sim.render_scene import Camera, CarShape, Ground, Trails
 
 SIZE, WIDTH_M = (800, 600), 150.0
 FINENESS = 2
@@ -40,7 +40,7 @@ class Screen:
     """Shows the first race of some episodes."""
 
     def __init__(self, window: bool, episodes: Episodes, names: Sequence[str], focus: int | None) -> None:
-        """See `sim.render.open_screen`; `window` asks for one.
+        """See `nathlon.sim.render.open_screen`; `window` asks for one.
 
         Raises:
             InputError: if a window is asked for where there is no display.

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
 
-from sim.data_file import DATA, Name, Section, find_data, read_toml
+from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
 
 Positive = Annotated[float, Field(gt=0, le=1e4)]
 NotNegative = Annotated[float, Field(ge=0, le=1e4)]

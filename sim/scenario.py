@@ -8,13 +8,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from sim.car import Car
-from sim.data_file import DATA, Name, Section, find_data, read_toml
-from sim.errors import InputError
-from sim.reaction import Reaction
-from sim.rules import load_rules
-from sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
-from sim.world import AGENT_HZ, DYNAMICS_HZ, Conditions, Start, World
+from nathlon.sim.car import Car
+from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.reaction import Reaction
+from nathlon.sim.rules import load_rules
+from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
+from nathlon.sim.world import AGENT_HZ, DYNAMICS_HZ, Conditions, Start, World
 
 SAFE_LATERAL = 8.0
 """m/s^2 of cornering that every car can hold: random starts are no faster than it allows."""

@@ -20,7 +20,7 @@ from numba import int64
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from sim.kernel import lean_inlined, lean_kernel
+from nathlon.sim.kernel import lean_inlined, lean_kernel
 
 LINE = 8
 """Numbers in a line of the cache: threads that write in the same one hinder each other."""

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from sim.kernel import lean_inlined
-from sim.physics.body import speed_squared
-from sim.physics.contact import Touch
-from sim.physics.course import CourseParameters, facing
-from sim.rules import RuleParameters
-from sim.state import OTHER, REAR_END, SIDE_SWIPE, CarRecord
-from sim.track import SECTION, TANGENT_X, TANGENT_Y, ZONE
+from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.physics.body import speed_squared
+from nathlon.sim.physics.contact import Touch
+from nathlon.sim.physics.course import CourseParameters, facing
+from nathlon.sim.rules import RuleParameters
+from nathlon.sim.state import OTHER, REAR_END, SIDE_SWIPE, CarRecord
+from nathlon.sim.track import SECTION, TANGENT_X, TANGENT_Y, ZONE
 
 SAME_WAY = 0.5
 """Cosine of the angle between two headings from which cars count as going the same way."""

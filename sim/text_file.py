@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 TEXT_MIB = 1
 """The most that a text file may hold, unless more is allowed: ten times the largest that is shipped."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.kernel import lean_inlined
-from sim.physics.course import CourseParameters
-from sim.state import CarRecord
+from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.physics.course import CourseParameters
+from nathlon.sim.state import CarRecord
 
 SECTORS = 3
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
 from scipy.interpolate import CubicSpline
 
-from sim.centre_line import COLUMNS, RIGHT_WIDTH, read_centre_line
-from sim.crossing import LEAST_CLEARANCE_M, find_crossings, levels
-from sim.data_file import DATA, Section, find_data, read_toml
-from sim.errors import InputError
-from sim.names import printable, proper_name
+from nathlon.sim.centre_line import COLUMNS, RIGHT_WIDTH, read_centre_line
+from nathlon.sim.crossing import LEAST_CLEARANCE_M, find_crossings, levels
+from nathlon.sim.data_file import DATA, Section, find_data, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable, proper_name
 
 SPACING_M = 2.0
 TAPER_M = 8.0
@@ -114,7 +114,7 @@ class Track:
             the centre line to edges and walls (m), slope dz/ds, bank dz/dn (n is left), their
             derivatives along the line (crest, twist, 1/m), widths of the kerbs (m), surfaces of the
             run-off (indices of SURFACES), index of the section or -1, whether it is a penalty zone, level
-            near a bridge (see `sim.crossing.levels`).
+            near a bridge (see `nathlon.sim.crossing.levels`).
         edges: (n, 12) float32: x of left edge, centre line and right edge, a zero; y alike; z alike.
         length: of the centre line, m.
         spacing: of the rows, m.

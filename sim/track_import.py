@@ -2,7 +2,7 @@
 
 A file there holds the centre line of a real circuit and the widths to the edges, in driving order from
 the start line. It says nothing of heights, banking, kerbs or walls: the circuit made of it is level but for
-bridges where it crosses itself, and `sim.track_layout` adds the rest.
+bridges where it crosses itself, and `nathlon.sim.track_layout` adds the rest.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.sparse.linalg import spsolve
 
-from sim.centre_line import COLUMNS, check_count, check_turns
-from sim.crossing import bridge_heights
-from sim.errors import InputError
-from sim.track import CircuitFile
-from sim.track_layout import FOLD, LEAST_ANGLE_DEGREES, Road, edges_cross, lay_out
+from nathlon.sim.centre_line import COLUMNS, check_count, check_turns
+from nathlon.sim.crossing import bridge_heights
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import CircuitFile
+from nathlon.sim.track_layout import FOLD, LEAST_ANGLE_DEGREES, Road, edges_cross, lay_out
 
 FIELDS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
 LARGEST_GAP_M = 50.0

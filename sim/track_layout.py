@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, minimum_filter1d, uniform_filter1d
 from scipy.spatial import KDTree
 
-from sim.crossing import Crossing, belong, find_crossings, meetings
-from sim.track import CircuitFile, Grid, Kerb, NamedSection, RunoffStretch, Side, Stretch
+from nathlon.sim.crossing import Crossing, belong, find_crossings, meetings
+from nathlon.sim.track import CircuitFile, Grid, Kerb, NamedSection, RunoffStretch, Side, Stretch
 
 FOLD = 0.8
 """Largest curvature times distance on the inside of a bend. At 1 a line parallel to the road folds over;

@@ -12,10 +12,31 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sim.errors import InputError
-from sim.track import CURVATURE, KERB_LEFT, KERB_RIGHT, RUNOFF_LEFT, RUNOFF_RIGHT, SURFACES, ZONE, Track, Z
-from sim.track_plan import INK, PAPER, PENALTY, ROAD, SECTORS, START, SURFACE, WALL, draw_plan, wall_lines
-from sim.whole_file import whole_file
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import (
+    CURVATURE,
+    KERB_LEFT,
+    KERB_RIGHT,
+    RUNOFF_LEFT,
+    RUNOFF_RIGHT,
+    SURFACES,
+    ZONE,
+    Track,
+    Z,
+)
+from nathlon.sim.track_plan import (
+    INK,
+    PAPER,
+    PENALTY,
+    ROAD,
+    SECTORS,
+    START,
+    SURFACE,
+    WALL,
+    draw_plan,
+    wall_lines,
+)
+from nathlon.sim.whole_file import whole_file
 
 PLAN_IN, NAMES_IN, MARGIN_IN, DPI = 14.0, 0.9, 0.85, 160
 

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from sim.track import (
+from nathlon.sim.track import (
     CURVATURE,
     KERB_LEFT,
     KERB_RIGHT,

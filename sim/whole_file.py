@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sim.process import HOST, has_ended, started_at
+from nathlon.sim.process import HOST, has_ended, started_at
 
 MACHINE = f"{zlib.crc32(HOST.encode()):08x}"
 """In the names of partial files: those of other machines that share the folder are their own affair."""

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.car import Car, CarParameters, parameters
-from sim.kernel import lean_inlined, lean_kernel
-from sim.observation import ObservationSpec
-from sim.observe import blocks, observe_cars
-from sim.physics.body import set_body_velocity, set_direction, speed_squared
-from sim.physics.chassis import GRAVITY, Rates, advance
-from sim.physics.contact import collide
-from sim.physics.course import (
+from nathlon.sim.car import Car, CarParameters, parameters
+from nathlon.sim.kernel import lean_inlined, lean_kernel
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observe import blocks, observe_cars
+from nathlon.sim.physics.body import set_body_velocity, set_direction, speed_squared
+from nathlon.sim.physics.chassis import GRAVITY, Rates, advance
+from nathlon.sim.physics.contact import collide
+from nathlon.sim.physics.course import (
     CourseParameters,
     course_parameters,
     facing,
@@ -25,13 +25,13 @@ from sim.physics.course import (
     set_heading_error,
     stand_on,
 )
-from sim.physics.draught import set_draught
-from sim.rules import RuleParameters, Rules, load_rules, rule_parameters
-from sim.sharing import Tally, Threads, finish, take
-from sim.state import CAR_STATE, CONTACT, CarRecord
-from sim.steward import note_contact, serve_penalty, watch_limits
-from sim.timing import first_line, time_lines
-from sim.track import Track
+from nathlon.sim.physics.draught import set_draught
+from nathlon.sim.rules import RuleParameters, Rules, load_rules, rule_parameters
+from nathlon.sim.sharing import Tally, Threads, finish, take
+from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord
+from nathlon.sim.steward import note_contact, serve_penalty, watch_limits
+from nathlon.sim.timing import first_line, time_lines
+from nathlon.sim.track import Track
 
 DYNAMICS_HZ = 60
 DYNAMICS_DT = 1.0 / DYNAMICS_HZ
@@ -95,7 +95,9 @@ def step_races(
     tally: Tally,
     thread: int,
 ) -> None:
-    """Advance the races that a thread takes by some dynamics steps; see `step_race` and `sim.sharing`."""
+    """Advance the races that a thread takes by some dynamics steps; see `step_race` and
+    `nathlon.sim.sharing`.
+    """
     while True:
         race = take(tally, thread, len(state))
         if race < 0:

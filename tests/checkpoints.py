@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from policies import bundled
-from policies.checkpoint import load_checkpoint, save_checkpoint
+from nathlon.policies import bundled
+from nathlon.policies.checkpoint import load_checkpoint, save_checkpoint
 
 BUNDLED = sorted((bundled.BUNDLED / "lindenring").glob("*.safetensors"))
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from sim.car import Car, load_car, parameters
-from sim.track import Track
-from sim.world import DYNAMICS_DT, World, locate_all
+from nathlon.sim.car import Car, load_car, parameters
+from nathlon.sim.track import Track
+from nathlon.sim.world import DYNAMICS_DT, World, locate_all
 from tests.driving import GT3, circle, road, stadium
 
 G = 9.81

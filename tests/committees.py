@@ -7,8 +7,8 @@ from typing import Any
 
 import polars as pl
 
-from arena.entrant import Entrant
-from arena.results import BATTERY
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.results import BATTERY
 from nathlon.ballots import Ballot
 from nathlon.committee import ask as put
 from nathlon.committee import vote

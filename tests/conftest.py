@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from arena.pool import Pool
+from nathlon.arena.pool import Pool
 
 # Two test processes share two cores: BLAS and torch must not take more than one each.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

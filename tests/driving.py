@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.car import Car, load_car
-from sim.track import CircuitFile, Grid, Track, build_track
-from sim.world import Conditions, Start, World
+from nathlon.sim.car import Car, load_car
+from nathlon.sim.track import CircuitFile, Grid, Track, build_track
+from nathlon.sim.world import Conditions, Start, World
 
 GT3: Car = load_car("gt3")
 Profile = NDArray[np.float64] | float

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
-from arena.results import COURSE, CURVES, LAPS
-from reports.selection import Selection
+from nathlon.arena.results import COURSE, CURVES, LAPS
+from nathlon.reports.selection import Selection
 
 RADIUS_M = 500.0
 ROWS = 200

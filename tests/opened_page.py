@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Browser, Page
 
-from reports.page import write_page
-from reports.selection import Selection
-from reports.summary import Replay
+from nathlon.reports.page import write_page
+from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Replay
 from tests.lap_tables import with_laps
 from tests.race_logs import oval_race
 from tests.selections import build, night_before

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import torch
 
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.learner import QRSAC
-from policies.qrsac.update import Noise, State
-from policies.replay import Batch
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.learner import QRSAC
+from nathlon.policies.qrsac.update import Noise, State
+from nathlon.policies.replay import Batch
 
 OBSERVATION, ACTION, ROWS = 5, 2, 16
 

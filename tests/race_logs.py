@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog, Stretch
-from sim.track import SURFACES
+from nathlon.arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog, Stretch
+from nathlon.sim.track import SURFACES
 
 STRAIGHT_M = 400.0
 RADIUS_M = 80.0

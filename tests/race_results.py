@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from arena.results import RESULTS
-from tournament.points import TEAM_POINTS
+from nathlon.arena.results import RESULTS
+from nathlon.tournament.points import TEAM_POINTS
 
 DEFAULTS: dict[str, Any] = {
     "match": "m",

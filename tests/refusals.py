@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 
 @contextmanager

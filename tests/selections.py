@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from arena.results import RESULTS, TABLES
-from reports.selection import Previous, Selection
-from reports.summary import Sent, Summary
+from nathlon.arena.results import RESULTS, TABLES
+from nathlon.reports.selection import Previous, Selection
+from nathlon.reports.summary import Sent, Summary
 
 TESTS = ("hot_lap", "race_eight", "grid_start", "slipstream_pass", "final_chicane", "mistake_recovery")
 PERSON = ("ann", "calm in traffic <b>& fair</b>")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 
-from arena.results import TABLES
+from nathlon.arena.results import TABLES
 from tests.race_results import rows
 
 

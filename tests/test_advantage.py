@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from policies.training.advantage import OUTLYING, advantages, discounted
-from policies.training.proximal import CLIP, LEAST_SLOPE, UTMOST, Proximal, Saturating, proximal_loss
-from policies.training.trial import DEVIATION, Driven
+from nathlon.policies.training.advantage import OUTLYING, advantages, discounted
+from nathlon.policies.training.proximal import CLIP, LEAST_SLOPE, UTMOST, Proximal, Saturating, proximal_loss
+from nathlon.policies.training.trial import DEVIATION, Driven
 
 NONE = np.zeros(32)
 """Charges."""

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from policies import archive
-from policies.archive import unpack
+from nathlon.policies import archive
+from nathlon.policies.archive import unpack
 
 
 def pack(path: Path, members: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> None:

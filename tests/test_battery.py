@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.results import BATTERY, SKILLS
+from nathlon.arena.results import BATTERY, SKILLS
 from nathlon.battery import MARKS, rank_battery, skills
 
 

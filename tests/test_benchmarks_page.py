@@ -10,7 +10,7 @@ import pytest
 from benchmarks import page
 from benchmarks.page import PAGE, pooled
 from benchmarks.result import RESULTS, Result, read_result, write_result
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 
 def all_results() -> dict[str, Result]:

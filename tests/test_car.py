@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.car import compound_ratio, load_car, load_compounds, parameters, read_car
-from sim.data_file import DATA
-from sim.errors import InputError
-from sim.tyre_curve import curve_cells
+from nathlon.sim.car import compound_ratio, load_car, load_compounds, parameters, read_car
+from nathlon.sim.data_file import DATA
+from nathlon.sim.errors import InputError
+from nathlon.sim.tyre_curve import curve_cells
 from tests.refusals import refusal
 
 CARS = DATA / "cars"

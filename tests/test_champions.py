@@ -12,9 +12,9 @@ from benchmarks import champions
 from benchmarks.champions import entrants_of, from_the_back, places, race_match, rate_interval
 from benchmarks.result import read_result
 from benchmarks.time_trial import time_trial
-from policies.checkpoint import Card, save_checkpoint
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies.checkpoint import Card, save_checkpoint
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.race_results import rows
 
 

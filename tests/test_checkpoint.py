@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
 
-from policies.checkpoint import (
+from nathlon.policies.checkpoint import (
     Card,
     NetworkPolicy,
     checkpoint_id,
@@ -26,8 +26,8 @@ from policies.checkpoint import (
     read_checkpoint,
     save_checkpoint,
 )
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.refusals import refusal
 
 SPEC = ObservationSpec(course_points=2, cars_ahead=0, cars_behind=1)

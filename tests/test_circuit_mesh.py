@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from arena.circuit_mesh import mesh, surfaces
+from nathlon.arena.circuit_mesh import mesh, surfaces
 from tests.race_logs import LAP_M, RADIUS_M, oval_outline
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from policies.checkpoint import load_checkpoint, save_checkpoint
-from sim.data_file import DATA
-from sim.observation import ObservationSpec
+from nathlon.policies.checkpoint import load_checkpoint, save_checkpoint
+from nathlon.sim.data_file import DATA
+from nathlon.sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
 from tests.command_line import Done, nathlon, refused
 

@@ -11,15 +11,15 @@ import polars as pl
 import pytest
 from pydantic import ValidationError
 
-from arena.results import RANKING
-from arena.store import Store
+from nathlon.arena.results import RANKING
+from nathlon.arena.store import Store
 from nathlon.ballots import Ballot
 from nathlon.committee import ask as put
 from nathlon.committee import close, compare, reopen, vote
 from nathlon.committee_events import Closed, Opened, Voted
 from nathlon.committee_rules import CommitteeSettings, Gates, Rule, conduct, gather
 from nathlon.minutes import Minutes
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 from tests.committees import (
     ALONE,
     NAMES,

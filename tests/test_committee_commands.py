@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from arena.store import Store
+from nathlon.arena.store import Store
 from nathlon.commands.committee_app import committee
 from nathlon.minutes import Minutes
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 from tests.committees import PEOPLE, RUN, ask, ids
 
 

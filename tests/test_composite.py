@@ -13,20 +13,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from arena.entrance import trained_on
-from arena.entrant import enter, find_checkpoints
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.pool import Pool
-from arena.runner import run_match
-from policies.composite import Composite, Part, columns, joint_spec
-from policies.load import load_policy
-from policies.policy import Batch, Policy
-from sim.car import load_car
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.scenario import load_scenario
-from sim.track import load_track
+from nathlon.arena.entrance import trained_on
+from nathlon.arena.entrant import enter, find_checkpoints
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.pool import Pool
+from nathlon.arena.runner import run_match
+from nathlon.policies.composite import Composite, Part, columns, joint_spec
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
 from tests.checkpoints import BUNDLED
 
 CIRCUIT, CAR = "lindenring", "gt3"

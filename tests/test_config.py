@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from nathlon.config import read_config
+from nathlon.policies.bundled import BUNDLED
+from nathlon.sim.data_file import DATA
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 from nathlon.skill import SKILLS_FOLDER
-from policies.bundled import BUNDLED
-from sim.data_file import DATA
-from sim.errors import InputError
-from sim.scenario import load_scenario
 
 NIGHT = """
 checkpoints = ["checkpoints"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.world import AGENT_DT
+from nathlon.sim.world import AGENT_DT
 from tests.driving import GT3, drive, stadium, world_with
 
 

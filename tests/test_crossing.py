@@ -11,14 +11,27 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from policies.driver import Driver
-from policies.policy import Policy
-from sim.crossing import CLEARANCE_M, NEAR_M, bridge_heights, find_crossings
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.track import LEFT, LEVEL, RIGHT, SLOPE, WALL_LEFT, WALL_RIGHT, Track, X, Y, Z, load_track, read_track
-from sim.track_import import import_circuit
-from sim.world import World
+from nathlon.policies.driver import Driver
+from nathlon.policies.policy import Policy
+from nathlon.sim.crossing import CLEARANCE_M, NEAR_M, bridge_heights, find_crossings
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.track import (
+    LEFT,
+    LEVEL,
+    RIGHT,
+    SLOPE,
+    WALL_LEFT,
+    WALL_RIGHT,
+    Track,
+    X,
+    Y,
+    Z,
+    load_track,
+    read_track,
+)
+from nathlon.sim.track_import import import_circuit
+from nathlon.sim.world import World
 from tests.centre_lines import write_line
 from tests.driving import GT3, drive, start_at, world_with
 from tests.test_driver import run

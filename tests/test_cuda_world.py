@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numba import cuda
 
-from sim.car import load_car
-from sim.cuda_world import CudaWorld
-from sim.observation import ObservationSpec
-from sim.scenario import load_scenario
-from sim.track import load_track
-from sim.world import World
+from nathlon.sim.car import load_car
+from nathlon.sim.cuda_world import CudaWorld
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.sim.world import World
 
 SPEC = ObservationSpec(course_points=12)
 RACES = 3

@@ -7,10 +7,10 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from arena.results import CURVES, ENTRANTS
-from arena.store import Store
+from nathlon.arena.results import CURVES, ENTRANTS
+from nathlon.arena.store import Store
 from nathlon.curves import find_curves, keep_curves
-from policies.bundled import BUNDLED
+from nathlon.policies.bundled import BUNDLED
 
 HEADER = "updates,transitions,wall_s,lap_s,off_course_share,mean_q,entropy\n"
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.physics.draught import wake
+from nathlon.sim.physics.draught import wake
 from tests.closed_forms import G, downforce
 from tests.driving import GT3, drive, stadium, world_with
 

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from policies.driver import Driver, Follower
-from policies.envelope import SPEEDS, WEIGHTS, envelope
-from policies.load import load_policy
-from policies.notes import noted
-from policies.policy import Policy
-from policies.practice import LEAST_GRIP, practise
-from policies.racing_line import minimum_time
-from policies.room import room
-from policies.speed_profile import Profile, corner_limit, path_of, profile
-from sim.car import load_car
-from sim.errors import InputError
-from sim.physics.chassis import GRAVITY
-from sim.track import Track, load_track
-from sim.world import Start, World
+from nathlon.policies.driver import Driver, Follower
+from nathlon.policies.envelope import SPEEDS, WEIGHTS, envelope
+from nathlon.policies.load import load_policy
+from nathlon.policies.notes import noted
+from nathlon.policies.policy import Policy
+from nathlon.policies.practice import LEAST_GRIP, practise
+from nathlon.policies.racing_line import minimum_time
+from nathlon.policies.room import room
+from nathlon.policies.speed_profile import Profile, corner_limit, path_of, profile
+from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.physics.chassis import GRAVITY
+from nathlon.sim.track import Track, load_track
+from nathlon.sim.world import Start, World
 from tests.driving import GT3, circle, road, start_at
 
 TRACK = load_track("lindenring")

@@ -8,7 +8,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from policies.qrsac.dropout import dropout_factors
+from nathlon.policies.qrsac.dropout import dropout_factors
 
 SHAPE = (400, 500)
 COUNT = 400 * 500

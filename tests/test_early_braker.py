@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from policies.load import load_policy
-from policies.policy import Policy
-from sim.car import load_car
-from sim.errors import InputError
-from sim.scenario import load_scenario
-from sim.track import load_track
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Policy
+from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
 
 TRACK = load_track("lindenring")
 

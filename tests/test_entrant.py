@@ -10,12 +10,12 @@ import onnx
 import pytest
 from onnx import helper
 
-from arena.entrance import enter_all, trained_on
-from arena.entrant import entrants_table, find_checkpoints
-from arena.pool import Pool
-from policies.checkpoint import load_checkpoint
-from policies.onnx import export_onnx
-from sim.errors import InputError
+from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrant import entrants_table, find_checkpoints
+from nathlon.arena.pool import Pool
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.onnx import export_onnx
+from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED
 
 POLISHED, TRAINED = (

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sim.errors import InputError
-from tournament.event import load_event
+from nathlon.sim.errors import InputError
+from nathlon.tournament.event import load_event
 
 THREE = """
 [[race]]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from sim.errors import InputError
-from sim.extras import need
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
 from tests.checkpoints import BUNDLED
 
 ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av")
@@ -44,7 +44,7 @@ import gymnasium, nathlon
 import nathlon.commands.selection, nathlon.commands.nightly, nathlon.commands.replay, nathlon.commands.racing
 import nathlon.commands.export, nathlon.commands.track, nathlon.commands.committee, nathlon.commands.battery
 gymnasium.make("nathlon/TimeTrial-v0")
-from reports.summary import versions
+from nathlon.reports.summary import versions
 print(sorted(versions()))
 """
     done = bare(code)
@@ -73,11 +73,12 @@ def test_a_zip_of_stable_baselines_says_what_to_install(tmp_path: Path) -> None:
         archive.writestr("data", "{}")
         archive.writestr("policy.pth", b"")
     done = bare(
-        f"from policies.load import load_file\nfrom pathlib import Path\nload_file(Path({str(path)!r}))"
+        "from nathlon.policies.load import load_file\nfrom pathlib import Path\n"
+        f"load_file(Path({str(path)!r}))"
     )
     assert f"{path}: a .zip of Stable-Baselines3 needs torch, which the extra sb3 installs" in done.stderr
 
 
 def test_a_driver_of_the_database_is_asked_for() -> None:
-    done = bare("from arena.store import Store\nStore('postgresql+psycopg://me@localhost/there')")
+    done = bare("from nathlon.arena.store import Store\nStore('postgresql+psycopg://me@localhost/there')")
     assert "PostgreSQL needs psycopg, which the extra postgres installs" in done.stderr

@@ -10,19 +10,19 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.classification import void
-from arena.entrant import enter
-from arena.job import Wanted
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.pool import Pool
-from arena.results import RESULTS
-from arena.runner import run_match
-from arena.team import Absent
-from policies.driver import Driver
-from policies.policy import Policy
-from sim.errors import InputError
-from sim.world import World
+from nathlon.arena.classification import void
+from nathlon.arena.entrant import enter
+from nathlon.arena.job import Wanted
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import RESULTS
+from nathlon.arena.runner import run_match
+from nathlon.arena.team import Absent
+from nathlon.policies.driver import Driver
+from nathlon.policies.policy import Policy
+from nathlon.sim.errors import InputError
+from nathlon.sim.world import World
 from tests.checkpoints import BUNDLED
 from tests.test_plugin import install
 
@@ -31,7 +31,7 @@ import os
 import time
 
 import numpy as np
-from sim.observation import ObservationSpec
+from nathlon.sim.observation import ObservationSpec
 
 
 class Rogue:

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from onnx import TensorProto, helper
 
-from arena.entrant import enter
-from arena.pool import Pool
+from nathlon.arena.entrant import enter
+from nathlon.arena.pool import Pool
 from nathlon.field import newcomers
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
 
 PAIR = ("lindenring", "gt3")
@@ -147,7 +147,8 @@ def test_a_folder_that_cannot_be_looked_into_is_set_aside(watched: Path) -> None
     (watched / "closed").mkdir(mode=0o700)
     script = (
         "import os, sys\nfrom pathlib import Path\n"
-        "from arena.entrant import checkpoints_below, enter\nfrom sim.errors import InputError\n"
+        "from nathlon.arena.entrant import checkpoints_below, enter\n"
+        "from nathlon.sim.errors import InputError\n"
         "os.setegid(65534)\nos.seteuid(65534)\n"
         "closed = checkpoints_below(Path(sys.argv[1]))[-1]\n"
         "try:\n    enter(str(closed), 'lindenring', 'gt3')\n"

@@ -10,16 +10,16 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.entrant import Entrant, enter, only_once
-from arena.pool import Pool
-from arena.store import Store
+from nathlon.arena.entrant import Entrant, enter, only_once
+from nathlon.arena.pool import Pool
+from nathlon.arena.store import Store
 from nathlon.commands.pareto import pareto_command
 from nathlon.config import Config, read_config
 from nathlon.filter import FilterSettings, Plan, run_filter
 from nathlon.objective import Objective
 from nathlon.pareto import STANDARD
 from nathlon.run import Answer, Run
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED, save_faulty
 
 DASH = """

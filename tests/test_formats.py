@@ -5,8 +5,8 @@ from typing import get_args
 
 import pytest
 
-from sim.scenario import load_scenario
-from tournament.formats import FORMATS, Format, FormatName
+from nathlon.sim.scenario import load_scenario
+from nathlon.tournament.formats import FORMATS, Format, FormatName
 
 EVERY = pytest.mark.parametrize("made", FORMATS.values(), ids=FORMATS)
 

@@ -6,11 +6,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.statistics import interval, spread
+from nathlon.arena.statistics import interval, spread
+from nathlon.tournament.evidence import Evidence
+from nathlon.tournament.formats import FORMATS
+from nathlon.tournament.points import EQUAL, TEAM_POINTS, better, matchups, rank
 from tests.race_results import rows
-from tournament.evidence import Evidence
-from tournament.formats import FORMATS
-from tournament.points import EQUAL, TEAM_POINTS, better, matchups, rank
 
 
 def seeded() -> np.random.Generator:

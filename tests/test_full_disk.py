@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arena.recording import write_recording
+from nathlon.arena.recording import write_recording
 from nathlon.output import OutputFolder
-from reports.page import write_page
-from reports.player import write_player
-from reports.replay import write_replay
-from reports.spreadsheet import write_spreadsheet
-from reports.summary import read_summary, write_summary
-from reports.tables import write_tables
-from sim.errors import InputError
+from nathlon.reports.page import write_page
+from nathlon.reports.player import write_player
+from nathlon.reports.replay import write_replay
+from nathlon.reports.spreadsheet import write_spreadsheet
+from nathlon.reports.summary import read_summary, write_summary
+from nathlon.reports.tables import write_tables
+from nathlon.sim.errors import InputError
 from tests.race_logs import oval_race
 from tests.selections import build
 

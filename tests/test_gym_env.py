@@ -15,12 +15,12 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_for_stable_baselines
 
 import nathlon  # noqa: F401  # makes the environments known
-import sim
-from policies.driver import Driver
-from policies.policy import Batch
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.race_env import RaceEnv
+from nathlon import sim
+from nathlon.policies.driver import Driver
+from nathlon.policies.policy import Batch
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.race_env import RaceEnv
 
 TIME_TRIAL, RACE = "nathlon/TimeTrial-v0", "nathlon/Race-v0"
 SPEC = ObservationSpec(course_points=8)

@@ -11,9 +11,9 @@ from gymnasium.spaces import Box, Discrete
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.gymnasium_training import FlatEnvironments, GymnasiumTraining, evaluate
-from sim.errors import InputError
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.gymnasium_training import FlatEnvironments, GymnasiumTraining, evaluate
+from nathlon.sim.errors import InputError
 
 SMALL = QRSACConfig(
     hidden=(16, 16),

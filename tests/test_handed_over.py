@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arena.entrance import enter_all
-from arena.job import Wanted
-from arena.match import Match, Race, Seat
-from arena.pool import Pool
-from policies.checkpoint import load_checkpoint
-from policies.handed_over import hand_over
-from policies.identity import policy_id
-from policies.load import load_policy
-from policies.policy import Batch
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.arena.entrance import enter_all
+from nathlon.arena.job import Wanted
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.handed_over import hand_over
+from nathlon.policies.identity import policy_id
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Batch
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
 
 PLACE = ("lindenring", "gt3")

@@ -9,29 +9,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arena.recording import read_recording, recover_recording
-from arena.store import Store
+from nathlon.arena.recording import read_recording, recover_recording
+from nathlon.arena.store import Store
 from nathlon.commands.selection import configured
 from nathlon.config import TEMPLATE, read_config
 from nathlon.minutes import Minutes
+from nathlon.policies.composite import CompositeSource
+from nathlon.policies.load import load_policy
+from nathlon.policies.training.config import CONFIGS
+from nathlon.policies.training.config import read_config as read_training
+from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.sim.car import Car, read_car
+from nathlon.sim.data_file import DATA, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.rules import Rules, rule_parameters
+from nathlon.sim.scenario import Scenario, load_scenario
+from nathlon.sim.text_file import open_regular
+from nathlon.sim.track import load_track
 from nathlon.skill import SKILLS_FOLDER, read_skill
-from policies.composite import CompositeSource
-from policies.load import load_policy
-from policies.training.config import CONFIGS
-from policies.training.config import read_config as read_training
-from policies.training.trainer import CONFIG_FILE, Trainer
-from sim.car import Car, read_car
-from sim.data_file import DATA, read_toml
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.rules import Rules, rule_parameters
-from sim.scenario import Scenario, load_scenario
-from sim.text_file import open_regular
-from sim.track import load_track
+from nathlon.tournament.event import load_event
 from tests.command_line import nathlon, refused
 from tests.committees import PEOPLE, RUN, ask
 from tests.spoiling import NO_FILES, no_file, spoilt_toml
-from tournament.event import load_event
 
 MUTATIONS = 150
 MEMORY_MIB = 2048

@@ -16,17 +16,17 @@ import polars as pl
 import pytest
 from onnx import TensorProto, helper
 
-from arena.entrance import enter_each
-from arena.entrant import enter
-from arena.job import Opening
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.output_log import DROPPED, LOG_BYTES
-from arena.pool import Pool
-from arena.runner import run_match
-from policies.memory import data_bytes, memory_limit
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.arena.entrance import enter_each
+from nathlon.arena.entrant import enter
+from nathlon.arena.job import Opening
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.output_log import DROPPED, LOG_BYTES
+from nathlon.arena.pool import Pool
+from nathlon.arena.runner import run_match
+from nathlon.policies.memory import data_bytes, memory_limit
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
 from tests.test_plugin import install
 
@@ -37,7 +37,7 @@ import sys
 import time
 
 import numpy as np
-from sim.observation import ObservationSpec
+from nathlon.sim.observation import ObservationSpec
 
 
 class Straight:
@@ -258,7 +258,7 @@ def test_nathlon_race_prints_json_whatever_policies_print(site: Path) -> None:
 
 LIMITED = """
 import json, resource, sys
-from arena.pool import Pool
+from nathlon.arena.pool import Pool
 from tests.test_hostile_plugins import race
 
 if __name__ == "__main__":

@@ -13,12 +13,12 @@ import pytest
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import register_schema
 
-from arena import _car_state_pb2 as pb
-from arena import recording as recording_module
-from arena.race_log import CAR_SAMPLE, Incident, RaceLog, Stretch
-from arena.recording import read_recording, recover_recording, write_recording
-from reports.player import render_player
-from sim.errors import InputError
+from nathlon.arena import _car_state_pb2 as pb
+from nathlon.arena import recording as recording_module
+from nathlon.arena.race_log import CAR_SAMPLE, Incident, RaceLog, Stretch
+from nathlon.arena.recording import read_recording, recover_recording, write_recording
+from nathlon.reports.player import render_player
+from nathlon.sim.errors import InputError
 from tests.command_line import nathlon, refused
 from tests.race_logs import oval_race
 from tests.spoiling import spoilt_bytes

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from arena.incidents import IncidentWatch
-from arena.race_log import Incident
-from sim.rules import load_rules
-from sim.state import OTHER, REAR_END, SIDE_SWIPE
-from sim.track import load_track
-from sim.world import World
+from nathlon.arena.incidents import IncidentWatch
+from nathlon.arena.race_log import Incident
+from nathlon.sim.rules import load_rules
+from nathlon.sim.state import OTHER, REAR_END, SIDE_SWIPE
+from nathlon.sim.track import load_track
+from nathlon.sim.world import World
 from tests.driving import start_at, world_with
 
 TRACK = load_track("lindenring")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import typer
 
-from arena.recording import write_recording
+from nathlon.arena.recording import write_recording
 from nathlon.cli import app
 from tests.centre_lines import path_of, stadium, write_line
 from tests.checkpoints import BUNDLED

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from sim.kernel import lean_kernel
-from sim.lanes import (
+from nathlon.sim.kernel import lean_kernel
+from nathlon.sim.lanes import (
     LANES,
     above,
     choose,

@@ -10,12 +10,12 @@ from scipy.optimize import brentq
 from benchmarks.lap_limit.guess import follow
 from benchmarks.lap_limit.model import CONTROLS, STATES, point_of_lap
 from benchmarks.lap_limit.problem import FIRST_BARRIER, Lap, solve
-from policies.speed_profile import Path, Profile
-from sim.car import Car, load_car, parameters
-from sim.kernel import kernel
-from sim.physics.chassis import AIR_DENSITY, GRAVITY, Rates, advance
-from sim.physics.powertrain import RPM, engine_torque
-from sim.state import CAR_STATE
+from nathlon.policies.speed_profile import Path, Profile
+from nathlon.sim.car import Car, load_car, parameters
+from nathlon.sim.kernel import kernel
+from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY, Rates, advance
+from nathlon.sim.physics.powertrain import RPM, engine_torque
+from nathlon.sim.state import CAR_STATE
 from tests.driving import circle
 
 WALL_M = 1.3  # from the centre line, where a car is 2 m wide and slides at an angle

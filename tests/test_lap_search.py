@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.lap_search import TAKEN, Search
 from benchmarks.time_trial import SEED
-from policies.bundled import BUNDLED
-from policies.checkpoint import NetworkPolicy, load_checkpoint
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
 
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-s1-020k.safetensors"
 TO_THE_FIRST_BEND = 80

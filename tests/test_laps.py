@@ -8,18 +8,18 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.entrant import enter, entrants_table
-from arena.match import Match
-from arena.pool import Pool
-from arena.recorder import record_races
-from arena.results import BATTERY, LAPS
-from arena.runner import run_match
-from arena.store import Store
+from nathlon.arena.entrant import enter, entrants_table
+from nathlon.arena.match import Match
+from nathlon.arena.pool import Pool
+from nathlon.arena.recorder import record_races
+from nathlon.arena.results import BATTERY, LAPS
+from nathlon.arena.runner import run_match
+from nathlon.arena.store import Store
 from nathlon.laps import STEP_M, describe_course, keep_laps, lap_of
+from nathlon.policies.driver import Driver
+from nathlon.policies.load import load_policy
+from nathlon.sim.track import load_track
 from nathlon.trials import against
-from policies.driver import Driver
-from policies.load import load_policy
-from sim.track import load_track
 
 DRIVER = "driver:pace=0.9"
 PLACE = "lindenring", "gt3"

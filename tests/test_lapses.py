@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from policies.load import load_policy
-from policies.training.lapses import EARLIEST_S, KINDS, Lapses
-from policies.training.mistakes import out_of_control
-from sim.episode import Episodes
+from nathlon.policies.load import load_policy
+from nathlon.policies.training.lapses import EARLIEST_S, KINDS, Lapses
+from nathlon.policies.training.mistakes import out_of_control
+from nathlon.sim.episode import Episodes
 
 RACES = 4
 

@@ -9,10 +9,10 @@ import pytest
 
 from benchmarks.learning import Learning, Outcome, configurations, learn, measure, outcome, read, write
 from benchmarks.result import write_result
-from policies.training.config import TrainingConfig
-from policies.training.log import CURVE, CURVE_FILE
-from policies.training.trainer import Trainer
-from sim.errors import InputError
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.log import CURVE, CURVE_FILE
+from nathlon.policies.training.trainer import Trainer
+from nathlon.sim.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
 

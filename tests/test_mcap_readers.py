@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from arena.race_log import CAR_SAMPLE, RaceLog
-from arena.recording import write_recording
+from nathlon.arena.race_log import CAR_SAMPLE, RaceLog
+from nathlon.arena.recording import write_recording
 from tests.race_logs import oval_race
 
 SOURCES = Path(__file__).parent / "readers"

@@ -11,7 +11,7 @@ import pytest
 MEASURE = """
 import resource, sys
 import numpy as np
-from policies.qrsac.memory import keep_freed_memory
+from nathlon.policies.qrsac.memory import keep_freed_memory
 
 if sys.argv[1] == "keep":
     keep_freed_memory()

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from policies.load import load_policy
-from policies.training.mistakes import CAPACITY, Mistakes, out_of_control
-from sim.episode import Episodes
-from sim.observation import ObservationSpec
-from sim.scenario import Scenario, load_scenario
-from sim.state import CAR_STATE
+from nathlon.policies.load import load_policy
+from nathlon.policies.training.mistakes import CAPACITY, Mistakes, out_of_control
+from nathlon.sim.episode import Episodes
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.scenario import Scenario, load_scenario
+from nathlon.sim.state import CAR_STATE
 
 SPEC = ObservationSpec(course_points=2)
 RACES = 3

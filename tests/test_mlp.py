@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from policies.mlp import FEW, Mlp
+from nathlon.policies.mlp import FEW, Mlp
 
 SIZES = (7, 16, 9, 2)
 Function = Callable[[np.ndarray], np.ndarray]

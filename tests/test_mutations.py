@@ -15,15 +15,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stable_baselines3 import SAC
 
-import sim
-from policies.checkpoint import load_checkpoint
-from policies.load import load_file
-from policies.onnx import export_onnx
-from policies.training.config import CONFIGS, read_config
-from sim.car import read_car
-from sim.errors import InputError
-from sim.track import read_track
-from sim.track_import import import_circuit
+from nathlon import sim
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.load import load_file
+from nathlon.policies.onnx import export_onnx
+from nathlon.policies.training.config import CONFIGS, read_config
+from nathlon.sim.car import read_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import read_track
+from nathlon.sim.track_import import import_circuit
 from tests.checkpoints import BUNDLED
 from tests.test_sb3 import save
 

@@ -10,11 +10,11 @@ import polars as pl
 import pytest
 from pydantic import ValidationError
 
-from arena.entrant import enter
-from arena.match import Match
-from arena.pool import Pool
-from arena.results import BATTERY, RESULTS, SKILLS
-from arena.store import Store
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import BATTERY, RESULTS, SKILLS
+from nathlon.arena.store import Store
 from nathlon.n_athlon import (
     DECATHLON,
     MARKS_RUNS,
@@ -24,8 +24,8 @@ from nathlon.n_athlon import (
     skill_matches,
 )
 from nathlon.run import Run
+from nathlon.sim.errors import InputError
 from nathlon.skill import SKILLS_FOLDER, load_skills
-from sim.errors import InputError
 from tests.race_results import DEFAULTS
 
 CIRCUIT, CAR = "porto-sereno", "coupe"

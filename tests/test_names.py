@@ -17,21 +17,21 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from playwright.sync_api import Browser
 
-from arena.race_log import RaceLog
-from arena.recording import read_recording, write_recording
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recording import read_recording, write_recording
 from nathlon.commands.console import progress_bars, say, warn
 from nathlon.commands.selection import print_selection
 from nathlon.output import OutputFolder
-from reports.ablation import ABLATION, EFFECTS, write_ablation
-from reports.player import render_player
-from reports.replay import race_sheet, write_replay
-from reports.selection import Selection
-from reports.spreadsheet import write_spreadsheet
-from reports.summary import Sent, ranked
-from reports.tables import as_texts, write_tables
-from reports.video import pictures
-from sim.data_file import DATA
-from sim.names import LONGEST, file_stem, printable, proper_name
+from nathlon.reports.ablation import ABLATION, EFFECTS, write_ablation
+from nathlon.reports.player import render_player
+from nathlon.reports.replay import race_sheet, write_replay
+from nathlon.reports.selection import Selection
+from nathlon.reports.spreadsheet import write_spreadsheet
+from nathlon.reports.summary import Sent, ranked
+from nathlon.reports.tables import as_texts, write_tables
+from nathlon.reports.video import pictures
+from nathlon.sim.data_file import DATA
+from nathlon.sim.names import LONGEST, file_stem, printable, proper_name
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon
 from tests.opened_page import Opened, key

@@ -15,12 +15,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.recording import recording_name
-from arena.results import TABLES
-from arena.store import Store
+from nathlon.arena.recording import recording_name
+from nathlon.arena.results import TABLES
+from nathlon.arena.store import Store
 from nathlon.config import TEMPLATE, Config, read_config
 from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
-from reports.summary import Sent, SetAside
+from nathlon.reports.summary import Sent, SetAside
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon, refused
 from tests.selections import build
@@ -271,7 +271,7 @@ import os, random, shutil, signal, sys
 from multiprocessing import forkserver
 from pathlib import Path
 import sqlalchemy
-from arena.entrant import enter
+from nathlon.arena.entrant import enter
 from nathlon.nightly import nightly
 from nathlon.config import read_config
 
@@ -339,7 +339,7 @@ def test_two_at_once_share_a_night(tmp_path: Path, folder: Path, nights: list[Ni
 TELLING = """
 import os, signal, sys
 from nathlon.commands import nightly as command
-from arena.store import Store
+from nathlon.arena.store import Store
 
 def dies(*_):
     os.kill(os.getpid(), signal.SIGKILL)

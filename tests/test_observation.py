@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim.errors import InputError
-from sim.observation import OPPONENT, VERSION, ObservationSpec
-from sim.track import Track
-from sim.world import Conditions, World
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import OPPONENT, VERSION, ObservationSpec
+from nathlon.sim.track import Track
+from nathlon.sim.world import Conditions, World
 from tests.driving import GT3, drive, road, stadium, world_with
 
 specs = st.builds(

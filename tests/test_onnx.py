@@ -14,16 +14,16 @@ from onnx import TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 from typer.testing import CliRunner
 
-from arena.entrant import enter
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.runner import run_match
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.runner import run_match
 from nathlon.cli import app
-from policies.checkpoint import load_checkpoint
-from policies.load import load_policy
-from policies.onnx import OnnxPolicy, export_onnx
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.load import load_policy
+from nathlon.policies.onnx import OnnxPolicy, export_onnx
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
 
 SIZE = ObservationSpec(course_points=2).size

@@ -10,8 +10,8 @@ import onnxruntime
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from policies.foreign import ForeignCard
-from policies.onnx import OnnxPolicy
+from nathlon.policies.foreign import ForeignCard
+from nathlon.policies.onnx import OnnxPolicy
 from tests.refusals import refusal
 from tests.test_onnx import NOISE, PRODUCT, SIZE, TANH, WEIGHT, graph, plain, props
 

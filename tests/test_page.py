@@ -9,8 +9,8 @@ import polars as pl
 import pytest
 from playwright.sync_api import Browser, expect
 
-from reports.page import render, write_page
-from reports.selection import Selection
+from nathlon.reports.page import render, write_page
+from nathlon.reports.selection import Selection
 from tests.opened_page import Opened, full_night, views
 from tests.selections import PERSON, TESTS, build, card, ranked, with_tables
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from reports.selection import Selection
+from nathlon.reports.selection import Selection
 from tests.lap_tables import LEAST_S, RADIUS_M, ROWS, SECTIONS
 from tests.opened_page import Opened, full_night, key
 

@@ -9,7 +9,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser
 
-from reports.selection import Selection
+from nathlon.reports.selection import Selection
 from tests.opened_page import Opened, full_night, key, views
 
 SHEET_PX = 1032

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from reports.selection import Selection
-from reports.verdict import verdict
+from nathlon.reports.selection import Selection
+from nathlon.reports.verdict import verdict
 from tests.selections import PERSON, RULE, build, card, decided, ranked, with_tables
 
 CARDS = [card(i, f"e{i}") for i in range(6)]

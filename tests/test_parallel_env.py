@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-import sim
-from sim.episode import STUCK_S
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.race_env import RaceEnv
+from nathlon import sim
+from nathlon.sim.episode import STUCK_S
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.race_env import RaceEnv
 
 SPEC = ObservationSpec(course_points=8)
 

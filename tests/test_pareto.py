@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from polars.testing import assert_frame_equal
 
-from arena.results import OBJECTIVES, PARETO, RESULTS
+from nathlon.arena.results import OBJECTIVES, PARETO, RESULTS
 from nathlon.objective import CONTACTS, Measured, Objective, measure, objectives_table, own_runs
 from nathlon.pareto import (
     SPREADS,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from arena.passes import Pass, passes
-from arena.race_log import RaceLog
+from nathlon.arena.passes import Pass, passes
+from nathlon.arena.race_log import RaceLog
 from nathlon.clips import Clip, clips
 from tests.race_logs import LAP_M, STRAIGHT_M, oval_point, oval_race
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 
-from sim.car import Car
-from sim.physics.course import stand_on
-from sim.state import CAR_STATE
-from sim.world import Conditions
+from nathlon.sim.car import Car
+from nathlon.sim.physics.course import stand_on
+from nathlon.sim.state import CAR_STATE
+from nathlon.sim.world import Conditions
 from tests.closed_forms import (
     CARS,
     FREE,

@@ -11,10 +11,10 @@ import openpyxl
 import polars as pl
 import pytest
 
-from arena.entrant import Entrant, enter, only_once
-from arena.pool import Pool, run_matches
-from arena.recording import read_recording
-from arena.store import Store
+from nathlon.arena.entrant import Entrant, enter, only_once
+from nathlon.arena.pool import Pool, run_matches
+from nathlon.arena.recording import read_recording
+from nathlon.arena.store import Store
 from nathlon.committee_rules import CommitteeSettings
 from nathlon.config import Config
 from nathlon.decider import deciding_race
@@ -23,9 +23,9 @@ from nathlon.filter import FilterSettings, Plan
 from nathlon.n_athlon import BatterySettings, skill_matches
 from nathlon.output import OutputFolder
 from nathlon.race_off import TournamentSettings, tournament_matches
+from nathlon.reports.summary import read_summary
+from nathlon.sim.errors import InputError
 from nathlon.skill import load_skills
-from reports.summary import read_summary
-from sim.errors import InputError
 from tests.checkpoints import BUNDLED, save_faulty
 
 CHOSEN = ("lindenring-aggressive-004k", "lindenring-s1-008k", "lindenring-wake-028k")

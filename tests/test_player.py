@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
-from arena.race_log import RaceLog, progress
-from reports.player import render_player, write_player
+from nathlon.arena.race_log import RaceLog, progress
+from nathlon.reports.player import render_player, write_player
 from tests.opened_page import overhear
 from tests.race_logs import oval_race
 

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from arena.entrance import enter_all
-from arena.entrant import enter
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.pool import Pool
-from arena.runner import run_match
-from policies.load import load_policy
-from sim.errors import InputError
+from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.pool import Pool
+from nathlon.arena.runner import run_match
+from nathlon.policies.load import load_policy
+from nathlon.sim.errors import InputError
 
 CODE = '''
 import numpy as np
-from sim.observation import ObservationSpec
+from nathlon.sim.observation import ObservationSpec
 
 
 class Straight:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from polars.testing import assert_frame_equal
 from scipy.stats import ttest_1samp
 
-from arena.results import MATCHUPS, RANKING, RESULTS
-from arena.statistics import holm, interval, p_values, precision, spread, standard_error, tied_ranks
+from nathlon.arena.results import MATCHUPS, RANKING, RESULTS
+from nathlon.arena.statistics import holm, interval, p_values, precision, spread, standard_error, tied_ranks
+from nathlon.tournament.conduct import Gate, rates
+from nathlon.tournament.evidence import Evidence, appearances
+from nathlon.tournament.points import EQUAL, TEAM_POINTS, better, matchups, pair_correlation, rank
 from tests.race_results import rows, tournament
-from tournament.conduct import Gate, rates
-from tournament.evidence import Evidence, appearances
-from tournament.points import EQUAL, TEAM_POINTS, better, matchups, pair_correlation, rank
 
 PACE = {"a": 0.0, "b": 0.5, "c": 1.0, "d": 1.5}
 

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.checkpoint import load_checkpoint, read_card, save_checkpoint
-from policies.load import load_file
-from policies.onnx import export_onnx
-from policies.policy_file import MOST_BYTES, content_id, read_policy_file
-from sim.errors import InputError
+from nathlon.policies.checkpoint import load_checkpoint, read_card, save_checkpoint
+from nathlon.policies.load import load_file
+from nathlon.policies.onnx import export_onnx
+from nathlon.policies.policy_file import MOST_BYTES, content_id, read_policy_file
+from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED
 from tests.refusals import refusal
 
@@ -120,9 +120,9 @@ HUNGRY = """
 import resource, sys
 from pathlib import Path
 import onnxruntime, torch
-import policies.sb3
-from policies.load import load_file
-from sim.errors import InputError
+import nathlon.policies.sb3
+from nathlon.policies.load import load_file
+from nathlon.sim.errors import InputError
 (held,) = (int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmData"))
 resource.setrlimit(resource.RLIMIT_DATA, ((held << 10) + (200 << 20),) * 2)
 for path in sys.argv[1:]:

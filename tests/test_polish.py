@@ -12,17 +12,17 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from nathlon.curves import find_curves
-from policies.bundled import BUNDLED
-from policies.checkpoint import load_checkpoint, read_card
-from policies.training import polish, trial
-from policies.training.advantage import advantages
-from policies.training.config import TrainingConfig
-from policies.training.evaluation import evaluate_laps
-from policies.training.lapses import Lapse, Lapses
-from policies.training.polish import Polish
-from policies.training.rewards import Reward
-from policies.training.trial import Driven, Trial, lasting
-from sim.errors import InputError
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import load_checkpoint, read_card
+from nathlon.policies.training import polish, trial
+from nathlon.policies.training.advantage import advantages
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.lapses import Lapse, Lapses
+from nathlon.policies.training.polish import Polish
+from nathlon.policies.training.rewards import Reward
+from nathlon.policies.training.trial import Driven, Trial, lasting
+from nathlon.sim.errors import InputError
 from tests.command_line import nathlon, refused
 from tests.refusals import refusal
 

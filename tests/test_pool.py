@@ -16,16 +16,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from arena.entrant import enter
-from arena.grouping import CARS, group
-from arena.job import HOG_BYTES, Loss, Racing, again
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.pool import Pool
-from arena.runner import run_match, run_together
-from arena.watch import NOBODY, Asked, Patience, Taken, Watch
+from nathlon.arena.entrant import enter
+from nathlon.arena.grouping import CARS, group
+from nathlon.arena.job import HOG_BYTES, Loss, Racing, again
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.pool import Pool
+from nathlon.arena.runner import run_match, run_together
+from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
+from nathlon.sim.track import load_track
 from nathlon.trials import against
-from sim.track import load_track
 from tests.checkpoints import BUNDLED
 
 SLOW = "driver:pace=0.85"
@@ -223,9 +223,9 @@ def test_patience_ends_with_whoever_does_not_get_on() -> None:
 
 SCRIPT = """
 import multiprocessing, sys
-from arena.entrant import enter
-from arena.match import Match, Race, Seat
-from arena.pool import run_matches
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import run_matches
 
 if __name__ == "__main__":
     only = enter(sys.argv[1], "lindenring", "gt3")

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from policies import bundled
-from policies.checkpoint import NetworkPolicy, load_checkpoint
-from policies.heat import Heat
-from policies.policy import Batch
-from policies.training.config import Opponent, Rollouts, TrainingConfig
-from policies.training.population import Population
-from policies.training.rollout import Rollout
-from sim.episode import Episodes
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies import bundled
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
+from nathlon.policies.heat import Heat
+from nathlon.policies.policy import Batch
+from nathlon.policies.training.config import Opponent, Rollouts, TrainingConfig
+from nathlon.policies.training.population import Population
+from nathlon.policies.training.rollout import Rollout
+from nathlon.sim.episode import Episodes
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 
 BUNDLED = sorted((bundled.BUNDLED / "lindenring").glob("*.safetensors"))[:3]
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from sim.car import Car
-from sim.physics.powertrain import engine_torque
+from nathlon.sim.car import Car
+from nathlon.sim.physics.powertrain import engine_torque
 from tests.closed_forms import CARS, FRONT_DRIVEN, P, air_drag, axle_loads, changed, each_car, pull, rolling
 from tests.driving import GT3, drive, stadium, world_with
 

@@ -15,12 +15,12 @@ from pydantic import ValidationError
 from safetensors.torch import load, save
 from torch import Tensor
 
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.learner import QRSAC
-from policies.qrsac.networks import Perceptron
-from policies.qrsac.update import Update
-from policies.replay import Batch
-from sim.errors import InputError
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.learner import QRSAC
+from nathlon.policies.qrsac.networks import Perceptron
+from nathlon.policies.qrsac.update import Update
+from nathlon.policies.replay import Batch
+from nathlon.sim.errors import InputError
 from tests.qrsac import ACTION, OBSERVATION, batches, config, learner
 
 

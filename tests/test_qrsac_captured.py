@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from policies.qrsac.learner import QRSAC
+from nathlon.policies.qrsac.learner import QRSAC
 from tests.qrsac import ACTION, OBSERVATION, batches, config
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")

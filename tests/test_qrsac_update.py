@@ -11,9 +11,9 @@ from torch import Tensor, nn
 from torch.distributions import Normal, TransformedDistribution
 from torch.distributions.transforms import TanhTransform
 
-from policies.qrsac.dropout import dropout_factors
-from policies.qrsac.networks import squashed_normal
-from policies.qrsac.update import State, Update, annealed, quantile_huber_loss
+from nathlon.policies.qrsac.dropout import dropout_factors
+from nathlon.policies.qrsac.networks import squashed_normal
+from nathlon.policies.qrsac.update import State, Update, annealed, quantile_huber_loss
 from tests.qrsac import ACTION, OBSERVATION, ROWS, batches, config, learner, noise_of, state_of
 
 CPU = torch.device("cpu")

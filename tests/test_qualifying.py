@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from arena.entrant import enter
-from arena.pool import Pool
-from arena.qualifying import qualify
+from nathlon.arena.entrant import enter
+from nathlon.arena.pool import Pool
+from nathlon.arena.qualifying import qualify
 
 
 def test_the_faster_start_in_front_and_those_without_a_lap_behind(pool: Pool) -> None:

@@ -11,14 +11,14 @@ import pytest
 from polars.testing import assert_frame_equal
 from pydantic import ValidationError
 
-from arena.entrant import Entrant, enter
-from arena.pool import Pool
-from arena.results import MATCHUPS, RANKING, RATINGS, RESULTS, TOURNAMENT_NOTES
-from arena.store import Store
+from nathlon.arena.entrant import Entrant, enter
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import MATCHUPS, RANKING, RATINGS, RESULTS, TOURNAMENT_NOTES
+from nathlon.arena.store import Store
 from nathlon.race_off import TournamentSettings, leaders, plan, run_round_robin, tournament_matches
 from nathlon.run import Run
-from tournament.event import Event, EventRace
-from tournament.stopping import Stopping, settled
+from nathlon.tournament.event import Event, EventRace
+from nathlon.tournament.stopping import Stopping, settled
 
 SPRINT = """
 [[race]]

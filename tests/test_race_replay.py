@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from arena.foxglove_scene import TEAM_COLOURS
-from arena.race_log import RaceLog
-from arena.recording import read_recording, write_recording
-from reports._countryside import countryside
-from reports._motion import gaps
-from reports.car_model import car_model
-from reports.replay import (
+from nathlon.arena.foxglove_scene import TEAM_COLOURS
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recording import read_recording, write_recording
+from nathlon.reports._countryside import countryside
+from nathlon.reports._motion import gaps
+from nathlon.reports.car_model import car_model
+from nathlon.reports.replay import (
     DRAUGHT_M,
     FRAMES_PER_TICK,
     MARK_COLOURS,
@@ -28,7 +28,7 @@ from reports.replay import (
     winner,
     write_replay,
 )
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 from tests.race_logs import LAP_M, oval_outline, oval_race, road_axes, turned
 
 RERUN = Path(sys.executable).with_name("rerun")

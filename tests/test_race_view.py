@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from arena.passes import passes
-from arena.race_log import Incident
-from reports.selection import Selection
+from nathlon.arena.passes import passes
+from nathlon.arena.race_log import Incident
+from nathlon.reports.selection import Selection
 from tests.opened_page import Opened, full_night
 from tests.race_logs import LAP_M
 

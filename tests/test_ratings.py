@@ -8,9 +8,9 @@ import pytest
 from polars.testing import assert_frame_equal
 from scipy.optimize import minimize
 
-from arena.results import RATINGS, RESULTS, TOURNAMENT_NOTES
+from nathlon.arena.results import RATINGS, RESULTS, TOURNAMENT_NOTES
+from nathlon.tournament.ratings import PRIOR, notes, rate
 from tests.race_results import rows, tournament
-from tournament.ratings import PRIOR, notes, rate
 
 NAMES = {letter: letter.upper() for letter in "abcdefgh"}
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from arena.store import Store
+from nathlon.arena.store import Store
 from tests.stored import match_of
 from tests.unprivileged import ordinary, ordinary_nathlon
 

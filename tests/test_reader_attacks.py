@@ -19,10 +19,10 @@ import onnx
 import pytest
 from stable_baselines3 import SAC
 
-from policies.checkpoint import load_checkpoint
-from policies.load import load_file
-from policies.onnx import export_onnx
-from sim.errors import InputError
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.load import load_file
+from nathlon.policies.onnx import export_onnx
+from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED
 from tests.test_sb3 import save, zipped
 from tests.test_state_dict import weights_of, with_weights

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arena.match import Match, Race, Seat
-from arena.race_log import RESOLUTION, RaceLog
-from arena.recorder import outline, record_races
-from arena.runner import run_match
-from policies.policy import Batch, Policy
-from sim.observation import ObservationSpec
-from sim.track import KERB_LEFT, KERB_RIGHT, load_track
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.race_log import RESOLUTION, RaceLog
+from nathlon.arena.recorder import outline, record_races
+from nathlon.arena.runner import run_match
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.track import KERB_LEFT, KERB_RIGHT, load_track
 from tests.race_logs import turned
 
 NAMES = ["slow", "quick"]

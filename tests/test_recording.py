@@ -21,10 +21,10 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from mcap_protobuf.schema import register_schema
 
-from arena import _car_state_pb2 as pb
-from arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
-from arena.recording import OUTLINE_LINES, read_recording, recover_recording, write_recording
-from sim.errors import InputError
+from nathlon.arena import _car_state_pb2 as pb
+from nathlon.arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
+from nathlon.arena.recording import OUTLINE_LINES, read_recording, recover_recording, write_recording
+from nathlon.sim.errors import InputError
 from tests.race_logs import oval_race, road_axes, turned
 
 RERUN = Path(sys.executable).with_name("rerun")

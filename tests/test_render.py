@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import nathlon  # noqa: F401  # makes the environments known
-import sim
-from sim.errors import InputError
-from sim.observation import ObservationSpec
-from sim.race_env import RaceEnv
+from nathlon import sim
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.race_env import RaceEnv
 from tests.test_gym_env import RACE, SPEC, TIME_TRIAL, Steady
 
 Picture = NDArray[np.uint8]
@@ -41,7 +41,7 @@ def blob(picture: Picture, colour: tuple[int, int, int]) -> NDArray[np.float64]:
 
 
 def test_a_picture_shows_the_cars_where_they_are() -> None:
-    from sim.render_screen import COLOURS, SIZE, WIDTH_M
+    from nathlon.sim.render_screen import COLOURS, SIZE, WIDTH_M
 
     env = race()
     picture = picture_of(env)
@@ -79,7 +79,7 @@ def test_looking_changes_nothing() -> None:
 
 
 def test_single_environments_follow_the_agent_and_colour_by_entrant() -> None:
-    from sim.render_screen import COLOURS
+    from nathlon.sim.render_screen import COLOURS
 
     env = gymnasium.make(
         RACE, scenario="race", opponents=[Steady()], place=5, observation=SPEC, render_mode="rgb_array"
@@ -131,7 +131,7 @@ def test_refuses_an_unknown_mode() -> None:
 
 def test_without_a_mode_nothing_is_shown_nor_loaded() -> None:
     script = (
-        "import sys, sim; env = sim.parallel_env(scenario='time_trial'); env.reset(seed=0);"
+        "import sys, nathlon.sim as sim; env = sim.parallel_env(scenario='time_trial'); env.reset(seed=0);"
         "print(env.render(), 'pygame' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from policies.replay import Batch, NStepReplay, table_bytes
-from sim.errors import InputError
+from nathlon.policies.replay import Batch, NStepReplay, table_bytes
+from nathlon.sim.errors import InputError
 
 GAMMA = 0.9
 Row = tuple[float, float, float, float, float]

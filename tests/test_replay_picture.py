@@ -19,11 +19,11 @@ import pytest
 from numpy.typing import NDArray
 from rerun.experimental import ViewerClient
 
-from arena.circuit_mesh import KERB, ROAD
-from arena.foxglove_scene import TEAM_COLOURS
-from reports._blueprint import SKY, TIMELINE
-from reports._circuit import ZONE_COLOUR
-from reports.replay import DRAUGHT_COLOUR, MARK_COLOURS, write_replay
+from nathlon.arena.circuit_mesh import KERB, ROAD
+from nathlon.arena.foxglove_scene import TEAM_COLOURS
+from nathlon.reports._blueprint import SKY, TIMELINE
+from nathlon.reports._circuit import ZONE_COLOUR
+from nathlon.reports.replay import DRAUGHT_COLOUR, MARK_COLOURS, write_replay
 from tests.race_logs import oval_race
 
 RERUN = Path(sys.executable).with_name("rerun")

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from policies.replay import NStepReplay
-from policies.replay_tables import ReplayTables, apportion, available_memory
-from sim.errors import InputError
+from nathlon.policies.replay import NStepReplay
+from nathlon.policies.replay_tables import ReplayTables, apportion, available_memory
+from nathlon.sim.errors import InputError
 
 
 def add_random(replay: NStepReplay, rng: np.random.Generator) -> None:

@@ -10,20 +10,20 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.entrant import enter, entrants_table
-from arena.match import Match, Race, Seat
-from arena.match_policies import match_policies
-from arena.pool import Pool
-from arena.recording import read_recording, recording_name, write_recording
-from arena.results import RANKING, RESULTS
-from arena.runner import run_match
-from arena.store import Store
+from nathlon.arena.entrant import enter, entrants_table
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.pool import Pool
+from nathlon.arena.recording import read_recording, recording_name, write_recording
+from nathlon.arena.results import RANKING, RESULTS
+from nathlon.arena.runner import run_match
+from nathlon.arena.store import Store
 from nathlon.commands.replay import car_index, recover, replay
 from nathlon.decider import Notable, deciding_race, notable_races
 from nathlon.output import OutputFolder
 from nathlon.recordings import record_tournament
 from nathlon.replays import record_replays, record_stored_race
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 from tests.race_logs import oval_race
 
 SCENARIO = """

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from policies.training import rewards
-from policies.training.rewards import Reward, RewardWeights
-from sim.episode import Episodes
-from sim.errors import InputError
-from sim.scenario import load_scenario
-from sim.state import CAR_STATE, CONTACT, OTHER, REAR_END, SIDE_SWIPE
-from sim.track import load_track
+from nathlon.policies.training import rewards
+from nathlon.policies.training.rewards import Reward, RewardWeights
+from nathlon.sim.episode import Episodes
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.state import CAR_STATE, CONTACT, OTHER, REAR_END, SIDE_SWIPE
+from nathlon.sim.track import load_track
 from tests.driving import stadium, world_with
 
 DT = 0.1

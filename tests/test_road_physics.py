@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.kernel import kernel
-from sim.physics.chassis import Rates, advance
-from sim.physics.course import facing, feel_road, locate, stand_on
-from sim.world import DYNAMICS_DT
+from nathlon.sim.kernel import kernel
+from nathlon.sim.physics.chassis import Rates, advance
+from nathlon.sim.physics.course import facing, feel_road, locate, stand_on
+from nathlon.sim.world import DYNAMICS_DT
 from tests.closed_forms import CARS, FREE, G, changed, downforce, energy, follow, hills
 from tests.driving import GT3, STRAIGHT_M, circle, drive, road, stadium, world_with
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from policies.envelope import envelope
-from policies.racing_line import minimum_time
-from policies.room import HALF_LENGTH_M, HALF_WIDTH_M, WALL_CLEAR_M, lacking, less, room
+from nathlon.policies.envelope import envelope
+from nathlon.policies.racing_line import minimum_time
+from nathlon.policies.room import HALF_LENGTH_M, HALF_WIDTH_M, WALL_CLEAR_M, lacking, less, room
 from tests.driving import GT3, STRAIGHT_M, circle, road, stadium
 
 RADIUS, WALL = 60.0, 8.0

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from sim.data_file import DATA
-from sim.errors import InputError
-from sim.rules import load_rules, rule_parameters
+from nathlon.sim.data_file import DATA
+from nathlon.sim.errors import InputError
+from nathlon.sim.rules import load_rules, rule_parameters
 from tests.refusals import refusal
 
 SPORTING = (DATA / "rules" / "sporting.toml").read_text("utf-8")

@@ -8,12 +8,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.match import Match, Race, Seat
-from arena.results import RESULTS
-from arena.runner import run_match
-from policies.driver import Driver
-from policies.policy import Batch, Policy
-from sim.observation import ObservationSpec
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.results import RESULTS
+from nathlon.arena.runner import run_match
+from nathlon.policies.driver import Driver
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.observation import ObservationSpec
 
 DRIVER = "driver"
 SLOW = "driver:pace=0.85"

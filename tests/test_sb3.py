@@ -22,16 +22,16 @@ from hypothesis import strategies as st
 from sb3_contrib import TQC
 from stable_baselines3 import A2C, PPO, SAC, TD3
 
-from arena.entrance import enter_all, trained_on
-from arena.entrant import find_checkpoints
-from arena.pool import Pool
 from examples.sb3_sac_tqc import CHECKPOINTS, LEARNERS, main
+from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrant import find_checkpoints
+from nathlon.arena.pool import Pool
 from nathlon.commands.racing import race
-from policies.load import load_policy
-from policies.sb3 import Sb3Policy
-from sim.episode import action_space, observation_space
-from sim.errors import InputError
-from sim.observation import ObservationSpec
+from nathlon.policies.load import load_policy
+from nathlon.policies.sb3 import Sb3Policy
+from nathlon.sim.episode import action_space, observation_space
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.refusals import refusal
 
 SPEC = ObservationSpec(course_points=2)

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim.car import load_car
-from sim.data_file import DATA
-from sim.errors import InputError
-from sim.scenario import SAFE_LATERAL, Scenario, load_scenario
-from sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
-from sim.world import Start
+from nathlon.sim.car import load_car
+from nathlon.sim.data_file import DATA
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import SAFE_LATERAL, Scenario, load_scenario
+from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
+from nathlon.sim.world import Start
 from tests.refusals import refusal
 
 TRACKS = {name: load_track(name) for name in ("grandes-landes", "lindenring", "porto-sereno")}

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tournament.formats import FORMATS
-from tournament.schedule import round_robin
+from nathlon.tournament.formats import FORMATS
+from nathlon.tournament.schedule import round_robin
 
 TEAMS = FORMATS["4v4"]
 

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.kernel import lean_kernel
-from sim.sharing import LINE, Tally, Threads, finish, take
+from nathlon.sim.kernel import lean_kernel
+from nathlon.sim.sharing import LINE, Tally, Threads, finish, take
 
 
 @lean_kernel

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from arena.results import RESULTS
+from nathlon.arena.results import RESULTS
 from nathlon.measures import MEASURES
 from nathlon.n_athlon import DECATHLON
+from nathlon.sim.errors import InputError
 from nathlon.skill import SKILLS_FOLDER, Gains, Marks, Skill, load_skills, read_skill
-from sim.errors import InputError
 from tests.race_results import DEFAULTS
 from tests.refusals import refusal
 

@@ -10,10 +10,10 @@ import openpyxl
 import polars as pl
 import pytest
 
-import reports.spreadsheet
-from reports.selection import Selection
-from reports.spreadsheet import write_spreadsheet
-from reports.tables import write_tables
+import nathlon.reports.spreadsheet
+from nathlon.reports.selection import Selection
+from nathlon.reports.spreadsheet import write_spreadsheet
+from nathlon.reports.tables import write_tables
 from tests.selections import TESTS, build, with_tables
 
 SOFFICE = shutil.which("soffice")
@@ -172,7 +172,7 @@ def test_small_selections(tmp_path: Path, entrants: int) -> None:
 def test_rows_above_the_limit_are_counted(
     selection: Selection, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reports.spreadsheet, "ROW_LIMIT", 6)
+    monkeypatch.setattr(nathlon.reports.spreadsheet, "ROW_LIMIT", 6)
     early = selection.results.with_columns(stage=pl.lit("pareto"))
     both = replace(selection, results=pl.concat([early, selection.results]))
     path = write_spreadsheet(both, tmp_path / "ranking.xlsx")

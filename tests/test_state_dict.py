@@ -13,7 +13,7 @@ import pytest
 import torch
 from stable_baselines3 import SAC
 
-from policies.sb3 import Sb3Policy
+from nathlon.policies.sb3 import Sb3Policy
 from tests.refusals import refusal
 from tests.test_sb3 import SPEC, pack, rewrite, save, zipped
 

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ndtri
 
-from tests.race_results import rows, tournament
-from tournament.stopping import (
+from nathlon.tournament.stopping import (
     DIFFERENT,
     FEWEST,
     OPEN,
@@ -22,6 +21,7 @@ from tournament.stopping import (
     settled,
     wald_bounds,
 )
+from tests.race_results import rows, tournament
 
 STOPPING = Stopping(effect=0.5, drop=3.3)
 NELO = 800 / log(10)  # normalized Elo in a t of games; a pair has sqrt(2) times the t

@@ -15,9 +15,9 @@ import pytest
 import sqlalchemy as sa
 from polars.testing import assert_frame_equal
 
-from arena.results import RESULTS, TABLES
-from arena.store import Store, schema
-from sim.errors import InputError
+from nathlon.arena.results import RESULTS, TABLES
+from nathlon.arena.store import Store, schema
+from nathlon.sim.errors import InputError
 from tests.stored import filled, match_of
 
 pytest_plugins = ["tests.databases"]

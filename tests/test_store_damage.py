@@ -14,9 +14,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from arena.results import TABLES
-from arena.store import Store
-from sim.errors import InputError
+from nathlon.arena.results import TABLES
+from nathlon.arena.store import Store
+from nathlon.sim.errors import InputError
 from tests.stored import filled, match_of
 
 
@@ -122,8 +122,8 @@ def test_a_crash_at_any_byte_of_the_latest_writes_leaves_whole_matches(tmp_path:
 
 FILLING = """
 import resource, sys
-from arena.store import Store
-from sim.errors import InputError
+from nathlon.arena.store import Store
+from nathlon.sim.errors import InputError
 from tests.stored import match_of
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
@@ -156,8 +156,8 @@ def test_a_full_disk_stops_with_a_sentence_and_keeps_what_was_stored(limit: int,
 READ_ONLY = """
 import os, sys
 import alembic.command, alembic.config
-from arena.store import Store
-from sim.errors import InputError
+from nathlon.arena.store import Store
+from nathlon.sim.errors import InputError
 from tests.stored import match_of
 
 if os.geteuid() == 0:

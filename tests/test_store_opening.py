@@ -17,9 +17,9 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from polars.testing import assert_frame_equal
 
-from arena.results import TABLES
-from arena.store import Store, database, opening, schema
-from sim.errors import InputError
+from nathlon.arena.results import TABLES
+from nathlon.arena.store import Store, database, opening, schema
+from nathlon.sim.errors import InputError
 from tests.stored import filled, match_of
 
 pytest_plugins = ["tests.databases"]
@@ -96,7 +96,8 @@ def test_a_migration_that_fails_changes_nothing(first: Path) -> None:
 
 def test_processes_that_migrate_at_once_do_it_once(first: Path) -> None:
     code = (
-        f"from arena.store import Store; s = Store({str(first)!r}); print(s.runs()[0].began_at, s.verify())"
+        f"from nathlon.arena.store import Store; s = Store({str(first)!r}); "
+        "print(s.runs()[0].began_at, s.verify())"
     )
     command = [sys.executable, "-c", code]
     processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
@@ -119,7 +120,7 @@ def test_migrations_lead_to_the_tables_that_the_store_uses(target: str, first: P
 
 
 def test_the_versions_are_those_of_the_migrations() -> None:
-    script = ScriptDirectory.from_config(Config(config_args={"script_location": "arena:migrations"}))
+    script = ScriptDirectory.from_config(Config(config_args={"script_location": "nathlon.arena:migrations"}))
     assert [revision.revision for revision in script.walk_revisions()][::-1] == list(opening.VERSIONS)
 
 

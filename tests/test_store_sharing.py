@@ -14,14 +14,14 @@ from pathlib import Path
 import polars as pl
 import sqlalchemy as sa
 
-from arena.store import Store
+from nathlon.arena.store import Store
 from tests.stored import filled, match_of
 
 pytest_plugins = ["tests.databases"]
 
 WORKER = """
 import random, sys, time
-from arena.store import Store
+from nathlon.arena.store import Store
 from tests.stored import match_of
 
 target, name, count = sys.argv[1], sys.argv[2], int(sys.argv[3])

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.summary import VERSION, Summary, read_summary, write_summary
-from sim.errors import InputError
+from nathlon.reports.summary import VERSION, Summary, read_summary, write_summary
+from nathlon.sim.errors import InputError
 from tests.selections import build
 
 SCHEMA = Path(__file__).parent.parent / "docs" / "schema" / "summary.json"

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim.data_file import DATA
-from sim.errors import InputError
-from sim.track import (
+from nathlon.sim.data_file import DATA
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import (
     BANK,
     CREST,
     CURVATURE,
@@ -40,7 +40,7 @@ from sim.track import (
     load_track,
     read_track,
 )
-from sim.track_map import draw_map
+from nathlon.sim.track_map import draw_map
 from tests.driving import circle, drive, road, world_with
 
 CIRCUITS = DATA / "circuits"

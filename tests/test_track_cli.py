@@ -9,8 +9,8 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from nathlon.cli import app
-from sim.errors import InputError
-from sim.track import read_track
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import read_track
 from tests.centre_lines import path_of, stadium, write_line
 
 

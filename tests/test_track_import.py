@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from sim.data_file import read_toml
-from sim.errors import InputError
-from sim.track import (
+from nathlon.sim.data_file import read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import (
     CURVATURE,
     KERB_LEFT,
     KERB_RIGHT,
@@ -31,7 +31,7 @@ from sim.track import (
     Y,
     read_track,
 )
-from sim.track_import import import_circuit
+from nathlon.sim.track_import import import_circuit
 from tests.centre_lines import path_of, stadium, write_line
 
 GRAVEL = SURFACES.index("gravel")

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 import torch
 
-from policies.checkpoint import load_checkpoint
-from policies.qrsac.networks import Perceptron
-from policies.training import rewards
-from policies.training.config import Rollouts, TrainingConfig, read_config
-from policies.training.crew import ProcessCrew
-from policies.training.log import CURVE_FILE, Status
-from policies.training.rollout import Rollout
-from policies.training.state import RunState, load_state, save_state
-from policies.training.trainer import Trainer
-from policies.training.worker import News
-from sim.errors import InputError
-from sim.state import CAR_STATE
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.qrsac.networks import Perceptron
+from nathlon.policies.training import rewards
+from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
+from nathlon.policies.training.crew import ProcessCrew
+from nathlon.policies.training.log import CURVE_FILE, Status
+from nathlon.policies.training.rollout import Rollout
+from nathlon.policies.training.state import RunState, load_state, save_state
+from nathlon.policies.training.trainer import Trainer
+from nathlon.policies.training.worker import News
+from nathlon.sim.errors import InputError
+from nathlon.sim.state import CAR_STATE
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
 

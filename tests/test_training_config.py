@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.training.config import CONFIGS, TrainingConfig, read_config
-from policies.training.population import Population
-from policies.training.rewards import Reward
-from policies.training.rollout import Rollout
-from sim.errors import InputError
-from sim.scenario import load_scenario
-from sim.track import load_track
+from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
+from nathlon.policies.training.population import Population
+from nathlon.policies.training.rewards import Reward
+from nathlon.policies.training.rollout import Rollout
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
 
 SHIPPED = sorted(CONFIGS.glob("*.toml"))
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.car import Car, compound_ratio
-from sim.physics.powertrain import engine_torque
-from sim.physics.tyre import tyre_force, worn_grip
-from sim.world import DYNAMICS_DT, Conditions
+from nathlon.sim.car import Car, compound_ratio
+from nathlon.sim.physics.powertrain import engine_torque
+from nathlon.sim.physics.tyre import tyre_force, worn_grip
+from nathlon.sim.world import DYNAMICS_DT, Conditions
 from tests.closed_forms import (
     FREE,
     G,

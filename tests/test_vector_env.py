@@ -12,9 +12,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import nathlon  # noqa: F401  # makes the environments known
-from policies.policy import Batch
-from policies.race_vector_env import RaceVectorEnv
-from sim.observation import ObservationSpec
+from nathlon.policies.policy import Batch
+from nathlon.policies.race_vector_env import RaceVectorEnv
+from nathlon.sim.observation import ObservationSpec
 from tests.test_gym_env import RACE, SPEC, TIME_TRIAL, Steady, scenario_file
 
 SHORT = 12

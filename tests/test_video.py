@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from arena.foxglove_scene import TEAM_COLOURS
-from arena.race_log import RaceLog
-from reports._video_panels import MAP, MARGIN, brief
-from reports.video import ALARM, RATE, SIZE, pictures, write_video
-from sim.errors import InputError
+from nathlon.arena.foxglove_scene import TEAM_COLOURS
+from nathlon.arena.race_log import RaceLog
+from nathlon.reports._video_panels import MAP, MARGIN, brief
+from nathlon.reports.video import ALARM, RATE, SIZE, pictures, write_video
+from nathlon.sim.errors import InputError
 from tests.race_logs import oval_race
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import sync_playwright
 
-from reports.replay import write_replay
-from reports.web_viewer import LOOPBACK, WebViewer
-from sim.errors import InputError
+from nathlon.reports.replay import write_replay
+from nathlon.reports.web_viewer import LOOPBACK, WebViewer
+from nathlon.sim.errors import InputError
 from tests.race_logs import oval_race
 
 SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file
 
 OTHER = """
 import sys
 from pathlib import Path
-from sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file
 
 with whole_file(Path(sys.argv[1])) as partial:
     partial.write_text("theirs")
@@ -79,7 +79,7 @@ def test_another_process_at_the_same_file_disturbs_neither(path: Path, ends: str
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file
 
 with whole_file(Path(sys.argv[1])) as partial:
     partial.write_text("half")

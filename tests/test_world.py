@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from sim.observation import ObservationSpec
-from sim.physics.course import course_parameters, facing, stand_on
-from sim.reaction import Perception, Reaction
-from sim.rules import Serving, load_rules
-from sim.state import CAR_STATE, CONTACT
-from sim.track import Track
-from sim.world import Conditions, World
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.physics.course import course_parameters, facing, stand_on
+from nathlon.sim.reaction import Perception, Reaction
+from nathlon.sim.rules import Serving, load_rules
+from nathlon.sim.state import CAR_STATE, CONTACT
+from nathlon.sim.track import Track
+from nathlon.sim.world import Conditions, World
 from tests.driving import GT3, drive, road, stadium, start_at, world_with
 
 CARS = 4

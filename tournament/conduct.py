@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from scipy.special import gammaincinv
 
-from arena.statistics import interval, spread
+from nathlon.arena.statistics import interval, spread
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def rates(
     shorter than Poisson counting alone allows: no contact in a few km is no proof of none.
 
     Args:
-        seen: `tournament.evidence.appearances`.
+        seen: `nathlon.tournament.evidence.appearances`.
         count: its column of events: `contacts` or `at_fault`.
         rng: of the bootstrap.
         resamples: of the bootstrap.

@@ -7,12 +7,12 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from sim.car import load_car
-from sim.data_file import Name, Section, read_toml
-from sim.errors import InputError
-from sim.scenario import load_scenario
-from sim.track import load_track
-from tournament.formats import FORMATS, Format, FormatName
+from nathlon.sim.car import load_car
+from nathlon.sim.data_file import Name, Section, read_toml
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.tournament.formats import FORMATS, Format, FormatName
 
 
 class EventRace(Section):

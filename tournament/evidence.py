@@ -14,8 +14,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from arena.results import VOID_ENDINGS
-from arena.statistics import Floats, Sizes, interval, p_values, precision, spread, standard_error
+from nathlon.arena.results import VOID_ENDINGS
+from nathlon.arena.statistics import Floats, Sizes, interval, p_values, precision, spread, standard_error
 
 MATCHUP = ("entrant", "opponent")
 UNIT = ("test", "match", "unit")

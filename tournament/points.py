@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from arena.results import MATCHUPS, POLICY_FAULTS, RANKING
-from arena.statistics import Floats, holm
-from tournament.conduct import Gate, rates
-from tournament.evidence import MATCHUP, ORDER, UNIT, Evidence, appearances, differences
+from nathlon.arena.results import MATCHUPS, POLICY_FAULTS, RANKING
+from nathlon.arena.statistics import Floats, holm
+from nathlon.tournament.conduct import Gate, rates
+from nathlon.tournament.evidence import MATCHUP, ORDER, UNIT, Evidence, appearances, differences
 
 TEAM_POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
 """Points of places 1 to 8; further places score nothing."""
@@ -32,8 +32,8 @@ def rank(
     """Turn the RESULTS of a tournament into RANKING, best first.
 
     The points are scores fitted to the units' differences of points a race, see
-    `tournament.evidence.Evidence.solution`; their mean is the mean points of a side. An entrant without a
-    unit has neither points nor rank. Faults are counted in void units too.
+    `nathlon.tournament.evidence.Evidence.solution`; their mean is the mean points of a side. An entrant
+    without a unit has neither points nor rank. Faults are counted in void units too.
 
     Intervals resample units; with few of them a plain percentile bootstrap would be far too short. They
     are of each entrant alone. Ranks compare every two entrants, corrected for their number: see `better`.

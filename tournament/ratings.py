@@ -16,10 +16,10 @@ import polars as pl
 from scipy.optimize import minimize
 from scipy.special import fdtrc, logsumexp
 
-from arena.results import RATINGS, TOURNAMENT_NOTES
-from arena.statistics import Floats, holm
-from tournament.evidence import UNIT, Evidence
-from tournament.points import EQUAL, better
+from nathlon.arena.results import RATINGS, TOURNAMENT_NOTES
+from nathlon.arena.statistics import Floats, holm
+from nathlon.tournament.evidence import UNIT, Evidence
+from nathlon.tournament.points import EQUAL, better
 
 PRIOR = 0.5
 """Drawn units that every two entrants are given who met: nobody is infinitely better who won them all."""
@@ -31,8 +31,8 @@ REGULAR = 0.01
 def rate(results: pl.DataFrame, weights: Mapping[str, float] = EQUAL) -> pl.DataFrame:
     """Turn the RESULTS of a tournament into RATINGS, by Bradley and Terry's strength, best first.
 
-    A unit's likelihood counts as often as its test: `weights`, as for `tournament.points.rank`, made 1 on
-    average over the units.
+    A unit's likelihood counts as often as its test: `weights`, as for `nathlon.tournament.points.rank`, made
+    1 on average over the units.
     """
     evidence = Evidence(results, weights)
     if evidence.seen.is_empty():
@@ -117,7 +117,7 @@ def notes(
         results: RESULTS.
         names: of the entrants, for the sentences.
         confidence: with which anything is said.
-        weights: as for `tournament.points.rank`.
+        weights: as for `nathlon.tournament.points.rank`.
     """
     evidence = Evidence(results, weights)
     if evidence.seen.is_empty():

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from tournament.formats import Format
+from nathlon.tournament.formats import Format
 
 
 @dataclass(frozen=True)

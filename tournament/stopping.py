@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
-from arena.statistics import Floats
-from tournament.evidence import Evidence
+from nathlon.arena.statistics import Floats
+from nathlon.tournament.evidence import Evidence
 
 FEWEST = 4
 """Units below which nothing is decided: they show too little of how much units vary."""

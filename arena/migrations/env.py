@@ -1,4 +1,4 @@
-"""Alembic's way in: brings the connection that `arena.store.opening` hands it up to date."""
+"""Alembic's way in: brings the connection that `nathlon.arena.store.opening` hands it up to date."""
 
 from alembic import context
 

@@ -1,7 +1,7 @@
 """The store: what is kept of selections, in a SQLite file or a PostgreSQL database."""
 
-from arena.store.log import LogEntry
-from arena.store.runs import RunRecord
-from arena.store.store import Store
+from nathlon.arena.store.log import LogEntry
+from nathlon.arena.store.runs import RunRecord
+from nathlon.arena.store.store import Store
 
 __all__ = ["LogEntry", "RunRecord", "Store"]

@@ -7,8 +7,8 @@ from datetime import timedelta
 
 import sqlalchemy as sa
 
-from arena.store import matches, schema
-from arena.store.database import APPLICATION_ID, clock, lock_exclusively, stamp
+from nathlon.arena.store import matches, schema
+from nathlon.arena.store.database import APPLICATION_ID, clock, lock_exclusively, stamp
 
 CLAIMS_LOCK = APPLICATION_ID + 1
 

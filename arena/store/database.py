@@ -15,9 +15,9 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.pool import ConnectionPoolEntry
 
-from sim.errors import InputError
-from sim.extras import need
-from sim.whole_file import whole_file
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
+from nathlon.sim.whole_file import whole_file
 
 APPLICATION_ID = 0x6E41544C  # "nATL", in a file's header: tells a store from any other database
 BUSY_TIMEOUT_S = 30.0  # for a lock that another process holds

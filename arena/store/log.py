@@ -7,8 +7,8 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from arena.store import runs, schema
-from arena.store.database import clock, stamp
+from nathlon.arena.store import runs, schema
+from nathlon.arena.store.database import clock, stamp
 
 
 @dataclass(frozen=True)

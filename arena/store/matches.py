@@ -10,9 +10,9 @@ from typing import Any
 import polars as pl
 import sqlalchemy as sa
 
-from arena.results import RESULTS
-from arena.store import schema
-from arena.store.database import insert_new
+from nathlon.arena.results import RESULTS
+from nathlon.arena.store import schema
+from nathlon.arena.store.database import insert_new
 
 
 def digest(key: str, stage: str, spec: str, columns: Mapping[str, Sequence[Any]]) -> str:

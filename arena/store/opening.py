@@ -11,9 +11,9 @@ import threading
 import sqlalchemy as sa
 from sqlalchemy.schema import CreateColumn
 
-from arena.store import schema
-from arena.store.database import APPLICATION_ID, Database, StoreFault
-from sim.errors import InputError
+from nathlon.arena.store import schema
+from nathlon.arena.store.database import APPLICATION_ID, Database, StoreFault
+from nathlon.sim.errors import InputError
 
 VERSIONS = ("0001", "0002")  # the revisions in arena/migrations
 FIRST, NEWEST = VERSIONS[0], VERSIONS[-1]
@@ -81,7 +81,7 @@ def _migrate(connection: sa.Connection, version: str) -> None:
     from alembic.config import Config
 
     config = Config(attributes={"connection": connection, "version_table": VERSION_TABLE})
-    config.set_main_option("script_location", "arena:migrations")
+    config.set_main_option("script_location", "nathlon.arena:migrations")
     with _one_at_a_time:
         if version == FIRST:
             command.stamp(config, FIRST)

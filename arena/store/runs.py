@@ -9,9 +9,9 @@ from typing import Any
 import polars as pl
 import sqlalchemy as sa
 
-from arena.results import RESULTS, TABLES
-from arena.store import matches, schema
-from arena.store.database import StoreFault, clock, insert_new, stamp
+from nathlon.arena.results import RESULTS, TABLES
+from nathlon.arena.store import matches, schema
+from nathlon.arena.store.database import StoreFault, clock, insert_new, stamp
 
 RUNNING = "running"
 

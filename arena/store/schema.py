@@ -1,7 +1,7 @@
 """The tables of a store, and the way of frames and JSON values into and out of them.
 
 What may change with a migration only (`arena/migrations`) is spelt out; the stage tables follow
-`arena.results.TABLES`, and what an existing store lacks of them is added when it is opened.
+`nathlon.arena.results.TABLES`, and what an existing store lacks of them is added when it is opened.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any
 import polars as pl
 import sqlalchemy as sa
 
-from arena.results import RESULTS, TABLES
-from arena.store.database import StoreFault
+from nathlon.arena.results import RESULTS, TABLES
+from nathlon.arena.store.database import StoreFault
 
 JsonValue = str | int | float | bool | None | list[Any] | dict[str, Any]
 

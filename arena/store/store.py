@@ -9,12 +9,12 @@ from typing import Any
 
 import polars as pl
 
-from arena.results import RESULTS, TABLES
-from arena.store import claims, log, matches, opening, runs, schema
-from arena.store.database import Database
-from arena.store.log import LogEntry
-from arena.store.runs import RunRecord
-from arena.store.schema import JsonValue
+from nathlon.arena.results import RESULTS, TABLES
+from nathlon.arena.store import claims, log, matches, opening, runs, schema
+from nathlon.arena.store.database import Database
+from nathlon.arena.store.log import LogEntry
+from nathlon.arena.store.runs import RunRecord
+from nathlon.arena.store.schema import JsonValue
 
 
 class Store:
@@ -144,7 +144,7 @@ class Store:
             return runs.results(connection, run, stage)
 
     def put_table(self, run: str, name: str, frame: pl.DataFrame) -> None:
-        """Replace a stage table of a run, one of `arena.results.TABLES`."""
+        """Replace a stage table of a run, one of `nathlon.arena.results.TABLES`."""
         schema.check(name, frame, TABLES[name])
         with self._database.writing() as connection:
             runs.put_table(connection, run, name, frame)

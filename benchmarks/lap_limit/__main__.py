@@ -33,8 +33,8 @@ from benchmarks.lap_limit.flying import FlyingLaps, flying_laps
 from benchmarks.lap_limit.plots import plot
 from benchmarks.lap_limit.problem import Lap, fastest_lap
 from benchmarks.result import read_result, write_result
-from sim.car import load_car
-from sim.track import load_track
+from nathlon.sim.car import load_car
+from nathlon.sim.track import load_track
 
 CIRCUITS = ("porto-sereno", "lindenring", "grandes-landes")
 CARS = ("gt3", "coupe", "prototype")

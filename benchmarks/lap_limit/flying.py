@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.driver import Driver
-from sim.car import load_car
-from sim.track import load_track
-from sim.world import AGENT_DT, Start, World
+from nathlon.policies.driver import Driver
+from nathlon.sim.car import load_car
+from nathlon.sim.track import load_track
+from nathlon.sim.world import AGENT_DT, Start, World
 
 LAPS = 3
 """The first from a rolling start, the others flying."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.envelope import envelope
-from policies.racing_line import minimum_time
-from policies.speed_profile import Profile, profile
-from sim.car import Car, parameters
-from sim.physics.chassis import AIR_DENSITY, GRAVITY
-from sim.track import Track
+from nathlon.policies.envelope import envelope
+from nathlon.policies.racing_line import minimum_time
+from nathlon.policies.speed_profile import Profile, profile
+from nathlon.sim.car import Car, parameters
+from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY
+from nathlon.sim.track import Track
 
 GRIP = 0.92
 """Share of the tyres' grip that the first guess uses."""

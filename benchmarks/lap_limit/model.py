@@ -1,7 +1,7 @@
 """The simulator's equations of one car in CasADi, smooth, with the way along the circuit for time.
 
-The states are those of `sim.physics.chassis` but for what is faster than the mesh can follow. Wheels are
-taken to spin up and down with the car, so that their slip ratios follow from the balance of torques;
+The states are those of `nathlon.sim.physics.chassis` but for what is faster than the mesh can follow. Wheels
+are taken to spin up and down with the car, so that their slip ratios follow from the balance of torques;
 loads to follow the tyre forces at once instead of within the springs' 0.06 s. Both become unknowns of
 their own, with equations that they have to meet. Every `min` and `max` is rounded off over a small
 width; gears change at the speed of the upshift, at once.
@@ -15,10 +15,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.car import Car, CarParameters, parameters
-from sim.physics.chassis import AIR_DENSITY, GRAVITY
-from sim.physics.course import KERB, SURFACE_DRAG, SURFACE_GRIP
-from sim.physics.powertrain import RPM
+from nathlon.sim.car import Car, CarParameters, parameters
+from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY
+from nathlon.sim.physics.course import KERB, SURFACE_DRAG, SURFACE_GRIP
+from nathlon.sim.physics.powertrain import RPM
 
 STATES = {
     "speed": 50.0,  # in the car's frame, forward, m/s
@@ -44,7 +44,9 @@ ROAD = (
     *("left", "kerb_left", "grip_left", "drag_left", "wall_left"),
     *("right", "kerb_right", "grip_right", "drag_right", "wall_right"),
 )
-"""The road beside a point of the centre line, columns as in sim.track; grip and drag are the run-off's."""
+"""The road beside a point of the centre line, columns as in nathlon.sim.track; grip and drag are the
+run-off's.
+"""
 
 EDGE_WIDTH = 0.12  # m over which one surface passes into the next
 PEDAL_WIDTH = 0.02
@@ -116,7 +118,7 @@ def drive(spin: ca.SX, throttle: ca.SX, car: Car, p: CarParameters) -> tuple[ca.
 def tyre_force(
     slip_ratio: ca.SX, slip_angle: ca.SX, load: ca.SX, grip: ca.SX, p: CarParameters, shape: float
 ) -> tuple[ca.SX, ca.SX]:
-    """Longitudinal and lateral force of a tyre, N; see `sim.physics.tyre`."""
+    """Longitudinal and lateral force of a tyre, N; see `nathlon.sim.physics.tyre`."""
     above = load - p.load_low
     x = slip_ratio / (p.peak_x + p.peak_x_slope * above)
     y = slip_angle / (p.peak_y + p.peak_y_slope * above)
@@ -142,7 +144,9 @@ def surface(lateral: ca.SX, road: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
 def gradient_and_heave(
     speed: ca.SX, sideways: ca.SX, lateral: ca.SX, sine: ca.SX, cosine: ca.SX, road: dict[str, ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Slope of the road along and across the car, and heave, m/s^2; see `sim.physics.course.feel_road`."""
+    """Slope of the road along and across the car, and heave, m/s^2; see
+    `nathlon.sim.physics.course.feel_road`.
+    """
     stretch = 1.0 / (1.0 - road["curvature"] * lateral)
     climb = (road["slope"] + road["twist"] * lateral) * stretch
     slope_x = climb * cosine + road["bank"] * sine
@@ -158,7 +162,7 @@ def gradient_and_heave(
 def tyre_loads(
     mass: float, speed_squared: ca.SX, weight: ca.SX, carried_x: ca.SX, carried_y: ca.SX, p: CarParameters
 ) -> Tyres:
-    """Normal loads, N; see `sim.physics.chassis.set_loads`."""
+    """Normal loads, N; see `nathlon.sim.physics.chassis.set_loads`."""
     wheelbase = p.a + p.b
     downforce = 0.5 * AIR_DENSITY * p.downforce_area * speed_squared
     pitch = mass * carried_x * p.height / wheelbase

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.lap_limit.flying import FlyingLaps
 from benchmarks.lap_limit.problem import Lap
-from sim.track import Track
+from nathlon.sim.track import Track
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -16,9 +16,9 @@ from scipy import sparse
 
 from benchmarks.lap_limit.guess import follow, quasi_steady
 from benchmarks.lap_limit.model import CONTROLS, ROAD, STATES, point_of_lap
-from sim.car import Car
-from sim.physics.course import SURFACE_DRAG, SURFACE_GRIP
-from sim.track import (
+from nathlon.sim.car import Car
+from nathlon.sim.physics.course import SURFACE_DRAG, SURFACE_GRIP
+from nathlon.sim.track import (
     BANK,
     CURVATURE,
     KERB_LEFT,

@@ -12,16 +12,16 @@ import torch
 from rich.progress import Progress
 from rich.table import Table
 
-from arena.store import Store
 from nathlon.ablation import DUELS, checkpoints, effects, race_base
+from nathlon.arena.store import Store
 from nathlon.commands.console import console, print_json, progress_bars, tell, warn, worker_count
-from policies.training.ablation import VARIANTS, Run, claim, configurations, plan
-from policies.training.config import CONFIGS, TrainingConfig, read_config
-from policies.training.log import Status
-from policies.training.trainer import Diverged
-from reports.ablation import write_ablation
-from sim.data_file import find_data
-from sim.errors import InputError
+from nathlon.policies.training.ablation import VARIANTS, Run, claim, configurations, plan
+from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
+from nathlon.policies.training.log import Status
+from nathlon.policies.training.trainer import Diverged
+from nathlon.reports.ablation import write_ablation
+from nathlon.sim.data_file import find_data
+from nathlon.sim.errors import InputError
 
 NO_DUELS = pl.DataFrame(schema=DUELS)
 MEASURES = {"lap_s": "lap, s", "score_difference": "points a race"}

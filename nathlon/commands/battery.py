@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 from rich.table import Table
 
-from arena.pool import Pool
+from nathlon.arena.pool import Pool
 from nathlon.commands.console import console, print_json, say, worker_count
 from nathlon.commands.selection import entered, progress
 from nathlon.config import Config

@@ -10,7 +10,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 import nathlon.committee as committee
-from arena.store import Store
+from nathlon.arena.store import Store
 from nathlon.ballots import Ballot
 from nathlon.commands.console import console, print_json, say
 from nathlon.commands.place import Place
@@ -18,7 +18,7 @@ from nathlon.committee_events import Compared, Entry, Opened, Reopened, Voted
 from nathlon.committee_rules import Question
 from nathlon.decision import Decision, describe
 from nathlon.minutes import Minutes
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 SHORTEST_ID = 6
 

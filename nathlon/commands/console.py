@@ -18,7 +18,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from sim.names import printable
+from nathlon.sim.names import printable
 
 
 class Terminal(Console):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.commands.console import tell
-from policies.checkpoint import load_checkpoint
-from policies.onnx import export_onnx
-from sim.errors import InputError
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.onnx import export_onnx
+from nathlon.sim.errors import InputError
 
 
 def export(checkpoint: Path, onnx: Path, as_json: bool) -> None:

@@ -9,14 +9,14 @@ from typing import Any
 
 from rich.table import Table
 
-from arena.store import Store
+from nathlon.arena.store import Store
 from nathlon.commands.console import console, print_json, say, tell, worker_count
 from nathlon.commands.selection import print_selection, progress
 from nathlon.config import TEMPLATE, read_config
 from nathlon.nightly import nightly as run_nightly
 from nathlon.nightly import told
 from nathlon.output import OutputFolder
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 
 def init(path: Path, as_json: bool) -> None:

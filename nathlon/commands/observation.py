@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from nathlon.commands.console import print_json
-from sim.observation import ObservationSpec
+from nathlon.sim.observation import ObservationSpec
 
 
 def observation(course_points: int, as_json: bool) -> None:

@@ -8,18 +8,18 @@ from pathlib import Path
 import polars as pl
 from rich.table import Table
 
-from arena.entrant import Entrant, entrants_table
-from arena.pool import Pool
-from arena.results import PARETO
+from nathlon.arena.entrant import Entrant, entrants_table
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import PARETO
 from nathlon.commands.console import console, print_json, say, worker_count
 from nathlon.commands.selection import entered, progress
 from nathlon.config import Config
 from nathlon.filter import run_filter
 from nathlon.objective import Objective
+from nathlon.reports.tables import as_texts
 from nathlon.run import Answer
+from nathlon.sim.whole_file import whole_file
 from nathlon.single_run import single_run
-from reports.tables import as_texts
-from sim.whole_file import whole_file
 
 
 def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.commands.console import progress_bars, tell, warn
-from policies.training.config import CONFIGS, read_config
-from policies.training.polish import Polish, Round
-from sim.data_file import find_data
+from nathlon.policies.training.config import CONFIGS, read_config
+from nathlon.policies.training.polish import Polish, Round
+from nathlon.sim.data_file import find_data
 
 
 def polish(checkpoint: Path, config: str, out: Path, rounds: int, seed: int, as_json: bool) -> None:

@@ -9,17 +9,17 @@ import polars as pl
 from rich.box import SIMPLE
 from rich.table import Table
 
-from arena.entrance import enter_all
-from arena.entrant import Entrant
-from arena.job import Wanted
-from arena.match import Match, Race, Seat
-from arena.pool import Pool
-from arena.qualifying import qualify
-from arena.recording import write_recording
+from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.job import Wanted
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.arena.qualifying import qualify
+from nathlon.arena.recording import write_recording
 from nathlon.commands.console import console, print_json, say, warn
 from nathlon.output import OutputFolder
-from sim.errors import InputError
-from sim.scenario import load_scenario
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 
 
 def race(

@@ -7,16 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from arena.race_log import RaceLog
-from arena.recording import read_recording, recover_recording, write_recording
-from arena.store import Store
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recording import read_recording, recover_recording, write_recording
+from nathlon.arena.store import Store
 from nathlon.commands.console import print_json, say, tell, warn
 from nathlon.replays import record_stored_race
-from reports.player import write_player
-from reports.replay import labels, open_viewer, write_replay
-from reports.web_viewer import WebViewer
-from sim.errors import InputError
-from sim.extras import need
+from nathlon.reports.player import write_player
+from nathlon.reports.replay import labels, open_viewer, write_replay
+from nathlon.reports.web_viewer import WebViewer
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
 
 
 def replay(
@@ -55,7 +55,7 @@ def replay(
         made["page"] = _written(html, lambda: write_player(log, html, follow))
     if video:
         need("av", "video", "a video")
-        from reports.video import write_video
+        from nathlon.reports.video import write_video
 
         made["video"] = _written(video, lambda: write_video(log, video, follow, start_s, end_s))
     if html or video:

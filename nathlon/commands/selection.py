@@ -8,10 +8,10 @@ from pathlib import Path
 
 from rich.table import Table
 
-from arena.entrance import enter_all, trained_on
-from arena.entrant import Entrant, find_checkpoints
-from arena.pool import Pool
-from arena.store import Store
+from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrant import Entrant, find_checkpoints
+from nathlon.arena.pool import Pool
+from nathlon.arena.store import Store
 from nathlon.commands.console import console, print_json, progress_bars, say, warn, worker_count
 from nathlon.config import Config, read_config
 from nathlon.evaluation import evaluate as run_evaluation
@@ -19,9 +19,9 @@ from nathlon.output import OutputFolder
 from nathlon.publish import publish
 from nathlon.recordings import STAGE as RECORDINGS
 from nathlon.recordings import record_tournament
+from nathlon.reports.selection import Selection
 from nathlon.run import STAGES, WAITING, OnMatch
-from reports.selection import Selection
-from sim.errors import InputError
+from nathlon.sim.errors import InputError
 
 
 def configured(

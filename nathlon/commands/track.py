@@ -10,10 +10,10 @@ import numpy as np
 from rich.table import Table
 
 from nathlon.commands.console import console, print_json, say
-from sim.names import file_stem
-from sim.track import CURVATURE, NamedSection, Track, load_track
-from sim.track_import import import_circuit
-from sim.track_map import draw_map
+from nathlon.sim.names import file_stem
+from nathlon.sim.track import CURVATURE, NamedSection, Track, load_track
+from nathlon.sim.track_import import import_circuit
+from nathlon.sim.track_map import draw_map
 
 STRAIGHT_RADIUS_M = 400.0  # from here on a bend is no corner
 

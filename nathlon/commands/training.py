@@ -10,11 +10,11 @@ from pathlib import Path
 import torch
 
 from nathlon.commands.console import progress_bars, tell, warn
-from policies.training.config import CONFIGS, read_config
-from policies.training.log import Status
-from policies.training.trainer import Device, Trainer
-from sim.data_file import find_data
-from sim.errors import InputError
+from nathlon.policies.training.config import CONFIGS, read_config
+from nathlon.policies.training.log import Status
+from nathlon.policies.training.trainer import Device, Trainer
+from nathlon.sim.data_file import find_data
+from nathlon.sim.errors import InputError
 
 
 def train(

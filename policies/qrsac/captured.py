@@ -8,8 +8,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from policies.qrsac.update import Metrics, Noise, Pace, State
-from policies.replay import Batch
+from nathlon.policies.qrsac.update import Metrics, Noise, Pace, State
+from nathlon.policies.replay import Batch
 
 Run = Callable[[State, Pace, Batch, Noise], Metrics]
 """One update, which overwrites the state."""

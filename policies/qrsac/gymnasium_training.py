@@ -10,10 +10,10 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.learner import QRSAC
-from policies.replay import NStepReplay
-from sim.errors import InputError
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.learner import QRSAC
+from nathlon.policies.replay import NStepReplay
+from nathlon.sim.errors import InputError
 
 Array = NDArray[np.float32]
 Flags = NDArray[np.bool_]

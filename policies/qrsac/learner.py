@@ -13,13 +13,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from policies.qrsac.captured import CapturedUpdates, Inputs, Run
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.memory import keep_freed_memory
-from policies.qrsac.networks import Perceptron, act
-from policies.qrsac.update import Metrics, Noise, State, Update
-from policies.replay import Batch
-from sim.errors import InputError
+from nathlon.policies.qrsac.captured import CapturedUpdates, Inputs, Run
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.memory import keep_freed_memory
+from nathlon.policies.qrsac.networks import Perceptron, act
+from nathlon.policies.qrsac.update import Metrics, Noise, State, Update
+from nathlon.policies.replay import Batch
+from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
 

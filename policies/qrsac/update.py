@@ -13,10 +13,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from policies.qrsac.config import QRSACConfig
-from policies.qrsac.dropout import dropout_factors
-from policies.qrsac.networks import Perceptron, squashed_normal
-from policies.replay import Batch
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.qrsac.dropout import dropout_factors
+from nathlon.policies.qrsac.networks import Perceptron, squashed_normal
+from nathlon.policies.replay import Batch
 
 ADAM_DECAY = (0.9, 0.999)
 ADAM_EPSILON = 1e-8

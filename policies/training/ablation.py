@@ -12,13 +12,13 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from policies.training.config import TrainingConfig
-from policies.training.log import CURVE_FILE
-from policies.training.state import STATE_FILE, load_state
-from policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
-from sim.errors import InputError, first_fault
-from sim.text_file import read_text
-from sim.whole_file import whole_file
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.log import CURVE_FILE
+from nathlon.policies.training.state import STATE_FILE, load_state
+from nathlon.policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
+from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.text_file import read_text
+from nathlon.sim.whole_file import whole_file
 
 Variant = Callable[[TrainingConfig], TrainingConfig]
 

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from policies.qrsac.config import QRSACConfig
-from policies.training.rewards import RewardWeights
-from sim.data_file import Section, read_toml
-from sim.observation import ObservationSpec
-from sim.scenario import Delay
+from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.training.rewards import RewardWeights
+from nathlon.sim.data_file import Section, read_toml
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.scenario import Delay
 
 Count = Annotated[int, Field(ge=1, le=10**12)]
 Cars = Annotated[int, Field(ge=1, le=20)]
@@ -27,7 +27,7 @@ class Opponent(Section):
     """One that may drive the cars that the learner does not.
 
     Attributes:
-        policy: a built-in driver or the path of a checkpoint, see policies.load; or `self`, `past`.
+        policy: a built-in driver or the path of a checkpoint, see nathlon.policies.load; or `self`, `past`.
         weight: how often it is drawn, relative to the others.
     """
 
@@ -62,7 +62,7 @@ class Rollouts(Section):
         share: of each minibatch that comes from these races.
         mistakes: share of the starts, once there are any, from shortly before a learner's loss of control.
         demonstrators: policies that drive the learner's cars in its place, in turn, so that it learns from
-            what they do; see policies.load.
+            what they do; see nathlon.policies.load.
         perception_delay_s: in place of the scenario's, for all cars or for each place.
     """
 
@@ -84,7 +84,7 @@ class Rollouts(Section):
 
 
 class ObservationSettings(Section):
-    """The observation spec to train on; see sim.observation."""
+    """The observation spec to train on; see nathlon.sim.observation."""
 
     course_points: Annotated[int, Field(ge=0, le=500)] = 60
     horizon_s: Annotated[float, Field(gt=0, le=60)] = 6.0

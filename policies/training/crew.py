@@ -11,10 +11,10 @@ from typing import Protocol
 import numpy as np
 import torch
 
-from policies.qrsac.networks import Perceptron
-from policies.training.config import TrainingConfig
-from policies.training.worker import Gathered, News, RolloutWorker
-from sim.errors import InputError
+from nathlon.policies.qrsac.networks import Perceptron
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.worker import Gathered, News, RolloutWorker
+from nathlon.sim.errors import InputError
 
 STEPS_AHEAD = 2
 """Steps that a worker may be ahead of what the learner has taken in."""

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.heat import Opponent
-from policies.policy import Batch, Policy
-from sim.episode import Episodes
+from nathlon.policies.heat import Opponent
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.episode import Episodes
 
 NOISE = 0.05
 """Standard deviation of what is added to the actions of every second car: what surrounds a good line is

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.car import load_car
-from sim.observation import ObservationSpec
-from sim.scenario import load_scenario
-from sim.track import load_track
+from nathlon.sim.car import load_car
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
 
 SCENARIO = "time_trial"
 RUNS = 4

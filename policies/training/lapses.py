@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.training.mistakes import spinning
-from sim.episode import Episodes, Moment
+from nathlon.policies.training.mistakes import spinning
+from nathlon.sim.episode import Episodes, Moment
 
 KINDS = {"spin": 3.0, "contact": 2.0, "off_course": 1.0}
 """How often a lapse of each kind is drawn: more often what costs more. A contact is one at fault."""

@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.episode import Episodes, Moment
+from nathlon.sim.episode import Episodes, Moment
 
 EVERY_S = 1.0
 KEPT = 4

@@ -1,8 +1,8 @@
 """Polishing: a trained policy goes on without critics, by what driving shows its actions to bring.
 
 In each round many cars leave the same starts and drive with noise of their own. What each earns more than
-others of its group is laid to its actions (`policies.training.advantage`), and the policy moves towards
-those that brought more (`policies.training.proximal`).
+others of its group is laid to its actions (`nathlon.policies.training.advantage`), and the policy moves
+towards those that brought more (`nathlon.policies.training.proximal`).
 
 The races are those of a training configuration, in its proportions but for demonstrations; what went wrong in
 them is driven again in the shares of its `mistakes`. What counts is its reward, but for the price on swinging
@@ -20,14 +20,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.checkpoint import checkpoint_id, load_checkpoint, read_checkpoint, save_checkpoint
-from policies.replay_tables import apportion
-from policies.training.config import TrainingConfig
-from policies.training.evaluation import evaluate_laps
-from policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
-from policies.training.proximal import Proximal
-from policies.training.trial import Trial
-from sim.errors import InputError
+from nathlon.policies.checkpoint import checkpoint_id, load_checkpoint, read_checkpoint, save_checkpoint
+from nathlon.policies.replay_tables import apportion
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
+from nathlon.policies.training.proximal import Proximal
+from nathlon.policies.training.trial import Trial
+from nathlon.sim.errors import InputError
 
 STARTS = 16
 """Differing ones in a round."""

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
-from policies.training.log import CURVE_FILE
-from policies.training.state import STATE_FILE, write_tensors
-from sim.errors import InputError
-from sim.text_file import open_regular
-from sim.whole_file import whole_file
+from nathlon.policies.training.log import CURVE_FILE
+from nathlon.policies.training.state import STATE_FILE, write_tensors
+from nathlon.sim.errors import InputError
+from nathlon.sim.text_file import open_regular
+from nathlon.sim.whole_file import whole_file
 
 CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")
 COUNTS, CURVE_KEY = "counts", "curve"

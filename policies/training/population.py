@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.checkpoint import load_checkpoint
-from policies.load import load_policy
-from policies.policy import Policy
-from policies.training.config import PAST, SELF, Opponent
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Policy
+from nathlon.policies.training.config import PAST, SELF, Opponent
 
 
 class Population:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import linear
 
-from policies.mlp import Mlp
-from policies.training.trial import DEVIATION, Driven
+from nathlon.policies.mlp import Mlp
+from nathlon.policies.training.trial import DEVIATION, Driven
 
 BATCH = 8192
 CLIP = 0.2

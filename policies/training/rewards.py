@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from sim.errors import InputError
-from sim.state import REAR_END, SIDE_SWIPE
-from sim.track import SECTION, Track
+from nathlon.sim.errors import InputError
+from nathlon.sim.state import REAR_END, SIDE_SWIPE
+from nathlon.sim.track import SECTION, Track
 
 PASSING_AHEAD_M = 40.0
 PASSING_BEHIND_M = 20.0

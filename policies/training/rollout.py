@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.heat import Heat, load_opponents
-from policies.policy import Policy
-from policies.training.config import Rollouts, TrainingConfig
-from policies.training.demonstration import Demonstrators
-from policies.training.mistakes import Mistakes
-from policies.training.population import Population
-from policies.training.rewards import Reward, Rewards
-from sim.episode import Episodes
-from sim.errors import InputError
-from sim.scenario import Scenario, load_scenario
+from nathlon.policies.heat import Heat, load_opponents
+from nathlon.policies.policy import Policy
+from nathlon.policies.training.config import Rollouts, TrainingConfig
+from nathlon.policies.training.demonstration import Demonstrators
+from nathlon.policies.training.mistakes import Mistakes
+from nathlon.policies.training.population import Population
+from nathlon.policies.training.rewards import Reward, Rewards
+from nathlon.sim.episode import Episodes
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import Scenario, load_scenario
 
 STUCK_S = 5.0
 """A car at rest for so long has ended its episode: it will not get away."""

@@ -12,9 +12,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from sim.errors import InputError
-from sim.text_file import open_regular
-from sim.whole_file import whole_file
+from nathlon.sim.errors import InputError
+from nathlon.sim.text_file import open_regular
+from nathlon.sim.whole_file import whole_file
 
 STATE_FILE = "state.safetensors"
 REPLAY_FILE = "replay.safetensors"

@@ -14,14 +14,14 @@ import numpy as np
 import torch
 from pydantic import ValidationError
 
-from policies.checkpoint import Card, save_checkpoint
-from policies.qrsac.learner import QRSAC
-from policies.replay_tables import ReplayTables
-from policies.training.config import TrainingConfig
-from policies.training.crew import Crew, LocalCrew, ProcessCrew
-from policies.training.evaluation import evaluate_laps
-from policies.training.log import Status, TrainingLog
-from policies.training.state import (
+from nathlon.policies.checkpoint import Card, save_checkpoint
+from nathlon.policies.qrsac.learner import QRSAC
+from nathlon.policies.replay_tables import ReplayTables
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.crew import Crew, LocalCrew, ProcessCrew
+from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.log import Status, TrainingLog
+from nathlon.policies.training.state import (
     REPLAY_FILE,
     STATE_FILE,
     RunState,
@@ -30,10 +30,10 @@ from policies.training.state import (
     save_state,
     write_tensors,
 )
-from policies.training.worker import Experience, Gathered, News, RolloutWorker
-from sim.errors import InputError, first_fault
-from sim.text_file import read_text
-from sim.whole_file import whole_file
+from nathlon.policies.training.worker import Experience, Gathered, News, RolloutWorker
+from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.text_file import read_text
+from nathlon.sim.whole_file import whole_file
 
 CONFIG_FILE = "run.json"
 CHECKPOINTS = "checkpoints"

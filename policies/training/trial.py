@@ -14,15 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from policies.checkpoint import load_checkpoint
-from policies.heat import Heat
-from policies.training.advantage import advantages, discounted
-from policies.training.config import Rollouts, TrainingConfig
-from policies.training.lapses import Lapse, Lapses
-from policies.training.population import Population
-from policies.training.rewards import CONTACTS, Reward
-from policies.training.rollout import STUCK_S, learners_of, scenario_of
-from sim.episode import Episodes
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.heat import Heat
+from nathlon.policies.training.advantage import advantages, discounted
+from nathlon.policies.training.config import Rollouts, TrainingConfig
+from nathlon.policies.training.lapses import Lapse, Lapses
+from nathlon.policies.training.population import Population
+from nathlon.policies.training.rewards import CONTACTS, Reward
+from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of
+from nathlon.sim.episode import Episodes
 
 GROUP = 32
 """Races that leave the same start."""

@@ -12,12 +12,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from policies.policy import Batch
-from policies.qrsac.networks import Perceptron, act
-from policies.training.config import TrainingConfig
-from policies.training.rewards import Rewards
-from policies.training.rollout import Rollout, Step
-from sim.observation import ObservationSpec
+from nathlon.policies.policy import Batch
+from nathlon.policies.qrsac.networks import Perceptron, act
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.rewards import Rewards
+from nathlon.policies.training.rollout import Rollout, Step
+from nathlon.sim.observation import ObservationSpec
 
 
 @dataclass

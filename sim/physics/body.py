@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from sim.car import CarParameters
-from sim.kernel import lean_inlined
-from sim.state import CarRecord
+from nathlon.sim.car import CarParameters
+from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.state import CarRecord
 
 
 @lean_inlined

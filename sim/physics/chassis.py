@@ -6,8 +6,8 @@ lifts a car that goes straight on, the reaction is (g + heave) / sqrt(1 + G^2) a
 horizontal part -(g + heave) G / (1 + G^2). Tyre forces lie in the road's plane.
 
 Loads follow the tyre forces quasi-statically through a first-order lag, split between the axles
-by roll stiffness. Wheel spins are advanced by a linearly implicit step (`sim.physics.wheels`), position
-and velocity by a semi-implicit Euler step.
+by roll stiffness. Wheel spins are advanced by a linearly implicit step (`nathlon.sim.physics.wheels`),
+position and velocity by a semi-implicit Euler step.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.car import CarParameters
-from sim.kernel import fused, lean_inlined
-from sim.lanes import load, store, times
-from sim.physics.body import set_body_velocity, turn
-from sim.physics.powertrain import drive_torque, shift
-from sim.physics.tyre import Four
-from sim.physics.wheels import step_wheels
-from sim.state import CarRecord
+from nathlon.sim.car import CarParameters
+from nathlon.sim.kernel import fused, lean_inlined
+from nathlon.sim.lanes import load, store, times
+from nathlon.sim.physics.body import set_body_velocity, turn
+from nathlon.sim.physics.powertrain import drive_torque, shift
+from nathlon.sim.physics.tyre import Four
+from nathlon.sim.physics.wheels import step_wheels
+from nathlon.sim.state import CarRecord
 
 GRAVITY = 9.81
 AIR_DENSITY = 1.2

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim.car import CarParameters
-from sim.kernel import lean_inlined
-from sim.physics.body import mobility, point_velocity, push, set_body_velocity
-from sim.state import CarRecord
+from nathlon.sim.car import CarParameters
+from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.physics.body import mobility, point_velocity, push, set_body_velocity
+from nathlon.sim.state import CarRecord
 
 CAR_RESTITUTION = 0.15
 CAR_FRICTION = 0.35

@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.car import CarParameters
-from sim.kernel import fused, lean_inlined
-from sim.lanes import store
-from sim.physics.contact import hit_wall
-from sim.physics.tyre import four, worn_grip
-from sim.state import CarRecord
-from sim.track import (
+from nathlon.sim.car import CarParameters
+from nathlon.sim.kernel import fused, lean_inlined
+from nathlon.sim.lanes import store
+from nathlon.sim.physics.contact import hit_wall
+from nathlon.sim.physics.tyre import four, worn_grip
+from nathlon.sim.state import CarRecord
+from nathlon.sim.track import (
     BANK,
     CREST,
     CURVATURE,
@@ -37,7 +37,7 @@ from sim.track import (
     Z,
 )
 
-# In the order of sim.track.SURFACES.
+# In the order of nathlon.sim.track.SURFACES.
 SURFACE_GRIP = np.array([1.0, 0.92, 0.55, 0.48])
 SURFACE_DRAG = np.array([0.0, 0.004, 0.065, 0.22])
 """Rolling resistance beyond that of the tyre on the road."""

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from sim.kernel import lean_inlined
-from sim.physics.course import CourseParameters, on_other_level
+from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.physics.course import CourseParameters, on_other_level
 
 LENGTH = 45.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car

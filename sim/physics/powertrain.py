@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from sim.car import TORQUE_POINTS, CarParameters
-from sim.kernel import lean_inlined
-from sim.state import CarRecord
+from nathlon.sim.car import TORQUE_POINTS, CarParameters
+from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.state import CarRecord
 
 RPM = 60.0 / (2.0 * math.pi)
 DOWNSHIFT_MARGIN_RPM = 700.0

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.car import CarParameters
-from sim.kernel import lean_inlined
-from sim.lanes import above, choose, load, madd, minus, negative, over, plus, root, times
-from sim.tyre_curve import CELLS
+from nathlon.sim.car import CarParameters
+from nathlon.sim.kernel import lean_inlined
+from nathlon.sim.lanes import above, choose, load, madd, minus, negative, over, plus, root, times
+from nathlon.sim.tyre_curve import CELLS
 
 WORN_GRIP = 0.12
 """Share of the grip that a tyre has lost when it is worn out."""
@@ -43,7 +43,7 @@ def lowest(a: Four, b: Four) -> Four:
 
 @lean_inlined
 def curve_shape(combined: Four, curve: np.ndarray) -> Four:
-    """The magic formula over the combined slip, of the table that `sim.tyre_curve` makes."""
+    """The magic formula over the combined slip, of the table that `nathlon.sim.tyre_curve` makes."""
     at = times(over(combined, plus(combined, 1.0)), float(CELLS))
     a, b = min(int(at[0]), CELLS - 1), min(int(at[1]), CELLS - 1)
     c, d = min(int(at[2]), CELLS - 1), min(int(at[3]), CELLS - 1)

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.car import CarParameters
-from sim.kernel import fused, lean_inlined
-from sim.lanes import (
+from nathlon.sim.car import CarParameters
+from nathlon.sim.kernel import fused, lean_inlined
+from nathlon.sim.lanes import (
     above,
     choose,
     either,
@@ -29,9 +29,9 @@ from sim.lanes import (
     store,
     times,
 )
-from sim.physics.body import small_sin_cos
-from sim.physics.tyre import Four, four, highest, lowest, tyre_force
-from sim.state import CarRecord
+from nathlon.sim.physics.body import small_sin_cos
+from nathlon.sim.physics.tyre import Four, four, highest, lowest, tyre_force
+from nathlon.sim.state import CarRecord
 
 SLOWEST = 6.0  # m/s: slips are formed with at least this speed, which keeps a car at rest well behaved
 ROLLING_SPEED = 0.5  # m/s over which rolling resistance builds up

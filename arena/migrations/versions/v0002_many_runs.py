@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 import sqlalchemy as sa
 from alembic import op
 
-from arena.store.matches import digest
+from nathlon.arena.store.matches import digest
 
 revision = "0002"
 down_revision = "0001"
