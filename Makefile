@@ -6,7 +6,7 @@ INSTALL := $(BIN)/uv pip install --quiet --python $(BIN)/python
 ITSELF := $(INSTALL) --no-deps --no-build-isolation --editable .
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes pyproject.toml
 
-.PHONY: setup demo test lint gallery lock lowest release
+.PHONY: setup demo test lint docs gallery lock lowest release
 
 demo: .venv/base
 	$(BIN)/nathlon demo
@@ -36,6 +36,9 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 gallery: setup
 	$(BIN)/python -m benchmarks.gallery runs/demo
