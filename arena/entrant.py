@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,17 +10,12 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.arena.results import ENTRANTS
-from nathlon.policies.composite import SUFFIX as COMPOSITE
 from nathlon.policies.composite import CompositeSource
-from nathlon.policies.handed_over import OBJECT
 from nathlon.policies.identity import policy_id
-from nathlon.policies.load import DRIVER, SUFFIXES, load_file, load_policy
-from nathlon.policies.plugin import PLUGIN
+from nathlon.policies.load import load_file, load_policy
+from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name
-
-TRAINING_STATE = ("state.safetensors", "replay.safetensors")
-"""Files of a training run that are no checkpoints."""
 
 CIRCUIT, CAR = "lindenring", "gt3"
 """What policies drive when nothing else is said."""
@@ -94,39 +88,6 @@ def _enter_composite(source: str, circuit: str, car: str) -> Entrant:
             enter(composite.source(part), circuit, car)
     load_policy(source, circuit, car)
     return Entrant(policy_id(source), composite.file.name, source, "composite", circuit, car, None, None)
-
-
-def checkpoints_below(folder: Path) -> list[Path]:
-    """The checkpoints in a folder and those below it, without the states of training runs.
-
-    A folder that cannot be looked into is one of them, so that whoever opens it says so.
-    """
-    closed: list[Path] = []
-    found = [
-        Path(place) / name
-        for place, _, names in os.walk(folder, onerror=lambda error: closed.append(Path(error.filename)))
-        for name in names
-        if Path(name).suffix in SUFFIXES and name not in TRAINING_STATE
-    ]
-    return sorted([*found, *closed])
-
-
-def find_checkpoints(paths: Iterable[Path]) -> list[Path]:
-    """The checkpoints among some paths; a folder stands for all below it.
-
-    Raises:
-        InputError: if a path does not exist or a folder holds no checkpoint.
-    """
-    found: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            inside = checkpoints_below(path)
-            if not inside:
-                raise InputError(f"{path}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
-            found.extend(inside)
-        else:
-            found.append(path)
-    return found
 
 
 def weights(sources: Iterable[str]) -> Iterator[Path]:

@@ -22,7 +22,7 @@ from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.serving import came_otherwise, do, serve
 from nathlon.arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, MATCH_S, Watch
 from nathlon.arena.workers import Worker, new_output_log
-from nathlon.policies.handed_over import OBJECT
+from nathlon.policies.sources import OBJECT
 from nathlon.sim.errors import InputError
 
 LOOKS = 5

@@ -23,8 +23,8 @@ from nathlon.arena.runner import LineUp, run_together
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.workers import NO_MEMORY, READY
-from nathlon.policies.load import DRIVER
 from nathlon.policies.policy import Policy
+from nathlon.policies.sources import DRIVER
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)

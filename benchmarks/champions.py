@@ -48,14 +48,14 @@ from scipy.stats import binomtest
 
 from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, TimeTrial, drive_alone, limits
-from nathlon.arena.entrant import Entrant, enter, find_checkpoints, only_once
+from nathlon.arena.entrant import Entrant, enter, only_once
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import run_matches
 from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.statistics import interval, spread
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import read_card
-from nathlon.policies.load import DRIVER
+from nathlon.policies.sources import DRIVER, find_sources
 from nathlon.sim.data_file import Section, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
@@ -308,7 +308,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     chosen = parser.parse_args()
     try:
-        paths = find_checkpoints(chosen.checkpoints) or bundled_champions()
+        paths = list(map(Path, find_sources(chosen.checkpoints))) or bundled_champions()
         entrants = entrants_of(paths, chosen.circuit)
         measured = measure(entrants, chosen.races, chosen.seed, chosen.workers, Console(stderr=True))
     except InputError as error:

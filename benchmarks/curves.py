@@ -21,7 +21,7 @@ from benchmarks.time_trial import drive_alone, limits
 from nathlon.arena.entrant import enter
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import Card, read_card
-from nathlon.policies.load import DRIVER
+from nathlon.policies.sources import DRIVER
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

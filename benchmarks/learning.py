@@ -37,7 +37,7 @@ from benchmarks.result import read_result, write_result
 from benchmarks.time_trial import drive_alone
 from nathlon.arena.entrant import enter
 from nathlon.commands.console import progress_bars, say
-from nathlon.policies.load import DRIVER
+from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.state import REPLAY_FILE

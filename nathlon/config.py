@@ -16,7 +16,7 @@ from nathlon.committee_rules import CommitteeSettings
 from nathlon.filter import FilterSettings
 from nathlon.n_athlon import BatterySettings
 from nathlon.policies.identity import policy_id
-from nathlon.policies.load import DRIVER
+from nathlon.policies.sources import DRIVER
 from nathlon.race_off import TournamentSettings
 from nathlon.recordings import Kept
 from nathlon.sim.data_file import Section, read_toml

@@ -9,9 +9,7 @@ import polars as pl
 
 from nathlon.arena.results import CURVES
 from nathlon.arena.store import Store
-from nathlon.policies.handed_over import OBJECT
-from nathlon.policies.load import DRIVER
-from nathlon.policies.plugin import PLUGIN
+from nathlon.policies.sources import DRIVER, OBJECT, PLUGIN
 
 CURVE_FILE = "curve.csv"
 CRITICS = ("mean_q", "entropy")

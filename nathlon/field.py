@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nathlon.arena.entrance import enter_each
-from nathlon.arena.entrant import Entrant, checkpoints_below
+from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.policies.identity import policy_id
-from nathlon.policies.plugin import PLUGIN
+from nathlon.policies.sources import PLUGIN, checkpoints_below
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name
 

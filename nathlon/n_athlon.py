@@ -17,7 +17,7 @@ from nathlon.arena.entrant import Entrant, enter
 from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
 from nathlon.battery import MARKS, rank_battery, skills
-from nathlon.policies.load import DRIVER
+from nathlon.policies.sources import DRIVER
 from nathlon.run import Answer, Run
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.battery import MARKS
 from nathlon.measures import MEASURES, Measure
-from nathlon.policies.load import DRIVER
+from nathlon.policies.sources import DRIVER
 from nathlon.scoring import BASE_POINTS, Kind, Scoring
 from nathlon.sim.data_file import Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError

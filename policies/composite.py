@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from nathlon.policies.plugin import PLUGIN
 from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sources import COMPOSITE, DRIVER, PLUGIN
 from nathlon.sim.data_file import Name, Section, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.track import Track, load_track
 
-SUFFIX = ".toml"
-NO_FILES = ("driver", PLUGIN)
+NO_FILES = (DRIVER, PLUGIN)
 """What the names of policies that are no files begin with."""
 PLACE = 2
 """Numbers of the memory that tell where a car started and how far it has come."""
@@ -73,7 +72,7 @@ class CompositeSource:
         """
         file = read_toml(path, CompositeFile, "composite")
         for part in file.part:
-            if part.policy.endswith(SUFFIX):
+            if part.policy.endswith(COMPOSITE):
                 raise InputError(
                     f"{path}: policy is {part.policy!r}, expected a file of weights, a driver or a plugin"
                 )

@@ -6,10 +6,9 @@ import hashlib
 import pickle
 
 from nathlon.policies.policy import Policy
+from nathlon.policies.sources import OBJECT
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-
-OBJECT = "object"
 
 _policies: dict[str, Policy] = {}
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
-from nathlon.policies.composite import SUFFIX as COMPOSITE
 from nathlon.policies.composite import CompositeSource
-from nathlon.policies.handed_over import OBJECT, handed_over, object_id
-from nathlon.policies.load import DRIVER
-from nathlon.policies.plugin import PLUGIN, plugin_id
+from nathlon.policies.handed_over import handed_over, object_id
+from nathlon.policies.plugin import plugin_id
+from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN
 
 
 def policy_id(source: str) -> str:

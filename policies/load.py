@@ -5,22 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
-from nathlon.policies.composite import SUFFIX as COMPOSITE
 from nathlon.policies.composite import CompositeSource
 from nathlon.policies.driver import Driver
 from nathlon.policies.early_braker import EarlyBraker
-from nathlon.policies.handed_over import OBJECT, handed_over
+from nathlon.policies.handed_over import handed_over
 from nathlon.policies.memory import memory_limit
 from nathlon.policies.onnx import OnnxPolicy
-from nathlon.policies.plugin import PLUGIN, load_plugin
+from nathlon.policies.plugin import load_plugin
 from nathlon.policies.policy import Policy
 from nathlon.policies.sb3 import Sb3Policy
-from nathlon.sim.errors import InputError
+from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, driver_settings
 
-DRIVER = "driver"
 FilePolicy = NetworkPolicy | Sb3Policy | OnnxPolicy
-SUFFIXES = (".safetensors", ".zip", ".onnx")
-"""Of the files that hold policies."""
 
 
 def load_policy(name: str, circuit: str, car: str) -> Policy:
@@ -38,7 +34,7 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     """
     kind, _, settings = name.partition(":")
     if kind == DRIVER:
-        return _driver(name, settings, circuit, car)
+        return _driver(name, circuit, car)
     if kind == PLUGIN:
         return load_plugin(settings, circuit, car)
     if kind == OBJECT:
@@ -64,24 +60,7 @@ def load_file(path: Path) -> FilePolicy:
         return load_checkpoint(path)
 
 
-def _driver(name: str, settings: str, circuit: str, car: str) -> Policy:
-    values: dict[str, float] = {}
-    for setting in filter(None, settings.split(",")):
-        key, _, value = setting.partition("=")
-        try:
-            values[key] = float(value)
-        except ValueError:
-            raise InputError(f"driver {name!r}: setting {key} is {value!r}, expected a number") from None
-    unknown = set(values) - {"pace", "lane", "early"}
-    if unknown:
-        raise InputError(
-            f"driver {name!r}: unknown setting {sorted(unknown)[0]!r}, expected pace or lane, or early"
-        )
-    pace = values.get("pace", 1.0)
-    if not 0.2 <= pace <= 1.1:
-        raise InputError(f"driver {name!r}: pace is {pace}, expected 0.2 to 1.1")
-    early = values.get("early", 0.0)
-    if not 0.0 <= early <= 200.0:
-        raise InputError(f"driver {name!r}: early is {early}, expected 0 to 200 m")
-    driver = Driver(circuit, car, pace, values.get("lane"))
-    return EarlyBraker(driver, circuit, early) if early else driver
+def _driver(source: str, circuit: str, car: str) -> Policy:
+    settings = driver_settings(source)
+    driver = Driver(circuit, car, settings.pace, settings.lane)
+    return EarlyBraker(driver, circuit, settings.early) if settings.early else driver

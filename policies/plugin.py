@@ -12,11 +12,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from nathlon.policies.policy import Policy
+from nathlon.policies.sources import PLUGIN, PLUGINS
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 
-PLUGIN = "plugin"
-GROUP = "nathlon.policies"
 MOVED = ("sim", "policies", "arena", "tournament", "reports")
 """Packages of nathlon that had a name of their own once."""
 
@@ -78,7 +77,7 @@ def _raised(error: Exception) -> str:
 
 
 def _entry_point(name: str) -> EntryPoint:
-    offered = entry_points(group=GROUP)
+    offered = entry_points(group=PLUGINS)
     points = list(dict.fromkeys(offered.select(name=name)))
     if not points:
         known = ", ".join(sorted(offered.names)) or "none"

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from nathlon.arena.entrance import trained_on
-from nathlon.arena.entrant import enter, find_checkpoints
+from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
@@ -22,6 +22,7 @@ from nathlon.arena.runner import run_match
 from nathlon.policies.composite import Composite, Part, columns, joint_spec
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sources import find_sources
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -244,8 +245,8 @@ def test_parts_for_other_circuits_stand_aside(folder: Path) -> None:
 
 def test_a_folder_does_not_stand_for_its_composites(folder: Path) -> None:
     source = Path(written(folder, RELAY))
-    assert find_checkpoints([folder]) == [folder / "weights" / "a.safetensors"]
-    assert find_checkpoints([source]) == [source]
+    assert find_sources([folder]) == [str(folder / "weights" / "a.safetensors")]
+    assert find_sources([source]) == [str(source)]
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,11 @@ import pytest
 from onnx import helper
 
 from nathlon.arena.entrance import enter_all, trained_on
-from nathlon.arena.entrant import entrants_table, find_checkpoints
+from nathlon.arena.entrant import entrants_table
 from nathlon.arena.pool import Pool
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.onnx import export_onnx
+from nathlon.policies.sources import find_sources
 from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED
 
@@ -43,11 +44,11 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_folder_stands_for_all_policies_below_it(folder: Path) -> None:
     (folder / "c.zip").write_bytes(b"")
-    found = [path.relative_to(folder).as_posix() for path in find_checkpoints([folder])]
+    found = [Path(source).relative_to(folder).as_posix() for source in find_sources([folder])]
     assert found == ["a.onnx", "b.safetensors", "c.zip", "run/step.safetensors"]
     (folder / "empty").mkdir()
     with pytest.raises(InputError, match=r"empty: holds no checkpoint"):
-        find_checkpoints([folder / "empty"])
+        find_sources([folder / "empty"])
 
 
 def test_circuit_and_car_are_those_of_the_first_that_tells_them(folder: Path, pool: Pool) -> None:
@@ -59,7 +60,7 @@ def test_circuit_and_car_are_those_of_the_first_that_tells_them(folder: Path, po
 
 
 def test_files_of_every_kind_stand_in_one_table(folder: Path, pool: Pool) -> None:
-    sources = [str(path) for path in find_checkpoints([folder])]
+    sources = [str(path) for path in find_sources([folder])]
     table = entrants_table(enter_all(pool, sources, "lindenring", "gt3"))
     assert table["name"].to_list() == ["a", "b", "step"]
     assert table["algorithm"].to_list() == ["ONNX", "QR-SAC, polished", "QR-SAC"]

@@ -24,11 +24,11 @@ from stable_baselines3 import A2C, PPO, SAC, TD3
 
 from examples.sb3_sac_tqc import CHECKPOINTS, LEARNERS, main
 from nathlon.arena.entrance import enter_all, trained_on
-from nathlon.arena.entrant import find_checkpoints
 from nathlon.arena.pool import Pool
 from nathlon.commands.racing import race
 from nathlon.policies.load import load_policy
 from nathlon.policies.sb3 import Sb3Policy
+from nathlon.policies.sources import find_sources
 from nathlon.sim.episode import action_space, observation_space
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -334,7 +334,7 @@ def test_what_the_example_trains_races(
     tmp_path: Path, pool: Pool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     main(["--steps", "60", "--out", str(tmp_path)])
-    paths = find_checkpoints([tmp_path])
+    paths = find_sources([tmp_path])
     assert len(paths) == 2 * CHECKPOINTS
     assert trained_on(pool, map(str, paths)) == ("lindenring", "gt3")
     entrants = enter_all(pool, [str(path) for path in paths], "lindenring", "gt3")

@@ -9,13 +9,14 @@ from pathlib import Path
 from rich.table import Table
 
 from nathlon.arena.entrance import enter_all, trained_on
-from nathlon.arena.entrant import Entrant, find_checkpoints
+from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.commands.console import console, print_json, progress_bars, say, warn, worker_count
 from nathlon.config import Config, read_config
 from nathlon.evaluation import evaluate as run_evaluation
 from nathlon.output import OutputFolder
+from nathlon.policies.sources import find_sources
 from nathlon.publish import publish
 from nathlon.recordings import STAGE as RECORDINGS
 from nathlon.recordings import record_tournament
@@ -45,7 +46,7 @@ def entered(pool: Pool, given: Iterable[str | Path], config: Config) -> tuple[li
     Raises:
         InputError: if one cannot drive, or there is none.
     """
-    sources = [str(path) for path in find_checkpoints(map(Path, given))]
+    sources = find_sources(given)
     circuit, car = trained_on(pool, sources)
     return enter_all(pool, sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})
 

@@ -1,0 +1,114 @@
+"""What users call policies by, checked without loading anything, so that a mistake is answered at once."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import NamedTuple
+
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable
+
+DRIVER, PLUGIN, OBJECT = "driver", "plugin", "object"
+"""Kinds of policies that are no files; `KIND:NAME` is the source of one."""
+COMPOSITE = ".toml"
+"""Suffix of composites."""
+SUFFIXES = (".safetensors", ".zip", ".onnx")
+"""Of the files that hold policies."""
+PLUGINS = "nathlon.policies"
+"""Group of the entry points by which packages offer policies."""
+TRAINING_STATE = ("state.safetensors", "replay.safetensors")
+"""Files of a training run that are no checkpoints."""
+
+
+class DriverSettings(NamedTuple):
+    """How a built-in driver drives.
+
+    Attributes:
+        pace: share of the speed that it could reach.
+        lane: m to the left of the centre line on which it drives; None for the racing line.
+        early: m before the point where it must brake at which it does.
+    """
+
+    pace: float = 1.0
+    lane: float | None = None
+    early: float = 0.0
+
+
+def driver_settings(source: str) -> DriverSettings:
+    """What `driver:pace=0.95,lane=2.5,early=30` says.
+
+    Raises:
+        InputError: if a setting is unknown, no number or out of range.
+    """
+    values: dict[str, float] = {}
+    for setting in filter(None, source.partition(":")[2].split(",")):
+        key, _, value = setting.partition("=")
+        try:
+            values[key] = float(value)
+        except ValueError:
+            raise InputError(f"driver {source!r}: setting {key} is {value!r}, expected a number") from None
+        if not math.isfinite(values[key]):
+            raise InputError(f"driver {source!r}: setting {key} is {value!r}, expected a finite number")
+    unknown = set(values) - set(DriverSettings._fields)
+    if unknown:
+        raise InputError(
+            f"driver {source!r}: unknown setting {sorted(unknown)[0]!r}, expected pace or lane, or early"
+        )
+    settings = DriverSettings(**values)
+    if not 0.2 <= settings.pace <= 1.1:
+        raise InputError(f"driver {source!r}: pace is {settings.pace}, expected 0.2 to 1.1")
+    if not 0.0 <= settings.early <= 200.0:
+        raise InputError(f"driver {source!r}: early is {settings.early}, expected 0 to 200 m")
+    return settings
+
+
+def check_source(source: str) -> None:
+    """Raise an InputError for what cannot be a policy: no such file, package or setting."""
+    kind, _, name = source.partition(":")
+    if kind == DRIVER:
+        driver_settings(source)
+    elif kind == PLUGIN:
+        offered = entry_points(group=PLUGINS).names
+        if name not in offered:
+            known = ", ".join(sorted(offered)) or "none"
+            raise InputError(f"{PLUGIN}:{name}: no package offers this policy; those offered are {known}")
+    elif kind != OBJECT and not Path(source).exists():
+        raise InputError(f"{printable(source)}: no such file, expected a policy")
+
+
+def checkpoints_below(folder: Path) -> list[Path]:
+    """The checkpoints in a folder and those below it, without the states of training runs.
+
+    A folder that cannot be looked into is one of them, so that whoever opens it says so.
+    """
+    closed: list[Path] = []
+    found = [
+        Path(place) / name
+        for place, _, names in os.walk(folder, onerror=lambda error: closed.append(Path(error.filename)))
+        for name in names
+        if Path(name).suffix in SUFFIXES and name not in TRAINING_STATE
+    ]
+    return sorted([*found, *closed])
+
+
+def find_sources(given: Iterable[str | Path]) -> list[str]:
+    """The sources among what a user has given; a folder stands for all checkpoints below it.
+
+    Raises:
+        InputError: if there is no such policy, or a folder holds none.
+    """
+    found: list[str] = []
+    for one in map(str, given):
+        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT) and Path(one).is_dir():
+            inside = checkpoints_below(Path(one))
+            if not inside:
+                raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
+            found.extend(map(str, inside))
+        else:
+            check_source(one)
+            found.append(one)
+    return found
