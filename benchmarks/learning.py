@@ -36,13 +36,15 @@ from rich.table import Table
 from benchmarks.result import read_result, write_result
 from benchmarks.time_trial import drive_alone
 from nathlon.arena.entrant import enter
-from nathlon.commands.console import progress_bars, say
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.state import REPLAY_FILE
 from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
-from nathlon.sim.errors import InputError, first_fault
+from nathlon.progress import progress_bars
+from nathlon.sim.errors import InputError
+from nathlon.sim.validation import first_fault
+from nathlon.terminal import say
 
 CORES = 2
 MOST_OFF_COURSE = 0.01

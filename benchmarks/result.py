@@ -17,7 +17,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.errors import InputError
+from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
 
 RESULTS = Path(__file__).with_name("results")

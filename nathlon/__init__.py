@@ -1,8 +1,77 @@
 """Which of my thousands of racing checkpoints do I send to the race, and why?
 
-Importing the package makes the environments of `nathlon.policies.environments` known to Gymnasium.
+    import nathlon
+
+    result = nathlon.select("checkpoints/", out="runs/mine")  # filter, n-athlon, committee, round robin
+    result.ranking                                            # a polars frame
+
+What is here loads what it needs when it is first used. Importing the package makes `nathlon/Race-v0` and
+`nathlon/TimeTrial-v0` known to Gymnasium.
 """
 
-from nathlon.policies.environments import register_environments
+from __future__ import annotations
 
-register_environments()
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from nathlon.policies.registration import register_with_gymnasium
+
+if TYPE_CHECKING:
+    from nathlon.api.racing import RaceResult, race
+    from nathlon.api.selection import SelectionResult, select
+    from nathlon.api.training import TrainingResult, train
+    from nathlon.config import Config
+    from nathlon.policies.load import load_policy
+    from nathlon.policies.policy import Policy
+    from nathlon.policies.race_gym_env import RaceGymEnv
+    from nathlon.policies.race_vector_env import RaceVectorEnv
+    from nathlon.sim import parallel_env
+    from nathlon.sim.errors import InputError
+    from nathlon.sim.observation import ObservationSpec
+
+_FROM = {
+    "Config": "nathlon.config",
+    "InputError": "nathlon.sim.errors",
+    "ObservationSpec": "nathlon.sim.observation",
+    "Policy": "nathlon.policies.policy",
+    "RaceGymEnv": "nathlon.policies.race_gym_env",
+    "RaceResult": "nathlon.api.racing",
+    "RaceVectorEnv": "nathlon.policies.race_vector_env",
+    "SelectionResult": "nathlon.api.selection",
+    "TrainingResult": "nathlon.api.training",
+    "load_policy": "nathlon.policies.load",
+    "parallel_env": "nathlon.sim",
+    "race": "nathlon.api.racing",
+    "select": "nathlon.api.selection",
+    "train": "nathlon.api.training",
+}
+
+__all__ = [
+    "Config",
+    "InputError",
+    "ObservationSpec",
+    "Policy",
+    "RaceGymEnv",
+    "RaceResult",
+    "RaceVectorEnv",
+    "SelectionResult",
+    "TrainingResult",
+    "load_policy",
+    "parallel_env",
+    "race",
+    "select",
+    "train",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _FROM:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_FROM[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+register_with_gymnasium()

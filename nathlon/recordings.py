@@ -16,15 +16,13 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import recording_name
 from nathlon.arena.store import Store
 from nathlon.output import OutputFolder
-from nathlon.run import OnMatch
+from nathlon.run import RECORDINGS, OnMatch
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
 
 Kept = Literal["notable", "all"]
 """Which races of a tournament leave a recording: those to look at, or every one."""
-STAGE = "recordings"
-"""What recording every race is called where progress is shown."""
 
 
 def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: OnMatch) -> None:
@@ -44,12 +42,12 @@ def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, 
     for match, race in results.select("match", "race").unique(maintain_order=True).iter_rows():
         if not (output.races / recording_name(match, race)).exists():
             wanted.setdefault(match, []).append(race)
-    on_match(STAGE, 0, len(wanted))
+    on_match(RECORDINGS, 0, len(wanted))
     entrants = store.table(run, "entrants")
     for done, (_, answer) in enumerate(run_again(store, wanted, entrants, pool, output.races), 1):
         if isinstance(answer, InputError):
             log.warning("%s", answer)
-        on_match(STAGE, done, len(wanted))
+        on_match(RECORDINGS, done, len(wanted))
 
 
 def run_again(

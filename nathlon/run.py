@@ -21,6 +21,8 @@ from nathlon.reports.summary import Stage
 from nathlon.sim.process import HOST, has_ended
 
 STAGES = ("pareto", "battery", "tournament")
+RECORDINGS = "recordings"
+"""What recording every race is called where progress is shown."""
 CONFIDENCE = 0.95
 
 DONE = "done"

@@ -31,8 +31,9 @@ from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
 from nathlon.policies.policy_file import content_id, open_policy_file, opening, read_policy_file
 from nathlon.policies.strict_json import parse_json
-from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
 
 CARD_KEY = "nathlon"

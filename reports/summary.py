@@ -11,7 +11,8 @@ from typing import Annotated, Any
 import polars as pl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.errors import InputError
+from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
 
 VERSION = 1

@@ -9,8 +9,9 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.errors import InputError
 from nathlon.sim.text_file import read_text
+from nathlon.sim.validation import first_fault
 
 DATA = Path(__file__).parent / "data"
 
@@ -39,9 +40,9 @@ class Section(BaseModel):
 
 
 def find_data(name: str, kind: str, folder: Path) -> Path:
-    """The file meant by a name: one shipped in `folder`, or any if the name is the path of a `.toml` file.
+    """The file meant by a name: one shipped in `folder`, or any that the name is the path of.
 
-    A shipped file is `NAME.toml`, or `NAME/KIND.toml` where more files belong to it.
+    A shipped file is `NAME.toml`, or `NAME/KIND.toml` where more files belong to it; so for paths.
 
     Raises:
         InputError: if nothing is shipped under the name.
@@ -51,8 +52,12 @@ def find_data(name: str, kind: str, folder: Path) -> Path:
     shipped = {path.stem: path for path in folder.glob("*.toml")}
     shipped |= {path.parent.name: path for path in folder.glob(f"*/{kind}.toml")}
     if name not in shipped:
+        if (own := Path(name) / f"{kind}.toml").is_file():
+            return own
         known = ", ".join(sorted(shipped))
-        raise InputError(f"{kind} {name!r} is unknown; expected one of {known}, or the path of a .toml file")
+        raise InputError(
+            f"{kind} {name!r} is unknown; expected one of {known}, or the path of a .toml file or its folder"
+        )
     return shipped[name]
 
 

@@ -165,7 +165,7 @@ def out(toml: Path, base: TrainingConfig, tmp_path_factory: pytest.TempPathFacto
         second.trainer().run(stop)
     assert not second.finished
     before = modified(out)
-    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1)
+    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1)
     after = modified(out)
     assert {path: after[path] for path in before} == before
     assert len(after) == (1 + len(CHOSEN)) * SEEDS * len(CHECKPOINTS)
@@ -221,7 +221,7 @@ def test_the_figure_names_every_variant(out: Path) -> None:
 
 def test_the_same_command_again_trains_nothing(toml: Path, out: Path) -> None:
     before, figure = modified(out), (out / "ablation.svg").read_bytes()
-    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1)
+    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1)
     assert modified(out) == before
     assert (out / "ablation.svg").read_bytes() == figure
 
@@ -311,10 +311,10 @@ def test_a_seed_without_a_lap_leaves_no_difference(
 def test_the_differences_are_written_and_printed(
     toml: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1)
+    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1)
     printed = capsys.readouterr().out
     written = pl.read_csv(out / "effects.csv", schema_overrides=EFFECTS)
     assert written["variant"].to_list() == [name for name in CHOSEN for _ in range(2)]
     assert all(name in printed for name in CHOSEN)
-    ablate(str(toml), out, SEEDS, None, CHOSEN, 1, 1, as_json=True)
+    ablate(str(toml), out, SEEDS, None, list(CHOSEN), 1, 1, as_json=True)
     assert json.loads(capsys.readouterr().out)["differences"] == written.to_dicts()

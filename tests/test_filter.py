@@ -13,7 +13,7 @@ import pytest
 from nathlon.arena.entrant import Entrant, enter, only_once
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.commands.pareto import pareto_command
+from nathlon.commands.pareto import pareto as pareto_command
 from nathlon.config import Config, read_config
 from nathlon.filter import FilterSettings, Plan, run_filter
 from nathlon.objective import Objective
@@ -206,17 +206,23 @@ def test_scenarios_must_fit(field: str, name: str, folder: Path, pool: Pool, ent
 
 
 def test_the_command_writes_the_table_and_prints_the_front(
-    config: Config, entrants: list[Entrant], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path,
+    config: Config,
+    entrants: list[Entrant],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    once = config.model_copy(update={"pareto": config.pareto.model_copy(update={"most_races": 2})})
-    pareto_command([Path(entrant.source) for entrant in entrants[:3]], tmp_path, once, True)
+    once = tmp_path / "once.toml"
+    once.write_text((folder / "nathlon.toml").read_text().replace("most_races = 6", "most_races = 2"))
+    sources = [entrant.source for entrant in entrants[:3]]
+    pareto_command(sources, tmp_path, once, as_json=True)
     summary = json.loads(capsys.readouterr().out)
     table = pl.read_parquet(tmp_path / "pareto.parquet")
     assert table.height == summary["in"] == 3
     assert [row["name"] for row in summary["front"]] == table.filter("survives")["name"].to_list()
     assert {"alone", "points", "lap_s", "races"} <= set(table.columns)
     assert pl.read_csv(tmp_path / "pareto.csv")["name"].to_list() == table["name"].to_list()
-    pareto_command([Path(entrant.source) for entrant in entrants[:3]], tmp_path, once, False)
+    pareto_command(sources, tmp_path, once)
     printed = capsys.readouterr().out
     assert str(table["name"][0]) in printed
     assert not list(tmp_path.glob(".*partial"))

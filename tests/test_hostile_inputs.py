@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from nathlon.api.selection import configured
 from nathlon.arena.recording import read_recording, recover_recording
 from nathlon.arena.store import Store
-from nathlon.commands.selection import configured
 from nathlon.config import TEMPLATE, read_config
 from nathlon.minutes import Minutes
 from nathlon.policies.composite import CompositeSource
@@ -157,7 +157,7 @@ def test_spoilt_files_are_one_sentence_or_mean_something(tmp_path: Path, kind: s
         read_recording,
         recover_recording,
         lambda path: Trainer.resume(path.parent),
-        lambda path: configured(path, None, None, None, None),
+        configured,
         open_regular,
     ],
 )

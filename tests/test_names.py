@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from playwright.sync_api import Browser
 
+from nathlon.api.selection import SelectionResult
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, write_recording
-from nathlon.commands.console import progress_bars, say, warn
-from nathlon.commands.selection import print_selection
-from nathlon.output import OutputFolder
+from nathlon.commands.selection import print_places, print_verdict
+from nathlon.progress import progress_bars
 from nathlon.reports.ablation import ABLATION, EFFECTS, write_ablation
 from nathlon.reports.player import render_player
 from nathlon.reports.replay import race_sheet, write_replay
@@ -32,6 +32,7 @@ from nathlon.reports.tables import as_texts, write_tables
 from nathlon.reports.video import pictures
 from nathlon.sim.data_file import DATA
 from nathlon.sim.names import LONGEST, file_stem, printable, proper_name
+from nathlon.terminal import say, warn
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon
 from tests.opened_page import Opened, key
@@ -118,7 +119,8 @@ def test_the_console_prints_names_as_they_are(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "400")
-    print_selection(hostile(), OutputFolder(tmp_path))
+    print_verdict(hostile().summary)
+    print_places(SelectionResult(tmp_path, hostile()))
     for name in HOSTILE[:8]:
         say(f"said {name}")
         warn(f"warned {name}")

@@ -18,7 +18,7 @@ from nathlon.arena.recording import read_recording, recording_name, write_record
 from nathlon.arena.results import RANKING, RESULTS
 from nathlon.arena.runner import run_match
 from nathlon.arena.store import Store
-from nathlon.commands.replay import car_index, recover, replay
+from nathlon.commands.replay import car_index, replay
 from nathlon.decider import Notable, deciding_race, notable_races
 from nathlon.output import OutputFolder
 from nathlon.recordings import record_tournament
@@ -255,10 +255,12 @@ def test_a_stored_race_becomes_a_page_a_video_and_a_replay(
 ) -> None:
     page, video = tmp_path / "race.html", tmp_path / "race.mp4"
     key = f"{match.key[:8]}:0"
-    replay(str(store_path), key, "driver:pace=0.95", tmp_path, True, False, page, video, 1.0, 1.2)
+    replay(
+        str(store_path), key, "driver:pace=0.95", html=page, video=video, start_s=1.0, end_s=1.2, out=tmp_path
+    )
     assert {path.suffix for path in tmp_path.iterdir()} == {".html", ".mp4", ".mcap"}
     [recording] = tmp_path.glob("*.mcap")
-    replay(str(recording), None, None, tmp_path, False, False, None, None, None, None)
+    replay(str(recording), show=False, out=tmp_path)
     assert recording.with_suffix(".rrd").exists()
 
 
@@ -277,7 +279,7 @@ def test_a_recording_that_was_cut_short_is_saved_beside_it(
     path.write_bytes(path.read_bytes()[:-5000])
     with pytest.raises(InputError, match=r"nathlon replay --recover .*race\.mcap"):
         read_recording(path)
-    recover(path)
+    replay(str(path), recover=True)
     log = read_recording(tmp_path / "race.recovered.mcap")
     assert 5.0 < log.time_s[-1] <= 29.9
     assert f"The race until {log.time_s[-1]:.1f} s" in capsys.readouterr().out

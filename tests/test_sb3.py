@@ -343,7 +343,7 @@ def test_what_the_example_trains_races(
     assert (last.seed, last.step) == (1, 53)
     capsys.readouterr()
     finals = [str(tmp_path / f"{name}_60_steps.zip") for name in LEARNERS]
-    race(finals, "slipstream_pass", "lindenring", "gt3", 1, False, None)
+    race(finals, "slipstream_pass")
     shown = capsys.readouterr().out
     assert "slipstream_pass on lindenring" in shown
     assert "policy raised" not in shown

@@ -6,55 +6,79 @@ import logging
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-import polars as pl
-import torch
-from rich.progress import Progress
+import typer
 from rich.table import Table
 
-from nathlon.ablation import DUELS, checkpoints, effects, race_base
-from nathlon.arena.store import Store
-from nathlon.commands.console import console, print_json, progress_bars, tell, warn, worker_count
-from nathlon.policies.training.ablation import VARIANTS, Run, claim, configurations, plan
-from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
-from nathlon.policies.training.log import Status
-from nathlon.policies.training.trainer import Diverged
-from nathlon.reports.ablation import write_ablation
-from nathlon.sim.data_file import find_data
+from nathlon.bounds import MOST_PAIRS, MOST_WORKERS
+from nathlon.commands.options import AsJson, Out
+from nathlon.commands.selection import stoppable
 from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
+from nathlon.terminal import console, print_json, tell, warn
 
-NO_DUELS = pl.DataFrame(schema=DUELS)
+if TYPE_CHECKING:
+    import polars as pl
+    from rich.progress import Progress
+
+    from nathlon.policies.training.ablation import Run
+    from nathlon.policies.training.config import TrainingConfig
+    from nathlon.policies.training.log import Status
+
 MEASURES = {"lap_s": "lap, s", "score_difference": "points a race"}
 
 
 def ablate(
-    config: str,
-    out: Path,
-    seeds: int,
-    updates: int | None,
-    names: Sequence[str],
-    pairs: int,
-    workers: int | None,
-    as_json: bool = False,
+    config: Annotated[
+        str, typer.Argument(help="time_trial, racing, or the path of a training configuration (.toml).")
+    ],
+    out: Out = Path("runs/ablation"),
+    seeds: Annotated[
+        int, typer.Option(min=1, max=10_000, help="Runs of each variant, with seeds from 1 on.")
+    ] = 3,
+    updates: Annotated[
+        int | None,
+        typer.Option(min=1, max=10**12, help="Updates of each run; the configuration's by default."),
+    ] = None,
+    variant: Annotated[
+        list[str] | None, typer.Option(help="Train this variant; may be repeated. All by default.")
+    ] = None,
+    pairs: Annotated[
+        int,
+        typer.Option(min=0, max=MOST_PAIRS, help="Mirrored pairs of 4v4 races of each run against the base."),
+    ] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner, processes of the races."),
+    ] = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Train all variants with all seeds, race them against the base if asked to, and draw the figure."""
+    """Train variants of a configuration without parts of the method, and draw what the parts are worth.
+
+    The same command goes on after Ctrl-C.
+    """
+    need("torch", "train", "an ablation")
+    import torch
+
+    from nathlon.policies.training.ablation import VARIANTS, claim, configurations, plan
+    from nathlon.progress import progress_bars, worker_count
+
     logging.basicConfig(format="%(message)s")
     torch.set_num_threads(worker_count(workers))
     base = _base(config, updates)
-    configs = configurations(base, names or VARIANTS)
+    names = variant or VARIANTS
+    configs = configurations(base, names)
     claim(out, base)
-    for name in names or VARIANTS:
+    for name in names:
         if name not in configs:
             warn(f"{name} is the configuration itself, and left out.")
     runs = plan(configs, seeds, out)
-    try:
-        with progress_bars(as_json) as progress:
+    with stoppable("The same command goes on."):
+        with progress_bars(not as_json) as progress:
             diverged = _train(runs, out, progress)
-            raced = _race(runs, out, pairs, worker_count(workers), progress) if pairs else NO_DUELS
+            raced = _race(runs, out, pairs, worker_count(workers), progress) if pairs else None
         found = _publish(runs, out, raced)
-    except KeyboardInterrupt:
-        warn("Stopped. The same command goes on.")
-        raise SystemExit(130) from None
     files = {
         "figure": out / "ablation.svg",
         "table": out / "ablation.csv",
@@ -72,6 +96,9 @@ def ablate(
 
 
 def _base(name: str, updates: int | None) -> TrainingConfig:
+    from nathlon.policies.training.config import CONFIGS, read_config
+    from nathlon.sim.data_file import find_data
+
     config = read_config(find_data(name, "training configuration", CONFIGS))
     if updates is not None:
         config = config.model_copy(update={"updates": updates})
@@ -85,6 +112,8 @@ def _base(name: str, updates: int | None) -> TrainingConfig:
 
 def _train(runs: Sequence[Run], out: Path, progress: Progress) -> int:
     """Train those that are not finished, and publish after each; the number of those that diverged."""
+    from nathlon.policies.training.trainer import Diverged
+
     diverged = 0
     overall = progress.add_task("runs", total=len(runs), note="")
     current = progress.add_task("updates", total=None, note="")
@@ -112,6 +141,9 @@ def _train(runs: Sequence[Run], out: Path, progress: Progress) -> int:
 
 
 def _race(runs: Sequence[Run], out: Path, pairs: int, workers: int, progress: Progress) -> pl.DataFrame:
+    from nathlon.ablation import race_base
+    from nathlon.arena.store import Store
+
     task = progress.add_task("races", total=None, note="matches")
 
     def on_match(done: int, total: int) -> None:
@@ -121,9 +153,14 @@ def _race(runs: Sequence[Run], out: Path, pairs: int, workers: int, progress: Pr
         return race_base(runs, pairs, workers, store, on_match)
 
 
-def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame = NO_DUELS) -> pl.DataFrame:
+def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame | None = None) -> pl.DataFrame:
     """Write table and figure of the runs so far; what the variants differ from the base, EFFECTS."""
-    table = checkpoints(runs, duels)
+    import polars as pl
+
+    from nathlon.ablation import DUELS, checkpoints, effects
+    from nathlon.reports.ablation import write_ablation
+
+    table = checkpoints(runs, pl.DataFrame(schema=DUELS) if duels is None else duels)
     found = effects(table)
     write_ablation(table, found, out)
     return found
@@ -141,4 +178,4 @@ def _print_effects(found: pl.DataFrame) -> None:
         known = row["low"] is not None
         interval = f"{row['low']:+.2f} to {row['high']:+.2f}" if known else "one seed, or all alike"
         shown.add_row(row["variant"], *cells, f"{row['difference']:+.2f}", interval)
-    console.print(shown)
+    console.table(shown)

@@ -2,34 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import polars as pl
+import typer
 from rich.table import Table
 
-from nathlon.arena.pool import Pool
-from nathlon.commands.console import console, print_json, say, worker_count
-from nathlon.commands.selection import entered, progress
-from nathlon.config import Config
-from nathlon.n_athlon import BatteryAnswer, run_battery
-from nathlon.single_run import single_run
+from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
+from nathlon.commands.selection import stoppable
+from nathlon.policies.sources import find_sources
+from nathlon.terminal import console, print_json, say
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from nathlon.n_athlon import BatteryAnswer
 
 
-def battery(sources: Sequence[str], out: Path, config: Config, as_json: bool) -> None:
-    """Put entrants through the n-athlon and print who has how many points."""
+def battery(
+    entrants: Annotated[
+        list[str], typer.Argument(help="Checkpoints, folders of them, built-in drivers, plugin:NAME.")
+    ],
+    out: Out = Path("runs/battery"),
+    config: ConfigPath = None,
+    seed: ConfigSeed = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Put entrants through the n-athlon: skill tests with points."""
+    sources = find_sources(entrants)
+    from nathlon.api.selection import configured, entered
+    from nathlon.arena.pool import Pool
+    from nathlon.n_athlon import run_battery
+    from nathlon.progress import stage_progress, worker_count
+    from nathlon.single_run import single_run
+
+    settings = configured(config, seed, workers=workers)
     path = out / "store.sqlite"
-    with Pool(worker_count(config.workers)) as pool:
-        entrants, config = entered(pool, sources, config)
+    with Pool(worker_count(settings.workers)) as pool:
+        tested, settings = entered(pool, sources, settings)
         with (
-            progress(f"The same command goes on from {path}.", as_json, ("battery",)) as on_match,
-            single_run("battery", entrants, config, path, pool, on_match) as run,
+            stoppable(f"The same command goes on from {path}."),
+            stage_progress(not as_json, ("battery",)) as on_match,
+            single_run("battery", tested, settings, path, pool, on_match) as run,
         ):
-            answer = run_battery(run, entrants, config.battery)
+            answer = run_battery(run, tested, settings.battery)
             run.keep(answer.tables)
-    names = {entrant.id: entrant.name for entrant in entrants}
+    names = {entrant.id: entrant.name for entrant in tested}
     if as_json:
         print_json(_as_json(answer, names))
     else:
@@ -58,7 +78,7 @@ def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
         if row["points_low"] is not None:
             points += f" ({row['points_low']:.0f} to {row['points_high']:.0f})"
         ranking.add_row(str(row["rank"]), row["name"], points)
-    console.print(ranking)
+    console.table(ranking)
 
     tests = Table(title="Tests")
     for column in ("Test", "500 points", "1,000 points", "Best", "Mean", "Points"):
@@ -69,6 +89,6 @@ def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
         mean = "–" if best["measure"] is None else f"{best['measure']:.2f}"
         worth = [f"{mark:.2f} {best['unit']}" for mark in (marks.base, marks.reference)]
         tests.add_row(test, *worth, best["name"], mean, f"{best['points']:.0f}")
-    console.print(tests)
+    console.table(tests)
     for test, reason in answer.set_aside.items():
         say(f"Set aside: {test}: {reason}")

@@ -12,13 +12,13 @@ from rich.table import Table
 import nathlon.committee as committee
 from nathlon.arena.store import Store
 from nathlon.ballots import Ballot
-from nathlon.commands.console import console, print_json, say
 from nathlon.commands.place import Place
 from nathlon.committee_events import Compared, Entry, Opened, Reopened, Voted
 from nathlon.committee_rules import Question
 from nathlon.decision import Decision, describe
 from nathlon.minutes import Minutes
 from nathlon.sim.errors import InputError
+from nathlon.terminal import console, print_json, say
 
 SHORTEST_ID = 6
 
@@ -156,7 +156,7 @@ def _print(decision: Decision) -> None:
     if decision.result is None and decision.waits_for:
         state += f", waits for {decision.waits_for} more"
     say(f"{decision.name}: {wanted} wanted, {state}")
-    console.print(_standings(decision))
+    console.table(_standings(decision))
     names = decision.opened.candidates
     for said in decision.said.values():
         for entry in said:

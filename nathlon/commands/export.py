@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from nathlon.commands.console import tell
-from nathlon.policies.checkpoint import load_checkpoint
-from nathlon.policies.onnx import export_onnx
+import typer
+
+from nathlon.commands.options import AsJson
+from nathlon.policies.sources import check_source
 from nathlon.sim.errors import InputError
+from nathlon.terminal import tell
 
 
-def export(checkpoint: Path, onnx: Path, as_json: bool) -> None:
-    """Write the policy of a checkpoint as ONNX."""
+def export(
+    checkpoint: Annotated[Path, typer.Argument(help="Checkpoint (.safetensors).")],
+    onnx: Annotated[Path, typer.Option("--onnx", help="The ONNX file to write.")],
+    as_json: AsJson = False,
+) -> None:
+    """Write a checkpoint as an ONNX graph, which other programs can run and nathlon can race."""
+    check_source(str(checkpoint))
     if not onnx.parent.is_dir():
         raise InputError(f"{onnx.parent}: no such folder, expected one for the ONNX file")
+    from nathlon.policies.checkpoint import load_checkpoint
+    from nathlon.policies.onnx import export_onnx
+
     export_onnx(load_checkpoint(checkpoint), onnx)
     tell({"onnx": onnx}, as_json)

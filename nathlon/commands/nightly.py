@@ -5,22 +5,27 @@ from __future__ import annotations
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
 from rich.table import Table
 
-from nathlon.arena.store import Store
-from nathlon.commands.console import console, print_json, say, tell, worker_count
-from nathlon.commands.selection import print_selection, progress
-from nathlon.config import TEMPLATE, read_config
-from nathlon.nightly import nightly as run_nightly
-from nathlon.nightly import told
-from nathlon.output import OutputFolder
+from nathlon.commands.options import AsJson, ConfigFile, Workers
+from nathlon.commands.selection import print_places, print_verdict, stoppable
 from nathlon.sim.errors import InputError
+from nathlon.terminal import console, print_json, say, tell
+
+if TYPE_CHECKING:
+    from nathlon.arena.store import Store
 
 
-def init(path: Path, as_json: bool) -> None:
-    """Write a configuration with every setting that people change."""
+def init(
+    path: Annotated[Path, typer.Argument(help="The file to write.")] = Path("nathlon.toml"),
+    as_json: AsJson = False,
+) -> None:
+    """Write a configuration for a selection every night."""
+    from nathlon.config import TEMPLATE
+
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(TEMPLATE.read_text("utf-8"))
@@ -31,27 +36,48 @@ def init(path: Path, as_json: bool) -> None:
     tell({"configuration": path, "command": f"nathlon nightly --config {path}"}, as_json)
 
 
-def nightly(path: Path, workers: int | None, as_json: bool) -> None:
-    """Run the night, say what came of it, and exit with its code."""
-    config = read_config(path)
-    with progress("The same command goes on.", as_json) as on_match:
-        night = run_nightly(config, worker_count(workers or config.workers), on_match)
+def nightly(
+    config: ConfigFile = Path("nathlon.toml"), workers: Workers = None, as_json: AsJson = False
+) -> None:
+    """Select among the checkpoints that are new, and exit with a code that a scheduler understands.
+
+    0: done, 1: nobody passed the gates, 2: bad input, 3: too many faults. The same command goes on with a
+    night that was stopped.
+    """
+    from nathlon.api.selection import SelectionResult
+    from nathlon.config import read_config
+    from nathlon.nightly import nightly as run_nightly
+    from nathlon.nightly import told
+    from nathlon.progress import stage_progress, worker_count
+
+    settings = read_config(config)
+    with stoppable("The same command goes on."), stage_progress(not as_json) as on_match:
+        night = run_nightly(settings, worker_count(workers or settings.workers), on_match)
     if as_json:
         facts: dict[str, Any] = {name: value for name, value in vars(night).items() if name != "selection"}
         print_json(facts | {"summary": night.selection and night.selection.summary.model_dump(mode="json")})
     elif night.selection and night.name:
-        print_selection(night.selection, OutputFolder(Path(config.out) / night.name))
+        print_verdict(night.selection.summary)
+        print_places(SelectionResult(Path(settings.out) / night.name, night.selection))
     if not as_json:
         say(f"Outcome      {night.reason}")
     sys.stdout.flush()
-    told(config, night)
+    told(settings, night)
     raise SystemExit(night.code)
 
 
-def status(path: Path, verify: bool, as_json: bool) -> None:
+def status(
+    config: ConfigFile = Path("nathlon.toml"),
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Recompute the totals of all records, and say what disagrees.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """Say which nights there were, and where the one under way is."""
-    config = read_config(path)
-    with Store.open(config.store) as store:
+    from nathlon.arena.store import Store
+    from nathlon.config import read_config
+
+    with Store.open(read_config(config).store) as store:
         nights = [
             asdict(record) | {"facts": store.facts(record.name), "tables": _counts(store, record.name)}
             for record in store.runs()
@@ -75,7 +101,7 @@ def status(path: Path, verify: bool, as_json: bool) -> None:
             *(str(counts[name]) for name in ("entrants", "pareto", "ranking")),
             outcome.get("reason", _under_way(night["facts"])),
         )
-    console.print(table)
+    console.table(table)
     for fault in faults:
         say(fault)
 

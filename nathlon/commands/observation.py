@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from nathlon.commands.console import print_json
-from nathlon.sim.observation import ObservationSpec
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson
+from nathlon.terminal import print_json
 
 
-def observation(course_points: int, as_json: bool) -> None:
-    """Print the layout of the observations with so many points on each line of the course."""
+def observation(
+    course_points: Annotated[int, typer.Option(help="Points on each line of the course.")] = 60,
+    as_json: AsJson = False,
+) -> None:
+    """Print the layout of the observations that a policy gets."""
+    from nathlon.sim.observation import ObservationSpec
+
     spec = ObservationSpec(course_points=course_points)
     if as_json:
         fields = [{"name": field.name, "size": field.size, "unit": field.unit} for field in spec.fields]

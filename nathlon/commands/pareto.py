@@ -4,38 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import polars as pl
 from rich.table import Table
 
-from nathlon.arena.entrant import Entrant, entrants_table
-from nathlon.arena.pool import Pool
-from nathlon.arena.results import PARETO
-from nathlon.commands.console import console, print_json, say, worker_count
-from nathlon.commands.selection import entered, progress
-from nathlon.config import Config
-from nathlon.filter import run_filter
-from nathlon.objective import Objective
-from nathlon.reports.tables import as_texts
-from nathlon.run import Answer
+from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers
+from nathlon.commands.selection import stoppable
+from nathlon.policies.sources import find_sources
 from nathlon.sim.whole_file import whole_file
-from nathlon.single_run import single_run
+from nathlon.terminal import console, print_json, say
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from nathlon.arena.entrant import Entrant
+    from nathlon.objective import Objective
+    from nathlon.run import Answer
 
 
-def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
-    """Filter checkpoints, write `pareto.csv` and `pareto.parquet`, and print the front.
+def pareto(
+    checkpoints: Checkpoints,
+    out: Out = Path("runs/pareto"),
+    config: ConfigPath = None,
+    seed: ConfigSeed = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Keep the checkpoints that may be on the Pareto front."""
+    sources = find_sources(checkpoints)
+    from nathlon.api.selection import configured, entered
+    from nathlon.arena.entrant import entrants_table
+    from nathlon.arena.pool import Pool
+    from nathlon.filter import run_filter
+    from nathlon.progress import stage_progress, worker_count
+    from nathlon.reports.tables import as_texts
+    from nathlon.single_run import single_run
 
-    Raises:
-        InputError: if a checkpoint cannot drive, or the configuration names what does not exist.
-    """
+    settings = configured(config, seed, workers=workers)
     path = out / "store.sqlite"
-    with Pool(worker_count(config.workers)) as pool:
-        entrants, config = entered(pool, checkpoints, config)
+    with Pool(worker_count(settings.workers)) as pool:
+        entrants, settings = entered(pool, sources, settings)
         with (
-            progress(f"The same command goes on from {path}.", as_json) as on_match,
-            single_run("pareto", entrants, config, path, pool, on_match) as run,
+            stoppable(f"The same command goes on from {path}."),
+            stage_progress(not as_json) as on_match,
+            single_run("pareto", entrants, settings, path, pool, on_match) as run,
         ):
-            answer = run_filter(run, entrants, config.pareto)
+            answer = run_filter(run, entrants, settings.pareto)
             run.keep({"entrants": entrants_table(entrants), **answer.tables})
     table = pareto_table(entrants, answer)
     files = {"csv": out / "pareto.csv", "parquet": out / "pareto.parquet"}
@@ -51,13 +65,16 @@ def pareto_command(checkpoints: Sequence[Path], out: Path, config: Config, as_js
         }
         print_json(summary)
         return
-    _print_front(front, table.height, config.pareto.objective)
+    _print_front(front, table.height, settings.pareto.objective)
     for file in files.values():
         say(str(file))
 
 
 def pareto_table(entrants: Sequence[Entrant], answer: Answer) -> pl.DataFrame:
     """PARETO with names and sources, and a column for each objective that it has not; the best first."""
+    from nathlon.arena.entrant import entrants_table
+    from nathlon.arena.results import PARETO
+
     objectives = answer.tables["objectives"].pivot("objective", index="entrant", values="value")
     own = objectives.select("entrant", *(name for name in objectives.columns if name not in PARETO))
     return (
@@ -77,4 +94,4 @@ def _print_front(front: pl.DataFrame, entered: int, objectives: Sequence[Objecti
     for row in front.iter_rows(named=True):
         values = [f"{row[name]:.4g}" for name in names]
         shown.add_row(row["name"], *values, f"{row['nondominated_probability']:.2f}", str(row["races"]))
-    console.print(shown)
+    console.table(shown)

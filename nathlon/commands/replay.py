@@ -5,46 +5,56 @@ from __future__ import annotations
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from nathlon.arena.race_log import RaceLog
-from nathlon.arena.recording import read_recording, recover_recording, write_recording
-from nathlon.arena.store import Store
-from nathlon.commands.console import print_json, say, tell, warn
-from nathlon.replays import record_stored_race
-from nathlon.reports.player import write_player
-from nathlon.reports.replay import labels, open_viewer, write_replay
-from nathlon.reports.web_viewer import WebViewer
+import typer
+
+from nathlon.commands.options import AsJson, Out
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
+from nathlon.terminal import print_json, say, tell, warn
+
+if TYPE_CHECKING:
+    from nathlon.arena.race_log import RaceLog
 
 
 def replay(
-    source: str,
-    race: str | None,
-    car: str | None,
-    out: Path,
-    show: bool,
-    web: bool,
-    html: Path | None,
-    video: Path | None,
-    start_s: float | None,
-    end_s: float | None,
-    as_json: bool = False,
+    source: Annotated[
+        str, typer.Argument(help="Recording of a race (.mcap); with RACE, the store: its path or URL.")
+    ],
+    race: Annotated[
+        str | None,
+        typer.Argument(help="Race of the store to run again, as KEY:RACE; the first digits of the key do."),
+    ] = None,
+    car: Annotated[
+        str | None, typer.Option(help="Name or number of the car to follow; the winner by default.")
+    ] = None,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the viewer.")] = True,
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve Rerun's viewer to browsers on this machine.")
+    ] = False,
+    html: Annotated[Path | None, typer.Option(help="Write a page that plays the race instead.")] = None,
+    video: Annotated[Path | None, typer.Option(help="Write a clip (.mp4) instead.")] = None,
+    start_s: Annotated[
+        float | None, typer.Option("--from", help="Where the clip begins in the race, s.")
+    ] = None,
+    end_s: Annotated[float | None, typer.Option("--to", help="Where the clip ends, s.")] = None,
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Save what can be read of a damaged recording.")
+    ] = False,
+    out: Out = Path("runs/replays"),
+    as_json: AsJson = False,
 ) -> None:
-    """Show a race: in Rerun's viewer, in the browser, or as the page or the video asked for.
+    """Look at a race: in Rerun's viewer, in the browser, as a page of its own, or as a video."""
+    if race is None and not Path(source).exists():
+        raise InputError(f"{source}: no such file, expected a recording")
+    if recover:
+        _recover(Path(source), as_json)
+        return
+    from nathlon.arena.recording import read_recording
+    from nathlon.arena.store import Store
+    from nathlon.replays import record_stored_race
 
-    Args:
-        source: a recording; with `race`, a store.
-        race: of the store, run again and recorded in the folder `out`.
-        car: to follow, by name or number.
-        out: folder for what is run again.
-        show: open a viewer.
-        web: in the browser.
-        html, video: files to write in place of a Rerun replay.
-        start_s, end_s: of the video, in the race.
-        as_json: print JSON.
-    """
     path, made = Path(source), dict[str, Any]()
     if race is not None:
         with Store.open(source) as store:
@@ -52,6 +62,8 @@ def replay(
     log = read_recording(path)
     follow = None if car is None else car_index(log, car, path)
     if html:
+        from nathlon.reports.player import write_player
+
         made["page"] = _written(html, lambda: write_player(log, html, follow))
     if video:
         need("av", "video", "a video")
@@ -61,6 +73,8 @@ def replay(
     if html or video:
         tell(made, as_json)
         return
+    from nathlon.reports.replay import open_viewer, write_replay
+
     rerun = path.with_suffix(".rrd")
     made["replay"] = _written(rerun, lambda: write_replay(log, rerun, follow))
     if web:
@@ -71,8 +85,10 @@ def replay(
         open_viewer(rerun)
 
 
-def recover(recording: Path, as_json: bool = False) -> None:
+def _recover(recording: Path, as_json: bool) -> None:
     """Write what can be read of a damaged recording beside it."""
+    from nathlon.arena.recording import recover_recording, write_recording
+
     found = recover_recording(recording)
     path = recording.with_suffix(f".recovered{recording.suffix}")
     until_s = float(found.log.time_s[-1])
@@ -91,6 +107,8 @@ def car_index(log: RaceLog, car: str, path: Path) -> int:
     Raises:
         InputError: if there is none.
     """
+    from nathlon.reports.replay import labels
+
     numbers = range(len(log.names))
     if car.isdecimal() and int(car) in numbers:
         return int(car)
@@ -114,6 +132,8 @@ def _written(path: Path, write: Callable[[], object]) -> Path:
 
 def _serve(rerun: Path, made: dict[str, Any], show: bool, as_json: bool) -> None:
     """Serve a replay to browsers on this machine until Ctrl-C."""
+    from nathlon.reports.web_viewer import WebViewer
+
     with WebViewer(rerun) as viewer:
         tell({**made, "viewer": viewer.url}, as_json)
         warn("Ctrl-C ends it.")

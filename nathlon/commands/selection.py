@@ -1,132 +1,160 @@
-"""`nathlon demo`, `nathlon evaluate` and what they share with `nathlon nightly`."""
+"""`nathlon demo`, `nathlon evaluate`, `nathlon report`, and what they share with other selections."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.table import Table
 
-from nathlon.arena.entrance import enter_all, trained_on
-from nathlon.arena.entrant import Entrant
-from nathlon.arena.pool import Pool
-from nathlon.arena.store import Store
-from nathlon.commands.console import console, print_json, progress_bars, say, warn, worker_count
-from nathlon.config import Config, read_config
-from nathlon.evaluation import evaluate as run_evaluation
-from nathlon.output import OutputFolder
+from nathlon.commands.options import (
+    AsJson,
+    Checkpoints,
+    ConfigPath,
+    ConfigSeed,
+    Out,
+    Pairs,
+    Seed,
+    Shortlist,
+    Workers,
+)
 from nathlon.policies.sources import find_sources
-from nathlon.publish import publish
-from nathlon.recordings import STAGE as RECORDINGS
-from nathlon.recordings import record_tournament
-from nathlon.reports.selection import Selection
-from nathlon.run import STAGES, WAITING, OnMatch
 from nathlon.sim.errors import InputError
+from nathlon.terminal import console, print_json, say, warn
+
+if TYPE_CHECKING:
+    from nathlon.api.selection import SelectionResult
+    from nathlon.reports.summary import Summary
 
 
-def configured(
-    path: Path | None, seed: int | None, shortlist: int | None, pairs: int | None, workers: int | None
-) -> Config:
-    """The configuration in a file, or the standard one, with what is given in its place."""
-    config = Config() if path is None else read_config(path)
-    committee, tournament = config.committee, config.tournament
-    if shortlist is not None:
-        committee = committee.model_copy(update={"shortlist": shortlist})
-    if pairs is not None:
-        tournament = tournament.model_copy(update={"pairs": pairs})
-    changed = {"seed": seed, "workers": workers}
-    given = {name: value for name, value in changed.items() if value is not None}
-    return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
+def demo(
+    out: Out = Path("runs/demo"),
+    seed: Seed = 1,
+    shortlist: Shortlist = None,
+    pairs: Pairs = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
+    from nathlon.policies.bundled import BUNDLED
+
+    evaluate([str(BUNDLED / "lindenring")], out, None, seed, shortlist, pairs, workers, as_json)
 
 
-def entered(pool: Pool, given: Iterable[str | Path], config: Config) -> tuple[list[Entrant], Config]:
-    """The entrants that checkpoints, folders and names give, and the configuration for where they drive.
+def evaluate(
+    checkpoints: Checkpoints,
+    out: Out = Path("runs/evaluation"),
+    config: ConfigPath = None,
+    seed: ConfigSeed = None,
+    shortlist: Shortlist = None,
+    pairs: Pairs = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Select the best of your own checkpoints, the same way as the demo."""
+    sources = find_sources(checkpoints)
+    from nathlon import select
 
-    Raises:
-        InputError: if one cannot drive, or there is none.
-    """
-    sources = find_sources(given)
-    circuit, car = trained_on(pool, sources)
-    return enter_all(pool, sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})
+    with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
+        result = select(
+            sources,
+            out,
+            config=config,
+            seed=seed,
+            shortlist=shortlist,
+            pairs=pairs,
+            workers=workers,
+            progress=not as_json,
+            on_verdict=None if as_json else print_verdict,
+        )
+        if result.selection is None and as_json:
+            print_json({"status": "waiting", "store": result.store})
+        elif result.selection is None:
+            say(repr(result))
+        elif as_json:
+            print_json(result.summary.model_dump(mode="json"))
+        else:
+            print_places(result)
 
 
-def report(target: str, name: str | None, out: Path, record_all: bool, as_json: bool) -> None:
-    """Publish a run once more from its store, with recordings of all races of its tournament if asked."""
-    with Store.open(target) as store:
-        runs = [record.name for record in store.runs()]
-        if name is None and runs:
-            name = runs[-1]
+def report(
+    store: Annotated[str, typer.Argument(help="The store: path of its file, or URL of a database.")],
+    run_name: Annotated[
+        str | None, typer.Option("--run", help="Name of the run; the last by default.")
+    ] = None,
+    out: Out = Path("runs/report"),
+    record_all: Annotated[
+        bool, typer.Option("--record-all", help="Record every race of the tournament.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Make the report of a run again from its store."""
+    from nathlon.api.selection import SelectionResult
+    from nathlon.arena.pool import Pool
+    from nathlon.arena.store import Store
+    from nathlon.output import OutputFolder
+    from nathlon.progress import stage_progress, worker_count
+    from nathlon.publish import publish
+    from nathlon.recordings import record_tournament
+    from nathlon.run import RECORDINGS
+
+    with Store.open(store) as opened:
+        runs = [record.name for record in opened.runs()]
+        name = runs[-1] if run_name is None and runs else run_name
         if name not in runs:
             raise InputError(
-                f"{store.name}: run is {name!r}, expected one of {', '.join(runs) or 'none yet'}"
+                f"{opened.name}: run is {name!r}, expected one of {', '.join(runs) or 'none yet'}"
             )
         output = OutputFolder(out)
         with Pool(worker_count(None)) as pool:
-            selection = publish(store, name, output, pool)
+            selection = publish(opened, name, output, pool)
             if record_all:
-                with progress("The same command goes on.", as_json, (RECORDINGS,)) as on_match:
-                    record_tournament(store, name, output, pool, on_match)
+                with (
+                    stoppable("The same command goes on."),
+                    stage_progress(not as_json, (RECORDINGS,)) as on_match,
+                ):
+                    record_tournament(opened, name, output, pool, on_match)
     if as_json:
         print_json(selection.summary.model_dump(mode="json"))
     elif selection.under_way:
         say(f"Run          {name}: {selection.under_way}")
         say(f"Report       {output.report / 'index.html'}")
     else:
-        print_selection(selection, output)
-
-
-def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bool) -> None:
-    """Run the selection on checkpoints and say what came of it."""
-    with Pool(worker_count(config.workers)) as pool:
-        entrants, config = entered(pool, checkpoints, config)
-        output = OutputFolder(out)
-        with progress(f"The same command goes on from {output.store}.", as_json) as on_match:
-            selection = run_evaluation(entrants, output, config, pool, on_match)
-    if as_json:
-        print_json(
-            selection.summary.model_dump(mode="json")
-            if selection
-            else {"status": WAITING, "store": output.store}
-        )
-    elif selection is None:
-        say(f"The committee waits for its members: nathlon committee {output.store}")
-    else:
-        print_selection(selection, output)
+        print_verdict(selection.summary)
+        print_places(SelectionResult(output.root, selection))
 
 
 @contextmanager
-def progress(stopped: str, quiet: bool, stages: Sequence[str] = (*STAGES, RECORDINGS)) -> Iterator[OnMatch]:
-    """Bars for the stages that have begun, unless quiet; Ctrl-C says how to go on and exits with 130."""
+def stoppable(how_to_go_on: str) -> Iterator[None]:
+    """Ctrl-C says how to go on, and exits with 130."""
     try:
-        with progress_bars(quiet) as bars:
-            tasks = {
-                stage: bars.add_task(stage, total=None, note="matches", visible=False) for stage in stages
-            }
-
-            def on_match(stage: str, done: int, total: int) -> None:
-                bars.update(tasks[stage], completed=done, total=total, visible=True)
-
-            yield on_match
+        yield
     except KeyboardInterrupt:
-        warn(f"Stopped. {stopped}")
+        warn(f"Stopped. {how_to_go_on}")
         raise SystemExit(130) from None
 
 
-def print_selection(selection: Selection, output: OutputFolder) -> None:
-    """Print the ranking, who is sent, and where the files are."""
-    _print_ranking(selection)
-    sent = selection.summary.sent
+def print_verdict(summary: Summary) -> None:
+    """Print the ranking and who is sent."""
+    _print_ranking(summary)
+    sent = summary.sent
     say(f"Sent         {sent[0].name if sent else 'nobody: no finalist passed the gates'}")
-    say(f"Report       {output.report / 'index.html'}")
-    say(f"Spreadsheet  {output.report / 'ranking.xlsx'}")
-    if selection.summary.recording:
-        say(f"Replay       nathlon replay {output.races / 'final.mcap'}")
-    say(f"Summary      {output.root / 'summary.json'}")
 
 
-def _print_ranking(selection: Selection) -> None:
-    ranking = selection.summary.ranking
+def print_places(result: SelectionResult) -> None:
+    """Print where the files are."""
+    say(f"Report       {result.report}")
+    say(f"Spreadsheet  {result.spreadsheet}")
+    if result.summary.recording:
+        say(f"Replay       nathlon replay {result.folder / 'races' / 'final.mcap'}")
+    say(f"Summary      {result.folder / 'summary.json'}")
+
+
+def _print_ranking(summary: Summary) -> None:
+    ranking = summary.ranking
     if not ranking:
         say("Fewer than two entrants reached the round robin; see the report for the filter and the tests.")
         return
@@ -138,7 +166,7 @@ def _print_ranking(selection: Selection) -> None:
         contacts = (row.contacts_per_km, row.contacts_low, row.contacts_high)
         place = "–" if row.rank is None else str(row.rank)
         table.add_row(place, row.name, _interval(*points), _interval(*contacts), str(row.races))
-    console.print(table)
+    console.table(table)
 
 
 def _interval(value: float | None, low: float | None, high: float | None) -> str:

@@ -4,22 +4,31 @@ from __future__ import annotations
 
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
+import typer
 from rich.table import Table
 
-from nathlon.commands.console import console, print_json, say
+from nathlon.commands.options import AsJson
 from nathlon.sim.names import file_stem
-from nathlon.sim.track import CURVATURE, NamedSection, Track, load_track
-from nathlon.sim.track_import import import_circuit
-from nathlon.sim.track_map import draw_map
+from nathlon.terminal import console, print_json, say
+
+if TYPE_CHECKING:
+    from nathlon.sim.track import NamedSection, Track
 
 STRAIGHT_RADIUS_M = 400.0  # from here on a bend is no corner
 
 
-def import_track(file: Path, name: str, out: Path, as_json: bool) -> None:
-    """Make a circuit folder of a centre line, and say how to use it."""
+def import_track(
+    file: Annotated[Path, typer.Argument(help="CSV file with x_m, y_m, w_tr_right_m, w_tr_left_m.")],
+    name: Annotated[str, typer.Option(help="Name of the circuit: lowercase letters, digits, hyphens.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """Make a circuit of a centre line from the TUM racetrack database, as the folder NAME."""
+    from nathlon.sim.track import load_track
+    from nathlon.sim.track_import import import_circuit
+
     path = import_circuit(file, name, out)
     circuit = load_track(str(path))
     if as_json:
@@ -30,8 +39,20 @@ def import_track(file: Path, name: str, out: Path, as_json: bool) -> None:
     say(f"Race         nathlon race driver --circuit {path}")
 
 
-def show_track(name: str, out: Path | None, as_json: bool) -> None:
-    """Draw the map of a circuit and print its sections."""
+def show_track(
+    name: Annotated[str, typer.Argument(help="Name or path of the circuit.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The picture; NAME.png in this folder by default.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Draw the map of a circuit and list its sections."""
+    from nathlon.sim.data_file import DATA, find_data
+
+    find_data(name, "circuit", DATA / "circuits")
+    from nathlon.sim.track import load_track
+    from nathlon.sim.track_map import draw_map
+
     circuit = load_track(name)
     path = out or Path(f"{file_stem(circuit.name)}.png")
     draw_map(circuit, path)
@@ -52,12 +73,16 @@ def show_track(name: str, out: Path | None, as_json: bool) -> None:
             ", ".join(row["turns"]),
             "" if radius is None else f"{radius:.0f}",
         )
-    console.print(table)
+    console.table(table)
     say(f"Map          {path}")
 
 
 def _described(circuit: Track, section: NamedSection) -> dict[str, Any]:
     """A section with the ways that it bends, in turn, and the least radius of its centre line."""
+    import numpy as np
+
+    from nathlon.sim.track import CURVATURE
+
     rows = slice(int(section.start_m / circuit.spacing), int(section.end_m / circuit.spacing) + 1)
     curvature = circuit.table[rows, CURVATURE]
     bends = curvature[np.abs(curvature) > 1.0 / STRAIGHT_RADIUS_M]

@@ -1,56 +1,83 @@
-"""`nathlon train`."""
+"""`nathlon train` and `nathlon polish`."""
 
 from __future__ import annotations
 
-import logging
-import math
-import os
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import torch
+import typer
 
-from nathlon.commands.console import progress_bars, tell, warn
-from nathlon.policies.training.config import CONFIGS, read_config
-from nathlon.policies.training.log import Status
-from nathlon.policies.training.trainer import Device, Trainer
-from nathlon.sim.data_file import find_data
-from nathlon.sim.errors import InputError
+from nathlon.bounds import MOST_WORKERS
+from nathlon.commands.options import AsJson, Out, Seed
+from nathlon.commands.selection import stoppable
+from nathlon.sim.extras import need
+from nathlon.terminal import tell
+
+if TYPE_CHECKING:
+    from nathlon.policies.training.polish import Round
 
 
 def train(
-    config: str,
-    out: Path,
-    seed: int,
-    threads: int | None,
-    device: Device,
-    resume: bool,
-    origin: Path | None,
-    as_json: bool,
+    config: Annotated[
+        str,
+        typer.Argument(
+            help="time_trial, racing (also as CIRCUIT-racing ..), paper, or the path of a .toml file."
+        ),
+    ] = "time_trial",
+    out: Out = Path("runs/training"),
+    seed: Seed = 1,
+    threads: Annotated[
+        int | None, typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner.")
+    ] = None,
+    device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where networks are updated.")] = "cpu",
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
+    origin: Annotated[
+        Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
+    ] = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Train to the end of a configuration, or until Ctrl-C."""
-    logging.basicConfig(format="%(message)s")
-    if resume and origin is not None:
-        raise InputError("--from: expected for a new run, not with --resume")
-    if resume:
-        trainer = Trainer.resume(out, device)
-    else:
-        path = find_data(config, "training configuration", CONFIGS)
-        trainer = Trainer.start(out, read_config(path), seed, origin, device)
-    # Two threads of matrix products beside a busy process are slower than one.
-    torch.set_num_threads(threads or max((os.cpu_count() or 1) - trainer.config.workers, 1))
-    gigabytes = trainer.replay.nbytes / 1e9
-    warn(f"Training in {out}; the replay tables may take {gigabytes:.1f} GB.")
-    try:
-        with progress_bars(as_json) as progress:
-            task = progress.add_task("updates", total=trainer.config.updates, note="warming up")
+    """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
+    need("torch", "train", "training")
+    import nathlon
 
-            def on_status(status: Status) -> None:
-                lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
-                note = f"{status.updates_per_s:.0f}/s, {lap}, {status.off_course_share:.1%} off course"
-                progress.update(task, completed=status.updates, note=note)
+    with stoppable(f"Go on with: nathlon train --resume --out {out}"):
+        result = nathlon.train(
+            config,
+            out,
+            seed=seed,
+            threads=threads,
+            device=device,
+            resume=resume,
+            origin=origin,
+            progress=not as_json,
+        )
+    tell({"updates": result.updates, "checkpoints": out / "checkpoints"}, as_json)
 
-            trainer.run(on_status)
-    except KeyboardInterrupt:
-        warn(f"Stopped at {trainer.updates} updates. Go on with: nathlon train --resume --out {out}")
-        raise SystemExit(130) from None
-    tell({"updates": trainer.updates, "checkpoints": out / "checkpoints"}, as_json)
+
+def polish(
+    checkpoint: Annotated[Path, typer.Argument(help="Checkpoint to start from.")],
+    config: Annotated[
+        str, typer.Option(help="Training configuration whose races and reward count: name or path.")
+    ] = "time_trial",
+    out: Out = Path("runs/polished"),
+    rounds: Annotated[int, typer.Option(min=1, max=10**9, help="Rounds of the whole.")] = 100,
+    seed: Seed = 1,
+    as_json: AsJson = False,
+) -> None:
+    """Improve a checkpoint by what its actions bring in races; the same command goes on after Ctrl-C."""
+    need("torch", "train", "polishing")
+    from nathlon.policies.training.config import CONFIGS, read_config
+    from nathlon.policies.training.polish import Polish
+    from nathlon.progress import progress_bars
+    from nathlon.sim.data_file import find_data
+
+    settings = read_config(find_data(config, "training configuration", CONFIGS))
+    work = Polish(checkpoint, settings, out, rounds, seed)
+    with stoppable("Go on with the same command."), progress_bars(not as_json) as progress:
+        task = progress.add_task("rounds", total=rounds, completed=work.rounds, note="")
+
+        def on_round(done: Round) -> None:
+            progress.update(task, completed=done.rounds, note=f"reward {done.reward:.1f}")
+
+        work.run(on_round)
+    tell({"rounds": work.rounds, "checkpoints": out / "checkpoints"}, as_json)

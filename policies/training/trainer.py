@@ -31,8 +31,9 @@ from nathlon.policies.training.state import (
     write_tensors,
 )
 from nathlon.policies.training.worker import Experience, Gathered, News, RolloutWorker
-from nathlon.sim.errors import InputError, first_fault
+from nathlon.sim.errors import InputError
 from nathlon.sim.text_file import read_text
+from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
 
 CONFIG_FILE = "run.json"

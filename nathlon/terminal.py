@@ -1,24 +1,20 @@
-"""The terminal."""
+"""The terminal: names and paths are never markup, and a table never cuts a number or a name."""
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.measure import Measurement
+from rich.table import Table
 from rich.text import Text
 
 from nathlon.sim.names import printable
+
+WIDEST = 10_000
+"""Letters in a line of a table."""
 
 
 class Terminal(Console):
@@ -27,13 +23,21 @@ class Terminal(Console):
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
 
+    def table(self, table: Table) -> None:
+        """Print a table; one that is wider than the terminal goes on beyond its edge, and nothing is cut."""
+        for column in table.columns:
+            column.no_wrap, column.overflow = True, "ignore"
+        options = self.options.update(max_width=WIDEST)
+        needed = Measurement.get(self, options, table).maximum
+        self.print(table, width=max(needed, 1), soft_wrap=True, crop=False)
+
     def render_str(self, text: str, **options: Any) -> Text:
         """See `Console.render_str`."""
         return super().render_str(printable(text), **options)
 
 
 console = Terminal()
-_aside = Terminal(stderr=True)
+aside = Terminal(stderr=True)
 
 
 def say(text: str) -> None:
@@ -43,7 +47,7 @@ def say(text: str) -> None:
 
 def warn(text: str) -> None:
     """Print a line that is no result to standard error, as it is."""
-    _aside.print(text, soft_wrap=True)
+    aside.print(text, soft_wrap=True)
 
 
 def print_json(value: Any) -> None:
@@ -58,22 +62,3 @@ def tell(results: Mapping[str, Any], as_json: bool) -> None:
     else:
         for name, value in results.items():
             say(f"{name.capitalize():<12} {value}")
-
-
-def worker_count(asked: int | None) -> int:
-    """Processes to use: as asked, or one for each core."""
-    return asked or os.cpu_count() or 1
-
-
-def progress_bars(quiet: bool = False) -> Progress:
-    """Bars with a note, the time taken and the time to go; nothing is shown if quiet."""
-    return Progress(
-        TextColumn("{task.description:<12}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}", markup=False),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=quiet,
-    )

@@ -1,0 +1,1 @@
+"""What `import nathlon` offers: functions that return results, and the results."""

@@ -1,0 +1,243 @@
+"""`nathlon.select`: the whole selection, and what it came to."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping
+from html import escape
+from pathlib import Path
+
+import polars as pl
+
+from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
+from nathlon.config import Config, read_config
+from nathlon.evaluation import OnVerdict, evaluate
+from nathlon.output import OutputFolder
+from nathlon.policies.handed_over import hand_over
+from nathlon.policies.policy import Policy
+from nathlon.policies.sources import find_sources
+from nathlon.progress import stage_progress, worker_count
+from nathlon.reports.picture import ranking_picture
+from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Summary
+from nathlon.reports.verdict import Verdict, verdict
+from nathlon.sim.errors import InputError
+
+Candidate = str | Path | Policy
+"""A checkpoint or a folder of them, `plugin:NAME`, or a policy as an object."""
+Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
+"""One, some, or some by the names that their objects shall have."""
+
+
+class SelectionResult:
+    """What a selection came to, and where it has left everything.
+
+    In a notebook it shows the verdict, a picture and the ranking.
+
+    Attributes:
+        folder: of all that it has left.
+        selection: all its tables; None while people must vote first.
+    """
+
+    def __init__(self, folder: Path, selection: Selection | None) -> None:
+        self.folder, self.selection = folder, selection
+
+    def _decided(self) -> Selection:
+        if self.selection is None:
+            raise InputError(f"{self.folder}: undecided, expected a run that has come to its end")
+        return self.selection
+
+    @property
+    def store(self) -> Path:
+        """The store with every result."""
+        return self.folder / "store.sqlite"
+
+    @property
+    def report(self) -> Path:
+        """The page."""
+        return self.folder / "report" / "index.html"
+
+    @property
+    def spreadsheet(self) -> Path:
+        """The ranked spreadsheet."""
+        return self.folder / "report" / "ranking.xlsx"
+
+    @property
+    def recording(self) -> Path | None:
+        """The deciding race (.mcap), for `nathlon replay`; None where there is none."""
+        recording = self.summary.recording
+        return None if recording is None else (self.report.parent / recording).resolve()
+
+    @property
+    def summary(self) -> Summary:
+        """What `summary.json` holds.
+
+        Raises:
+            InputError: while people must vote first; the same holds for what follows.
+        """
+        return self._decided().summary
+
+    @property
+    def verdict(self) -> Verdict:
+        """Who to send and why, in a headline and at most three sentences."""
+        return verdict(self._decided())
+
+    @property
+    def sent(self) -> list[str]:
+        """Names of whom the committee sends; empty where nobody is fit."""
+        return [entrant.name for entrant in self.summary.sent]
+
+    @property
+    def ranking(self) -> pl.DataFrame:
+        """The round robin, best first: `nathlon.arena.results.RANKING` with names."""
+        return self._table("ranking")
+
+    @property
+    def matchups(self) -> pl.DataFrame:
+        """Every two of the round robin: `nathlon.arena.results.MATCHUPS` with names."""
+        names = self._decided().tables["entrants"].select(opponent="entrant", opponent_name="name")
+        return self._table("matchups").join(names, on="opponent", how="left", maintain_order="left")
+
+    @property
+    def skills(self) -> pl.DataFrame:
+        """The n-athlon by test: `nathlon.arena.results.SKILLS` with names."""
+        return self._table("skills")
+
+    @property
+    def battery(self) -> pl.DataFrame:
+        """The n-athlon in all, best first: `nathlon.arena.results.BATTERY` with names."""
+        return self._table("battery")
+
+    @property
+    def pareto(self) -> pl.DataFrame:
+        """The filter: `nathlon.arena.results.PARETO` with names."""
+        return self._table("pareto")
+
+    def _table(self, name: str) -> pl.DataFrame:
+        selection = self._decided()
+        names = selection.tables["entrants"].select("entrant", "name")
+        table = selection.tables[name].join(names, on="entrant", how="left", maintain_order="left")
+        return table.select("name", pl.exclude("name"))
+
+    def __repr__(self) -> str:
+        if self.selection is None:
+            return f"The committee waits for its members: nathlon committee {self.store}"
+        told = self.verdict
+        return "\n".join([told.headline, *told.sentences, f"Report: {self.report}"])
+
+    def _repr_html_(self) -> str:
+        if self.selection is None:
+            return f"<p>{escape(repr(self))}</p>"
+        told = self.verdict
+        picture = base64.b64encode(ranking_picture(self.ranking)).decode()
+        shown = self.ranking.select(
+            "rank", "name", "points_per_race", "points_low", "points_high", "contacts_per_km", "races"
+        )
+        return (
+            f"<h3>{escape(told.headline)}</h3>"
+            + "".join(f"<p>{escape(sentence)}</p>" for sentence in told.sentences)
+            + f'<img alt="points a race" src="data:image/png;base64,{picture}">'
+            + shown._repr_html_()
+            + f"<p>Report: {escape(str(self.report))}</p>"
+        )
+
+
+def select(
+    checkpoints: Candidates,
+    out: str | Path = "runs/selection",
+    *,
+    config: Config | str | Path | None = None,
+    seed: int | None = None,
+    shortlist: int | None = None,
+    pairs: int | None = None,
+    workers: int | None = None,
+    progress: bool = True,
+    on_verdict: OnVerdict | None = None,
+) -> SelectionResult:
+    """Select the best of some checkpoints: filter, skill tests, committee, round robin, report.
+
+    The same call goes on with a selection that was stopped. Objects race in this process, files in others.
+
+    Args:
+        checkpoints: who takes part; a folder stands for all checkpoints below it.
+        out: folder for everything that the selection leaves.
+        config: how to select, or the path of a `nathlon.toml`; the standard way by default.
+        seed, shortlist, pairs, workers: in place of the configuration's: of all randomness; entrants that
+            reach the round robin; mirrored pairs of races for every two of them, at most; processes.
+        progress: whether to show it, on standard error.
+        on_verdict: told what was decided, before report and recordings are made.
+
+    Raises:
+        InputError: if a checkpoint cannot drive, a name or file is wrong, or the folder cannot be written.
+    """
+    sources = named_sources(checkpoints)
+    settings = configured(config, seed, shortlist, pairs, workers)
+    with Pool(worker_count(settings.workers)) as pool:
+        entrants, settings = entered(pool, sources, settings)
+        output = OutputFolder(Path(out))
+        with stage_progress(progress) as on_match:
+            selection = evaluate(entrants, output, settings, pool, on_match, on_verdict or _ignored)
+    return SelectionResult(output.root, selection)
+
+
+def _ignored(_: Summary) -> None:
+    """Nobody wants to be told."""
+
+
+def named_sources(candidates: Candidates) -> list[str]:
+    """The sources of candidates; objects are handed over, under the names given or those of their classes.
+
+    Raises:
+        InputError: if one is no policy.
+    """
+    if isinstance(candidates, Mapping):
+        named = list(candidates.items())
+    else:
+        alone = isinstance(candidates, str) or not isinstance(candidates, Iterable)
+        together: Iterable[Candidate] = [candidates] if alone else candidates  # type: ignore[list-item,assignment]
+        named = [(f"{type(one).__name__}-{number}", one) for number, one in enumerate(together, 1)]
+    sources: list[str] = []
+    for name, candidate in named:
+        if isinstance(candidate, str | Path):
+            sources += find_sources([candidate])
+        else:
+            sources.append(hand_over(candidate, name))
+    return sources
+
+
+def configured(
+    config: Config | str | Path | None,
+    seed: int | None = None,
+    shortlist: int | None = None,
+    pairs: int | None = None,
+    workers: int | None = None,
+) -> Config:
+    """A configuration, that of a file or the standard one, with what is given in its place.
+
+    Raises:
+        InputError: if the file is wrong.
+    """
+    if config is None:
+        config = Config()
+    elif not isinstance(config, Config):
+        config = read_config(Path(config))
+    committee, tournament = config.committee, config.tournament
+    if shortlist is not None:
+        committee = committee.model_copy(update={"shortlist": shortlist})
+    if pairs is not None:
+        tournament = tournament.model_copy(update={"pairs": pairs})
+    changed = {"seed": seed, "workers": workers}
+    given = {name: value for name, value in changed.items() if value is not None}
+    return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
+
+
+def entered(pool: Pool, sources: list[str], config: Config) -> tuple[list[Entrant], Config]:
+    """The entrants of some sources, and the configuration for where they drive.
+
+    Raises:
+        InputError: if one cannot drive, or there is none.
+    """
+    circuit, car = trained_on(pool, sources)
+    return enter_all(pool, sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})

@@ -1,0 +1,98 @@
+"""`nathlon.train`: QR-SAC in the simulator, and what it leaves."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+from pathlib import Path
+
+import polars as pl
+import torch
+
+from nathlon.policies.training.config import CONFIGS, read_config
+from nathlon.policies.training.log import Status
+from nathlon.policies.training.trainer import Device, Trainer
+from nathlon.progress import progress_bars
+from nathlon.sim.data_file import find_data
+from nathlon.sim.errors import InputError
+from nathlon.terminal import warn
+
+
+class TrainingResult:
+    """What a training run has left.
+
+    Attributes:
+        folder: of the run.
+        updates: gradient updates so far.
+    """
+
+    def __init__(self, folder: Path, updates: int) -> None:
+        self.folder, self.updates = folder, updates
+
+    @property
+    def checkpoints(self) -> list[Path]:
+        """The oldest first; `nathlon.select` takes them."""
+        return sorted((self.folder / "checkpoints").glob("*.safetensors"))
+
+    @property
+    def curve(self) -> pl.DataFrame:
+        """A row for each checkpoint: its updates, transitions, lap in s, and so on."""
+        return pl.read_csv(self.folder / "curve.csv", null_values="nan")
+
+    def __repr__(self) -> str:
+        return f"{self.updates:,} updates, {len(self.checkpoints)} checkpoints in {self.folder}"
+
+
+def train(
+    config: str | Path = "time_trial",
+    out: str | Path = "runs/training",
+    *,
+    seed: int = 1,
+    threads: int | None = None,
+    device: Device = "cpu",
+    resume: bool = False,
+    origin: str | Path | None = None,
+    progress: bool = True,
+) -> TrainingResult:
+    """Train a policy with QR-SAC to the end of a configuration, or until Ctrl-C; the state is kept.
+
+    Args:
+        config: shipped name (`time_trial`, `racing`, ...) or path of a `.toml` file.
+        out: folder of the run.
+        seed: of all randomness.
+        threads: of the learner; as many as the rollout workers leave by default.
+        device: where networks are updated.
+        resume: go on with the run in the folder.
+        origin: folder of a run whose networks this one starts with.
+        progress: whether to show it, on standard error.
+
+    Raises:
+        InputError: if the configuration is wrong, the folder holds a run already or none to resume, training
+            diverges, or the disk is full.
+        KeyboardInterrupt: after Ctrl-C, once the state is kept.
+    """
+    folder = Path(out)
+    logging.basicConfig(format="%(message)s")
+    if resume and origin is not None:
+        raise InputError("from: expected for a new run, not with resume")
+    if resume:
+        trainer = Trainer.resume(folder, device)
+    else:
+        path = find_data(str(config), "training configuration", CONFIGS)
+        start = None if origin is None else Path(origin)
+        trainer = Trainer.start(folder, read_config(path), seed, start, device)
+    # Two threads of matrix products beside a busy process are slower than one.
+    torch.set_num_threads(threads or max((os.cpu_count() or 1) - trainer.config.workers, 1))
+    if progress:
+        warn(f"Training in {folder}; the replay buffer may take {trainer.replay.nbytes / 1e9:.1f} GB.")
+    with progress_bars(progress) as bars:
+        task = bars.add_task("updates", total=trainer.config.updates, note="warming up")
+
+        def on_status(status: Status) -> None:
+            lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
+            note = f"{status.updates_per_s:.0f}/s, {lap}, {status.off_course_share:.1%} off course"
+            bars.update(task, completed=status.updates, note=note)
+
+        trainer.run(on_status)
+    return TrainingResult(folder, trainer.updates)

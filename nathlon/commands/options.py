@@ -1,0 +1,40 @@
+"""Arguments and options that several commands take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nathlon.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED, MOST_WORKERS
+
+Checkpoints = Annotated[
+    list[str],
+    typer.Argument(
+        help="Checkpoints (.safetensors, Stable-Baselines3 .zip, .onnx), folders of them, plugin:NAME."
+    ),
+]
+Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
+Seed = Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
+ConfigSeed = Annotated[
+    int | None,
+    typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness, in place of the configuration's."),
+]
+ConfigPath = Annotated[Path | None, typer.Option("--config", help="How to select (nathlon init writes one).")]
+ConfigFile = Annotated[Path, typer.Option("--config", help="How to select (nathlon init writes one).")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Workers = Annotated[
+    int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes; one for each core by default.")
+]
+Shortlist = Annotated[
+    int | None, typer.Option(min=1, max=MOST_SHORTLISTED, help="Entrants that reach the round robin.")
+]
+Pairs = Annotated[
+    int | None,
+    typer.Option(
+        min=2,
+        max=MOST_PAIRS,
+        help="Mirrored pairs of races for every two of them, at most; an interval needs two.",
+    ),
+]

@@ -1,0 +1,85 @@
+"""Progress of the stages of a selection: bars on a terminal and in a notebook, a line a stage elsewhere."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from nathlon.run import RECORDINGS, STAGES, OnMatch
+from nathlon.terminal import aside, warn
+
+
+def worker_count(asked: int | None) -> int:
+    """Processes to use: as asked, or one for each core."""
+    return asked or os.cpu_count() or 1
+
+
+def progress_bars(shown: bool = True) -> Progress:
+    """Bars with a note, the time taken and the time to go, on standard error; nothing unless shown."""
+    return Progress(
+        TextColumn("{task.description:<12}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[note]}", markup=False),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=aside,
+        disable=not shown,
+    )
+
+
+@contextmanager
+def stage_progress(shown: bool, stages: Sequence[str] = (*STAGES, RECORDINGS)) -> Iterator[OnMatch]:
+    """Show the stages that have begun, unless told not to.
+
+    Yields:
+        what is to be told of matches that have ended.
+    """
+    if shown and not (aside.is_terminal or aside.is_jupyter):
+        lines = _Lines()
+        try:
+            yield lines.on_match
+        finally:
+            lines.end()
+        return
+    with progress_bars(shown) as bars:
+        tasks = {stage: bars.add_task(stage, total=None, note="matches", visible=False) for stage in stages}
+
+        def on_match(stage: str, done: int, total: int) -> None:
+            bars.update(tasks[stage], completed=done, total=total, visible=True)
+
+        yield on_match
+
+
+class _Lines:
+    """A line for every stage, once it is over; a stage may ask for matches several times."""
+
+    def __init__(self) -> None:
+        self._stage: str | None = None
+        self._before = self._done = 0
+        self._began = 0.0
+
+    def on_match(self, stage: str, done: int, total: int) -> None:
+        if stage != self._stage:
+            self.end()
+            self._stage, self._before, self._done, self._began = stage, 0, 0, time.monotonic()
+        elif done < self._done:
+            self._before += self._done
+        self._done = done
+
+    def end(self) -> None:
+        if self._stage is not None:
+            seconds = time.monotonic() - self._began
+            warn(f"{self._stage.capitalize():<12} {self._before + self._done:,} matches in {seconds:.0f} s")
+        self._stage = None

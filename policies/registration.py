@@ -1,0 +1,48 @@
+"""Makes the environments known to Gymnasium, without loading it for those who do not use it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import ModuleType
+
+GYMNASIUM = "gymnasium"
+
+
+class _AfterGymnasium(MetaPathFinder):
+    """Registers the environments once Gymnasium has been loaded."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname != GYMNASIUM:
+            return None
+        sys.meta_path.remove(self)
+        spec = find_spec(GYMNASIUM)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_register(module: ModuleType) -> None:
+                load(module)
+                register()
+
+            spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
+        return spec
+
+
+def register() -> None:
+    """Make the environments known to Gymnasium, which this loads."""
+    from nathlon.policies.environments import register_environments
+
+    register_environments()
+
+
+def register_with_gymnasium() -> None:
+    """Register at once where Gymnasium has been loaded, or else as soon as it is."""
+    if GYMNASIUM in sys.modules:
+        register()
+    else:
+        sys.meta_path.insert(0, _AfterGymnasium())

@@ -1,0 +1,47 @@
+"""What is wrong with a file that was checked against a model, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+
+def first_fault(error: ValidationError, model: type[BaseModel]) -> str:
+    """The first fault of a validation against a model as `field is value: what was expected`."""
+    fault = error.errors()[0]
+    field = ".".join(str(part) for part in fault["loc"])
+    message = fault["msg"].removeprefix("Value error, ")
+    if not field:
+        return message
+    if fault["type"] == "extra_forbidden":
+        return f"field {field} is unknown; expected one of {', '.join(_known([model], fault['loc'][:-1]))}"
+    if fault["type"] == "missing" or isinstance(fault["input"], dict):
+        return f"field {field}: {message}"
+    return f"field {field} is {fault['input']!r}: {message}"
+
+
+def _known(models: Sequence[type[BaseModel]], place: Sequence[int | str]) -> list[str]:
+    """The fields that there may be at a place in one of some models."""
+    if not place:
+        return sorted({name for model in models for name in model.model_fields})
+    first, *rest = place
+    fields = [field for model in models for name, field in model.model_fields.items() if name == first]
+    if fields:
+        return _known([inner for field in fields for inner in _models(field.annotation)], rest)
+    # An index, a key, or the tag of one of several models.
+    tagged = [
+        model
+        for model in models
+        if any(first in get_args(field.annotation) for field in model.model_fields.values())
+    ]
+    return _known(tagged or models, rest)
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models in a type."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models(argument)
