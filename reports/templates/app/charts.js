@@ -2,7 +2,7 @@
 
 // A function that draws bars of one column on a common axis from `origin`.
 function barScale(rows, [value, low, high], origin, kind, reference = null) {
-  const [width, margin] = [150, 3];
+  const [width, margin] = [120, 3];
   const known = rows.flatMap((row) => [row[value], row[low], row[high]]).filter((x) => x !== null && x !== undefined);
   const at = d3.scaleLinear([Math.min(origin, ...known), Math.max(origin, ...known)], [margin, width - margin]);
   return (row) => {

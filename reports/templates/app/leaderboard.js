@@ -14,7 +14,7 @@ function leaderboard() {
   });
   return [
     title,
-    note(`A rank is 1 + the number of those proven better, after Holm's correction: who shares a rank is not told apart. The intervals (${percent(summary.confidence)}\u00a0%) are each entrant's own, and two may overlap though it is proven which is better.`),
+    note(`A rank is 1 + the number of those proven better, after Holm's correction: who shares a rank is not told apart. The intervals (${percent(summary.confidence)}\u00a0%) are each entrant's own, and two may overlap though it is proven which is better.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
@@ -26,6 +26,7 @@ function leaderboard() {
       { key: "contacts-drawn", head: "", unseen: "Contacts, drawn", kind: "drawn", cell: contacts },
       figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts that the stewards lay to its cars; ${GATED}` }),
       { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
+      ...limitColumn(),
       { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
       { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),

@@ -33,12 +33,13 @@ function pareto() {
     title,
     note(`${number(front.length)} of ${number(rows.length)} survive: in 5 % or more of the draws of what the objectives may truly be, no other was better in all of them at once. So one may survive behind the front that is seen here, and the front has more objectives than two axes.`),
     objectiveNames.length > 0 && [h("div", { class: "controls" }, choice("x", "Across", 0), choice("y", "Upwards", 1)), host],
-    section("Who was in the filter", dataTable("pareto", [
+    section("Who was in the filter", data.limit !== null && note(limitNote().trim()), dataTable("pareto", [
       entrantColumn((row) => (row.finalist ? chip("", "team races") : null)),
       ...objectiveNames.map((name) => ({
         key: name, head: objectiveTitle(name), first: objectiveUnit.get(name).goal === "max" ? "descending" : "ascending",
         value: (row) => row[`= ${name}`], cell: (row) => number(row[`= ${name}`], 3),
       })),
+      ...limitColumn(),
       { key: "nondominated", head: "Non-dominated, %", title: "share of the draws in which no other was better in everything", value: (row) => row.nondominated_probability, cell: (row) => percent(row.nondominated_probability) },
       { key: "survives", head: "Survives", value: (row) => row.survives, cell: (row) => (row.survives ? "yes" : "no") },
       { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
