@@ -68,9 +68,9 @@ function profile(chosen) {
   const shown = tests.map(plain);
   const figure = chart(null, (width) =>
     Plot.plot({
-      width, height: 60 + 30 * shown.length, marginLeft: width < 500 ? 126 : 150, marginRight: 20, marginTop: 30,
+      width, height: 60 + 30 * shown.length, marginLeft: width < 500 ? 126 : 150, marginRight: 20, marginTop: 20, marginBottom: 40,
       ariaLabel: "Points in every test",
-      x: { label: "points", grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
+      x: { label: "points", labelAnchor: "center", labelArrow: "none", grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
       y: { type: "point", domain: shown, label: null },
       marks: [
         Plot.ruleX([500, 1000], { stroke: "var(--strong-rule)", strokeDasharray: "3 3" }),
