@@ -43,7 +43,9 @@ def full_night() -> Selection:
     return with_laps(
         replace(
             selection,
-            summary=selection.summary.model_copy(update={"replays": (Replay.model_validate(replay),)}),
+            summary=selection.summary.model_copy(
+                update={"replays": (Replay.model_validate(replay),), "log": "../policies.log"}
+            ),
             previous=night_before(selection),
             logs=(log,),
             limit_s=LIMIT_S,
