@@ -11,7 +11,7 @@ from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
 from nathlon.arena.store import RunRecord, Store
 from nathlon.curves import keep_curves
 from nathlon.decision import describe
-from nathlon.laps import keep_laps
+from nathlon.laps import keep_laps, lap_limit
 from nathlon.minutes import Minutes
 from nathlon.output import POLICY_LOG, SUMMARY, OutputFolder
 from nathlon.replays import record_replays
@@ -49,6 +49,7 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
             under_way,
             _previous(store, run),
             replays.logs,
+            lap_limit(store, run),
         )
         write_page(selection, output.report)
         write_spreadsheet(selection, output.report / "ranking.xlsx")

@@ -81,7 +81,7 @@ def write_skills(workbook: Any, selection: Selection) -> SkillSheet:
 def _write_weights(workbook: Any, sheet: Any, skills: SkillSheet) -> None:
     label = workbook.add_format({"bold": True, "align": "right"})
     entry = workbook.add_format({"num_format": "0.0#", "bg_color": "#FFF6D6", "border": 1})
-    sheet.write_string(WEIGHTS, NAME, "Weight, to be changed:", label)
+    sheet.write_string(WEIGHTS, NAME, "Weights, to change:", label)
     for at in range(TESTS, TESTS + skills.tests):
         sheet.write_number(WEIGHTS, at, 1.0, entry)
 
@@ -106,7 +106,7 @@ def _write_sums(workbook: Any, sheet: Any, skills: SkillSheet) -> None:
 
 def write_weighted(workbook: Any, skills: SkillSheet) -> None:
     """The entrants in the order of their weighted sums, which moves when a weight is changed."""
-    headers = ["Place", "Entrant", "Weighted sum [points]", "Places up with these weights"]
+    headers = ["Place", "Entrant", "Weighted sum [points]", "Places gained by the weights"]
     sheet = add_table(workbook, "Weighted", headers, len(skills.names))
     sheet.freeze_panes(1, 2)
     sheet.set_row(0, 32)

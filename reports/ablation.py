@@ -142,7 +142,9 @@ def _draw_curves(part: SubFigure, table: pl.DataFrame, others: list[str]) -> Non
         axis.tick_params(labelbottom=True)
     for axis in axes[len(others) :]:
         axis.set_axis_off()
-    part.suptitle("Lap time: median of the seeds in a band from least to greatest; base in grey", fontsize=9)
+    part.suptitle(
+        "Lap time: median of the seeds, band from fastest to slowest seed; base in grey", fontsize=9
+    )
     part.supxlabel("thousand updates", fontsize=9)
     part.supylabel("lap time, s", fontsize=9)
 
@@ -173,6 +175,6 @@ def _draw_last(part: SubFigure, last: pl.DataFrame, variants: list[str]) -> None
         axis.set_xlabel(label)
         axis.grid(axis="x", linewidth=0.4)
     part.suptitle(
-        "Last checkpoints: a dot for each seed, a cross for one without a lap, a stroke for their median",
+        "Last checkpoints: dot = one seed, cross = a seed without a lap, stroke = median",
         fontsize=9,
     )

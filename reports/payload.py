@@ -47,6 +47,7 @@ def payload(selection: Selection) -> dict[str, Any]:
         "cars": _columns(cars),
         "store": selection.store,
         "previous": _previous(selection.previous, numbers),
+        "limit": selection.limit_s,
         "circuit": circuit_data(selection.logs[0]) if selection.logs else None,
         "recordings": [race_data(log) for log in selection.logs],
     }

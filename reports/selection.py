@@ -42,6 +42,7 @@ class Selection:
         store: where the run is kept, as one names it to a command.
         under_way: how far the run has come, in words; None if it has ended.
         logs: of the races to look at that are recorded.
+        limit_s: fastest possible lap of the time trials, by optimal control, s; None where it is not known.
     """
 
     title: str
@@ -52,6 +53,7 @@ class Selection:
     under_way: str | None = None
     previous: Previous | None = None
     logs: tuple[RaceLog, ...] = ()
+    limit_s: float | None = None
 
     def named(self, table: str) -> pl.DataFrame:
         """A stage table with each entrant's card (`name`, `step`, ...) beside it; NaN becomes null."""

@@ -1,4 +1,4 @@
-"""Who to send and why, in words that claim no more than the committee said and the races prove."""
+"""Whom to send and why, in words that claim no more than the committee said and the races prove."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def verdict(selection: Selection) -> Verdict:
     ranking = selection.named("ranking").drop_nulls("points_per_race").to_dicts()
     if decision.open:
         missing = _count(decision.waits_for, "ballot")
-        waits = f"waits for {missing} of its members" if decision.waits_for else "has put the question again"
+        waits = f"waits for {missing}" if decision.waits_for else "has been asked again"
         return Verdict(
             "The committee has not decided",
             (f"It {waits}; {_reasons(decision)}.", _state_of(ranking), _barred(ranking)),
@@ -72,23 +72,23 @@ def _proof(own: Row, ranking: Sequence[Row], candidates: set[str], confidence: s
     """Of the entrant sent: its points, and whom these races prove to be better."""
     scored = f"It scored {_points(own, confidence)}"
     if len(ranking) == 1:
-        return f"{scored}, and met nobody, so nothing is proven."
+        return f"{scored}. It raced nobody, so nothing is proven."
     first = [row for row in ranking if row["rank"] == 1]
     if own["rank"] > 1:
         better = own["rank"] - 1
-        who = "another entrant is" if better == 1 else f"{better} others are"
+        who = "1 other is" if better == 1 else f"{better} others are"
         leaders = _listed([f"{row['name']}{_why_not(row, candidates)}" for row in first], "and")
-        return f"{scored}: {who} proven to score more; first is {leaders}."
+        return f"{scored}: {who} proven better. First: {leaders}."
     others = [row["name"] for row in first if row["entrant"] != own["entrant"]]
     if not others:
-        return f"{scored}: it is the only one of {len(ranking)} that no other is proven to outscore."
+        return f"{scored}: alone in rank 1 of {len(ranking)}."
     tied = f"{len(others)} others" if len(others) > 3 else _listed(others, "and")
     return f"{scored}: statistically tied with {tied}."
 
 
 def _why_not(row: Row, candidates: set[str]) -> str:
     if row["entrant"] not in candidates:
-        return " (races to compare with, and cannot be sent)"
+        return " (an anchor, cannot be sent)"
     return " (barred)" if row["barred"] else ""
 
 
@@ -101,14 +101,14 @@ def _points(row: Row, confidence: str) -> str:
 
 
 def _manners(row: Row) -> str:
-    faults = f"; {_count(row['faults'], 'car run')} ended by its own fault" if row["faults"] else ""
+    faults = f" It ended {_count(row['faults'], 'car run')} by its own fault." if row["faults"] else ""
     if row["contacts_per_km"] is None:
-        return f"Its contact rate is not known{faults}."
+        return f"Its contact rate is unknown.{faults}"
     interval = _interval(row["contacts_low"], row["contacts_high"], 2)
     blame = row["at_fault_per_km"]
-    blamed = "" if blame is None else f", {blame:.2f} times by their own fault"
-    touched = f"{row['contacts_per_km']:.2f} times a kilometre{interval and f' ({interval})'}"
-    return f"Its cars touched others {touched}{blamed}{faults}."
+    blamed = "" if blame is None else f", {blame:.2f} per km at fault"
+    touched = f"{row['contacts_per_km']:.2f} contacts per km{interval and f' ({interval})'}"
+    return f"Its cars had {touched}{blamed}.{faults}"
 
 
 def _barred(ranking: Sequence[Row]) -> str:
@@ -136,8 +136,8 @@ def _state_of(ranking: Sequence[Row]) -> str:
         return "No team race was scored."
     first = [row["name"] for row in ranking if row["rank"] == 1]
     if len(first) == 1:
-        return f"In the team races {first[0]} is the only one that no other is proven to outscore."
-    return f"The team races do not tell {_listed(first, 'and')} apart: none is proven to be outscored."
+        return f"In the team races {first[0]} is alone in rank 1."
+    return f"In the team races {_listed(first, 'and')} are statistically tied for first."
 
 
 def _unfinished(selection: Selection) -> Verdict:
@@ -154,7 +154,7 @@ def _stages_so_far(selection: Selection) -> tuple[str, ...]:
         return (went, "No later stage was scored.")
     first = battery.filter(pl.col("rank") == 1).sort(["points", "name"], descending=[True, False])
     leader = first.row(0, named=True)
-    tied = "" if first.height == 1 else f", not told apart from {first.height - 1} more"
+    tied = "" if first.height == 1 else f", statistically tied with {_count(first.height - 1, 'other')}"
     interval = _interval(leader["points_low"], leader["points_high"], 0)
     return (
         went,

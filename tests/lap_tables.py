@@ -14,7 +14,7 @@ RADIUS_M = 500.0
 ROWS = 200
 SECTIONS = ("Parade", "Gate", "Quay", "")
 LEAST_S = 62.0
-"""The lap time of the line of least time."""
+"""The lap time of the built-in driver's line."""
 
 
 def with_laps(selection: Selection, laps_s: dict[str, float]) -> Selection:

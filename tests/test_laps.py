@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
+from benchmarks.result import RESULTS, read_result
 from nathlon.arena.entrant import enter, entrants_table
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
@@ -15,9 +19,10 @@ from nathlon.arena.recorder import record_races
 from nathlon.arena.results import BATTERY, LAPS
 from nathlon.arena.runner import run_match
 from nathlon.arena.store import Store
-from nathlon.laps import STEP_M, describe_course, keep_laps, lap_of
+from nathlon.laps import LIMITS, STEP_M, describe_course, keep_laps, lap_limit, lap_of, place_digests
 from nathlon.policies.driver import Driver
 from nathlon.policies.load import load_policy
+from nathlon.sim.data_file import DATA
 from nathlon.sim.track import load_track
 from nathlon.trials import against
 
@@ -103,3 +108,62 @@ def test_a_run_that_has_just_begun_has_no_laps(tmp_path: Path) -> None:
         store.begin_run("night-0001", {})
         keep_laps(store, "night-0001", pool)
         assert store.table("night-0001", "laps").is_empty()
+
+
+def test_shipped_limits_are_the_benchmarks() -> None:
+    """A circuit or a car that changes needs `python -m benchmarks.lap_limit` again, then `.ship`."""
+    solved = read_result(RESULTS / "lap_limit.json").figures["laps"]
+    shipped = json.loads(LIMITS.read_text("utf-8"))["laps"]
+    assert [lap["limit_s"] for lap in shipped] == [lap["limit_s"] for lap in solved]
+    assert all(lap["solved"] for lap in solved)
+    assert len(shipped) == 9
+    for limit, lap in zip(shipped, solved, strict=True):
+        named = {"circuit": lap["circuit"], "car": lap["car"]}
+        assert limit == {**named, "limit_s": lap["limit_s"], **place_digests(**named)}
+
+
+def limit_of(folder: Path, results: pl.DataFrame, spec: dict[str, Any]) -> float | None:
+    """The limit of a run with these time trials."""
+    with Store(folder / "store.sqlite") as store:
+        key = results["match"][0]
+        store.begin_run("night-0001", {})
+        store.add_match(key, "pareto", spec, results)
+        store.use("night-0001", [key])
+        return lap_limit(store, "night-0001")
+
+
+def test_the_limit_is_that_of_circuit_and_car(tmp_path: Path, match: Match, results: pl.DataFrame) -> None:
+    assert limit_of(tmp_path, results, match.spec()) == 103.287
+
+
+@pytest.mark.parametrize("field", ["track", "car_file"])
+def test_raced_otherwise_than_today_there_is_no_limit(
+    tmp_path: Path, match: Match, results: pl.DataFrame, field: str
+) -> None:
+    assert limit_of(tmp_path, results, match.spec() | {field: "another"}) is None
+
+
+@pytest.mark.parametrize("faster", [{"compound": "soft"}, {"fuel_rate": 1.0}])
+def test_other_tyres_or_less_fuel_have_no_limit(
+    tmp_path: Path, match: Match, results: pl.DataFrame, faster: dict[str, Any]
+) -> None:
+    spec = match.spec()
+    assert limit_of(tmp_path, results, spec | {"scenario_file": spec["scenario_file"] | faster}) is None
+
+
+def test_a_changed_car_has_no_limit(tmp_path: Path, results: pl.DataFrame) -> None:
+    car = tmp_path / "gt3.toml"
+    text = (DATA / "cars" / "gt3.toml").read_text("utf-8")
+    changed = re.sub(r"(?m)^mass_kg = .*$", "mass_kg = 1000.0", text, count=1)
+    assert changed != text
+    car.write_text(changed, "utf-8")
+    match = against("pareto", "time_trial", "time_trial", enter(DRIVER, PLACE[0], str(car)), [], [1], [5, 6])
+    assert limit_of(tmp_path, results, match.spec()) is None
+    car.unlink()
+    assert limit_of(tmp_path, results, match.spec()) is None
+
+
+def test_a_run_without_time_trials_has_no_limit(tmp_path: Path) -> None:
+    with Store(tmp_path / "store.sqlite") as store:
+        store.begin_run("night-0001", {})
+        assert lap_limit(store, "night-0001") is None

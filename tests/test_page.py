@@ -40,7 +40,8 @@ def test_tonight_tells_the_decision_and_what_changed(
     assert any(f"{before[moved[0]['entrant']]} → {moved[0]['rank']}" in move for move in moves)
     assert "chicane in traffic was not held: harbour has no chicane" in text
     assert "broken.safetensors not a checkpoint" in text
-    links = {a.inner_text(): a.get_attribute("href") for a in opened.page.locator("section li a").all()}
+    links = {a.inner_text(): a.get_attribute("href") for a in opened.page.locator("section a").all()}
+    assert links["What policies printed"] == "../policies.log"
     assert links["watch it here"] == "../replays/final.html"
     assert links["recording, for Foxglove and Rerun"] == "javascript%3Aalert(1)%3B'%24(x).mcap"
     opened.assert_quiet()
@@ -225,7 +226,7 @@ def test_nothing_at_all(browser: Browser, tmp_path: Path) -> None:
         opened.go(f"#/{address}")
         assert opened.page.locator(".empty").count() > 0
     opened.go("#/checkpoint/unknown")
-    assert opened.page.locator("h1").inner_text() == "Not here"
+    assert opened.page.locator("h1").inner_text() == "Not found"
     opened.assert_quiet()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from playwright.sync_api import Browser
 
 from nathlon.reports.selection import Selection
 from tests.lap_tables import LEAST_S, RADIUS_M, ROWS, SECTIONS
-from tests.opened_page import Opened, full_night, key
+from tests.opened_page import LIMIT_S, Opened, full_night, key
 
 
 @pytest.fixture(scope="module")
@@ -17,19 +18,46 @@ def full() -> Selection:
     return full_night()
 
 
-def test_the_lap_is_compared_with_the_line_of_least_time(
+def test_the_lap_is_compared_with_the_limit_and_the_drivers_line(
     browser: Browser, tmp_path: Path, full: Selection
 ) -> None:
     opened = Opened(browser, full, tmp_path)
     opened.go(f"#/checkpoint/{key(full, 0)}")
     facts = opened.page.locator("main").inner_text()
-    assert f"Line of least time\n{LEAST_S:.3f} s\nDifference\n+2.200 s" in facts
+    assert f"Limit\n60.500 s\nLap / limit\n{64.2 / LIMIT_S:.3f}\n" in facts
+    assert f"Built-in driver's line\n{LEAST_S:.3f} s\nDifference\n+2.200 s" in facts
     assert opened.names("sections") == []
     assert opened.column("sections", 1) == [*SECTIONS[:3], "after Quay"]
     lost = [float(text) for text in opened.column("sections", 3)]
     assert sum(lost) == pytest.approx(2.2, abs=0.003)
     opened.page.get_by_role("link", name="64.200 s").click()
     opened.page.wait_for_url("**#/race/**")
+    opened.assert_quiet()
+
+
+def test_tables_compare_laps_with_the_limit(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, "#/pareto?sort=limit")
+    field = full.tables["pareto"].drop_nulls("lap_s").sort("lap_s")
+    assert opened.column("pareto", 5)[:200] == [f"{lap / LIMIT_S:.3f}" for lap in field["lap_s"][:200]]
+    opened.go("#/leaderboard")
+    finalist = full.named("ranking").join(full.tables["pareto"], on="entrant", how="left").row(0, named=True)
+    assert opened.column("leaderboard", 10)[0] == f"{finalist['lap_s'] / LIMIT_S:.3f}"
+    assert "over 60.500 s" in opened.page.locator("main").inner_text()
+    opened.assert_quiet()
+
+
+def test_nothing_is_said_of_an_unknown_limit(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, replace(full, limit_s=None), tmp_path)
+    for address in (
+        "#/leaderboard",
+        "#/pareto",
+        f"#/checkpoint/{key(full, 0)}",
+        f"#/checkpoint/{key(full, 2)}",
+    ):
+        opened.go(address)
+        text = opened.page.locator("main").inner_text()
+        assert "Lap / limit" not in text
+        assert "optimal control" not in text
     opened.assert_quiet()
 
 

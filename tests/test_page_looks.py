@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import polars as pl
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser
 
+from nathlon.arena.results import SKILLS
 from nathlon.reports.selection import Selection
+from nathlon.skill import SKILLS_FOLDER
 from tests.opened_page import Opened, full_night, key, views
 
 SHEET_PX = 1032
@@ -49,6 +54,73 @@ def test_no_view_is_wider_than_a_phone(browser: Browser, tmp_path: Path, full: S
         opened.go(address)
         assert opened.page.evaluate("document.documentElement.scrollWidth") == 390, address
         opened.picture(f"phone {address}")
+    opened.assert_quiet()
+
+
+SUMS = {"points": 10_250.0, "points_low": 10_150.0, "points_high": 10_350.0}
+
+
+def with_shipped_tests(selection: Selection) -> Selection:
+    """The selection with points in all shipped tests, of four digits in some, and sums of five."""
+    tests = sorted(file.stem for file in SKILLS_FOLDER.glob("*.toml"))
+    battery = selection.tables["battery"].with_columns(
+        *(pl.lit(value).alias(name) for name, value in SUMS.items())
+    )
+    rows = [
+        dict.fromkeys(SKILLS, 1.0)
+        | {"entrant": entrant, "test": test, "unit": "s", "points": points, "runs": 24}
+        for place, entrant in enumerate(battery["entrant"])
+        for test, points in zip(tests, range(1090 - 40 * place, 0, -25), strict=False)
+    ]
+    tables = {**selection.tables, "battery": battery, "skills": pl.DataFrame(rows, schema=SKILLS)}
+    return replace(selection, tables=tables)
+
+
+HIDDEN = "document.querySelector('.scroll').scrollWidth - document.querySelector('.scroll').clientWidth"
+HEADS = "[...document.querySelectorAll('#n-athlon thead .test button')]"
+
+
+def test_widest_tables_fit_a_window(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(
+        browser, with_shipped_tests(full), tmp_path, "#/n-athlon", viewport={"width": 1400, "height": 900}
+    )
+    assert len(opened.page.evaluate(f"{HEADS}.map(e => e.textContent)")) == 14
+    assert opened.page.evaluate(HIDDEN) == 0
+    boxes = opened.page.evaluate(f"{HEADS}.map(e => e.getBoundingClientRect()).map(e => [e.left, e.right])")
+    assert all(right <= left for (_, right), (left, _) in itertools.pairwise(boxes))
+    opened.picture("all shipped tests")
+    opened.go("#/leaderboard")
+    assert opened.page.evaluate(HIDDEN) == 0
+    opened.assert_quiet()
+
+
+@pytest.mark.parametrize(("width", "name"), [(1400, "a-name-as-long-as-it-is-shown-at-most"), (390, "e")])
+def test_names_stay_where_a_wide_table_scrolls(
+    browser: Browser, tmp_path: Path, full: Selection, width: int, name: str
+) -> None:
+    selection = with_shipped_tests(full)
+    entrants = selection.tables["entrants"].with_columns(
+        name=pl.format("{}-{}", pl.lit(name), pl.int_range(pl.len()))
+    )
+    wide = replace(selection, tables={**selection.tables, "entrants": entrants})
+    opened = Opened(browser, wide, tmp_path, "#/n-athlon", viewport={"width": width, "height": 900})
+    assert opened.page.evaluate(HIDDEN) > 0
+    opened.page.evaluate("document.querySelector('.scroll').scrollLeft = 1e4")
+    # The last test's points are in sight, and the name lies before whatever else is where it is.
+    row = "document.querySelector('#n-athlon tbody tr')"
+    last, box, link = (
+        opened.page.evaluate(f"(e => [e.left, e.right, e.top])({place}.getBoundingClientRect())")
+        for place in (
+            f"{row}.lastChild",
+            "document.querySelector('.scroll')",
+            f"{row}.querySelector('.name a')",
+        )
+    )
+    assert last[1] <= box[1] + 1
+    assert box[0] <= link[0] < link[1] <= last[0]
+    on_top = f"document.elementFromPoint({link[0] + 3}, {link[2] + 8}) === {row}.querySelector('.name a')"
+    assert opened.page.evaluate(on_top)
+    opened.picture(f"scrolled n-athlon {width}")
     opened.assert_quiet()
 
 

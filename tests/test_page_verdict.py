@@ -20,7 +20,7 @@ def night(
     return with_tables({"entrants": CARDS, "ranking": list(rows)}, committee=[asked])
 
 
-def test_only_one_that_nobody_is_proven_to_outscore() -> None:
+def test_first_alone() -> None:
     told = verdict(night(ranked(IDS[0], 1, 22.0), ranked(IDS[1], 2, 17.0), ballots=(PERSON, RULE)))
     assert told.headline == "Send e0"
     assert told.sentences[0] == (
@@ -28,12 +28,10 @@ def test_only_one_that_nobody_is_proven_to_outscore() -> None:
         "rule:ranking, “passed the gates, in order of ranking points: all”."
     )
     assert told.sentences[1] == (
-        "It scored 22.0 points a race (95% interval 21.2–22.8) in 80 races: "
-        "it is the only one of 2 that no other is proven to outscore."
+        "It scored 22.0 points a race (95% interval 21.2–22.8) in 80 races: alone in rank 1 of 2."
     )
     assert told.sentences[2] == (
-        "Its cars touched others 0.20 times a kilometre (0.15–0.26), 0.10 times by their own fault. "
-        "Nobody is barred for contacts."
+        "Its cars had 0.20 contacts per km (0.15–0.26), 0.10 per km at fault. Nobody is barred for contacts."
     )
 
 
@@ -54,10 +52,9 @@ def test_sent_though_others_are_proven_better() -> None:
     told = verdict(night(*rows, cards=CARDS[:2]))
     assert told.headline == "Send e0"
     assert told.sentences[1].endswith(
-        "2 others are proven to score more; first is e1 (barred) and "
-        "e2 (races to compare with, and cannot be sent)."
+        "2 others are proven better. First: e1 (barred) and e2 (an anchor, cannot be sent)."
     )
-    assert told.sentences[2].endswith("2 car runs ended by its own fault. Barred for contacts: e1.")
+    assert told.sentences[2].endswith("It ended 2 car runs by its own fault. Barred for contacts: e1.")
 
 
 def test_nobody_fit() -> None:
@@ -65,17 +62,17 @@ def test_nobody_fit() -> None:
     told = verdict(night(*rows, seats=0))
     assert told.headline == "Send nobody"
     assert told.sentences[0].startswith("The committee found none of 2 finalists fit: rule:ranking, “passed")
-    assert told.sentences[1].startswith("The team races do not tell e0 and e1 apart")
+    assert told.sentences[1].startswith("In the team races e0 and e1 are statistically tied")
 
 
 def test_waiting_for_people() -> None:
     asked = night(ranked(IDS[0], 1, 20.0), ranked(IDS[1], 2, 15.0), open=True, waits_for=2)
     told = verdict(asked)
     assert told.headline == "The committee has not decided"
-    assert told.sentences[0].startswith("It waits for 2 ballots of its members; rule:ranking, “passed")
-    assert told.sentences[1].startswith("In the team races e0 is the only one")
+    assert told.sentences[0].startswith("It waits for 2 ballots; rule:ranking, “passed")
+    assert told.sentences[1].startswith("In the team races e0 is alone in rank 1")
     again = verdict(night(ranked(IDS[0], 1, 20.0), open=True, waits_for=0))
-    assert again.sentences[0].startswith("It has put the question again")
+    assert again.sentences[0].startswith("It has been asked again")
 
 
 def test_single_finalist_and_unknown_contacts() -> None:
@@ -83,9 +80,9 @@ def test_single_finalist_and_unknown_contacts() -> None:
         ("contacts_per_km", "contacts_low", "contacts_high", "at_fault_per_km")
     )
     alone = verdict(night(ranked(IDS[0], 1, 10.0, faults=320, **lost)))
-    assert alone.sentences[1].endswith("and met nobody, so nothing is proven.")
+    assert alone.sentences[1].endswith("in 80 races. It raced nobody, so nothing is proven.")
     assert alone.sentences[2].startswith(
-        "Its contact rate is not known; 320 car runs ended by its own fault."
+        "Its contact rate is unknown. It ended 320 car runs by its own fault."
     )
     unraced = verdict(night(ranked(IDS[0], 1, None)))
     assert unraced.sentences[1] == "It was the only finalist, so no race supports the choice."

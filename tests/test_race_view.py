@@ -86,7 +86,7 @@ def test_incidents_have_their_verdicts_and_lead_to_the_player(
         browser, tmp_path, replace(full, logs=(replace(log, incidents=(*log.incidents, free)),))
     )
     verdicts = opened.column("incidents", 5)
-    assert verdicts == ["1 entrant b is to blame, 3.0 s", "nobody to blame"]
+    assert verdicts == ["1 entrant b at fault, 3.0 s", "nobody at fault"]
     assert opened.column("incidents", 4) == ["4.2", "0.8"]
     opened.page.locator("#incidents button", has_text="0:40.0").click()
     assert shown_time(opened) == 37.0
@@ -98,7 +98,7 @@ def test_the_reference_is_the_fastest_lap(browser: Browser, tmp_path: Path, full
     """On the oval every car keeps its speed, so that the quickest one drives it, in LAP_M / speed."""
     speed = full.logs[0].samples["velocity_x_m_s"][400]
     opened = open_race(browser, tmp_path, full)
-    said = opened.page.get_by_text("The dashed reference").inner_text()
+    said = opened.page.get_by_text("Dashed: the reference").inner_text()
     found = re.search(r": (\d) entrant ., lap \d, (\d):([\d.]+)\.$", said)
     assert found is not None
     assert int(found[1]) == int(np.argmax(speed))

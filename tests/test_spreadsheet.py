@@ -117,7 +117,7 @@ def test_weights_move_the_order(selection: Selection, tmp_path: Path, weights: t
     assert [row["Entrant"] for row in computed] == expected["name"].to_list()
     assert [row["Weighted sum [points]"] for row in computed] == pytest.approx(expected["total"].to_list())
     before = [row["Entrant"] for row in _rows(path, "Weighted")]
-    assert [row["Places up with these weights"] for row in computed] == [
+    assert [row["Places gained by the weights"] for row in computed] == [
         before.index(name) - place for place, name in enumerate(expected["name"])
     ]
 

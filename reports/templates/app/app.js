@@ -12,7 +12,7 @@ const VIEWS = {
   race: [null, raceView],
   checkpoint: [null, checkpoint],
 };
-const missing = (what) => [h("h1", {}, "Not here"), h("p", {}, `This report has no such ${what}. `, link(to("tonight"), "Back to tonight"))];
+const missing = (what) => [h("h1", {}, "Not found"), h("p", {}, `This report has no such ${what}. `, link(to("tonight"), "Back to tonight"))];
 
 const main = document.querySelector("main");
 function show() {

@@ -2,7 +2,7 @@
 
 // A function that draws bars of one column on a common axis from `origin`.
 function barScale(rows, [value, low, high], origin, kind, reference = null) {
-  const [width, margin] = [150, 3];
+  const [width, margin] = [120, 3];
   const known = rows.flatMap((row) => [row[value], row[low], row[high]]).filter((x) => x !== null && x !== undefined);
   const at = d3.scaleLinear([Math.min(origin, ...known), Math.max(origin, ...known)], [margin, width - margin]);
   return (row) => {
@@ -68,9 +68,9 @@ function profile(chosen) {
   const shown = tests.map(plain);
   const figure = chart(null, (width) =>
     Plot.plot({
-      width, height: 60 + 30 * shown.length, marginLeft: width < 500 ? 126 : 150, marginRight: 20, marginTop: 30,
+      width, height: 60 + 30 * shown.length, marginLeft: width < 500 ? 126 : 150, marginRight: 20, marginTop: 20, marginBottom: 40,
       ariaLabel: "Points in every test",
-      x: { label: "points", grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
+      x: { label: "points", labelAnchor: "center", labelArrow: "none", grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
       y: { type: "point", domain: shown, label: null },
       marks: [
         Plot.ruleX([500, 1000], { stroke: "var(--strong-rule)", strokeDasharray: "3 3" }),

@@ -31,11 +31,11 @@ function checkpoint([key]) {
 function wayThrough(index) {
   const [filter, battery, ranking] = [paretoOf.get(index), batteryOf.get(index), rankingOf.get(index)];
   const box = (view, title, reached, headline, ...details) => h("li", {},
-    link(to(view), title), h("span", { class: "counts" }, reached ? headline : ABSENT), h("span", { class: "cost" }, reached ? details : "was not in it"));
+    link(to(view), title), h("span", { class: "counts" }, reached ? headline : ABSENT), h("span", { class: "cost" }, reached ? details : "did not take part"));
   const between = (low, high, digits) => `${number(low, digits)} to ${number(high, digits)}`;
   return h("ol", { class: "funnel" },
     box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
-      (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)}, `), `not dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
+      (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
     box("n-athlon", "n-athlon", battery, [`rank ${battery?.rank}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
     box("leaderboard", "Team races", ranking, [`rank ${ranking?.rank ?? ABSENT}`], `${number(ranking?.points_per_race, 1)} points a race (${between(ranking?.points_low, ranking?.points_high, 1)}), `,
       `${number(ranking?.contacts_per_km, 2)} contacts per km, ${number(ranking?.at_fault_per_km, 2)} at fault, ${count(ranking?.faults ?? 0, "fault")}`));
@@ -62,7 +62,7 @@ function trained(card) {
   }));
   const best = d3.min(laps, (row) => row.lap_s) ?? 0;
   return section("Training",
-    note(`Its run was tried ${count(curve.length, "time")} while it trained. The solid line is this checkpoint; the dotted ones are others of the run that are in this report. A gap is a policy that did not complete its laps.`),
+    note(`Its training run was evaluated ${count(curve.length, "time")}. Solid line: this checkpoint. Dotted lines: others of the run in this report. Gaps: laps not completed.`),
     h("div", { class: "charts" },
       laps.length ? line("Mean flying lap, s", "lap_s", laps, 240, { domain: [best - 0.5, Math.max(best + 1, Math.min(1.15 * best, d3.max(laps, (row) => row.lap_s)))] }) : empty("No lap was completed."),
       line("Time off course, %", (row) => 100 * row.off_course_share, curve, 240, { zero: true })));
@@ -70,11 +70,11 @@ function trained(card) {
 
 function ownMatchups(index) {
   const rows = tables.matchups.filter((row) => row.entrant === index && row.difference !== null);
-  if (!rows.length) return empty("It met nobody.");
+  if (!rows.length) return empty("It raced nobody.");
   const bars = barScale(rows, ["difference", "difference_low", "difference_high"], 0, "points");
   return dataTable("own-matchups", [
     { key: "name", head: "Opponent", kind: "name", first: "ascending", value: (row) => nameOf(row.opponent), cell: (row) => link(to("matchup", [entrants[index].key, entrants[row.opponent].key]), nameOf(row.opponent)) },
-    { key: "difference", head: "Points more, a race", value: (row) => row.difference, cell: (row) => [h("strong", {}, signed(row.difference)), " ", interval(row.difference_low, row.difference_high, 1)] },
+    { key: "difference", head: "Points difference, a race", value: (row) => row.difference, cell: (row) => [h("strong", {}, signed(row.difference)), " ", interval(row.difference_low, row.difference_high, 1)] },
     { key: "drawn", head: "", unseen: "Difference, drawn", kind: "drawn", cell: bars },
     { key: "contacts", head: "Contacts per km", value: (row) => row.contacts_per_km, cell: (row) => number(row.contacts_per_km, 2) },
     { key: "units", head: "Units", value: (row) => row.pairs },

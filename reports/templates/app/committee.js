@@ -5,8 +5,8 @@ const QUESTIONS = { shortlist: "Who goes on to the team races?", selection: "Who
 function committee() {
   return [
     h("h1", {}, "Committee"),
-    note("Fit is who half of the ballots or more approve; those who are fit are put in order by Schulze's method, and ties go to the one in higher favour. Rules vote too: their names begin with “rule:”."),
-    decisions.length ? decisions.map(decisionView) : empty("The committee has not been asked anything."),
+    note("Fit: approved on at least half of the ballots. Schulze's method orders those who are fit; favour breaks ties. Members named “rule:…” are automatic."),
+    decisions.length ? decisions.map(decisionView) : empty("No question was put to the committee."),
   ];
 }
 
@@ -15,11 +15,11 @@ function decisionView(decision) {
   const list = (ids) => (ids.length ? ids.map((entrant, i) => [i > 0 && ", ", named(entrant)]) : "nobody");
   const row = new Map(decision.evidence.rows.map((one) => [one.entrant, one]));
   const late = new Set(decision.late);
-  const state = decision.open ? (decision.waits_for ? `open, waits for ${count(decision.waits_for, "member")}` : "put again, open") : "decided";
+  const state = decision.open ? (decision.waits_for ? `open, waits for ${count(decision.waits_for, "member")}` : "open, asked again") : "decided";
   return section(QUESTIONS[decision.question],
     facts([
       ["State", state], ["Ballots", number(decision.ballots)], ["Seats", number(decision.seats)],
-      ["Agreement", number(decision.agreement, 2), "1 where all order alike, -1 where two order the other way round"],
+      ["Agreement", number(decision.agreement, 2), "1: all rankings are the same; −1: two rankings are opposite"],
     ]),
     decision.standings.length ? scroll("Standings", h("table", { class: "standings" },
       h("thead", {}, h("tr", {}, ["Entrant", "Approved by", "Fit", "Favour, %", "Points", "Contacts per km", "At fault per km", "Off course, %", "Faults"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
@@ -28,9 +28,9 @@ function decisionView(decision) {
         return h("tr", { class: standing.chosen ? "chosen" : null },
           h("th", { scope: "row", class: "name" }, named(standing.entrant), " ", standing.chosen && chip("sent", decision.question === "selection" ? "sent" : "chosen"), shown.barred ? chip("barred", "barred") : null),
           [`${standing.approved_by} of ${decision.ballots}`, standing.fit ? "yes" : "no", percent(standing.favour), `${number(shown.points, 1)}`, number(shown.contacts_per_km, 2), number(shown.at_fault_per_km, 2), percent(shown.off_course_share, 1), number(shown.faults)].map((text) => h("td", { class: "number" }, text)));
-      })))) : empty("There was nobody to decide on."),
+      })))) : empty("There were no candidates."),
     h("ol", { class: "ballots" }, decision.said.map((said) => h("li", {},
-      h("p", {}, h("strong", {}, said.member), " ", h("span", { class: "interval" }, time(said.at)), late.has(said.id) && chip("barred", "too late to count")),
+      h("p", {}, h("strong", {}, said.member), " ", h("span", { class: "interval" }, time(said.at)), late.has(said.id) && chip("barred", "too late, not counted")),
       h("blockquote", {}, said.reason),
       said.event === "voted"
         ? [h("p", {}, "Approves ", list(said.approve), "."), h("p", {}, "Ranks ", list(said.rank), ".")]

@@ -58,8 +58,8 @@ const chips = (index) => {
   const { entrant } = entrants[index];
   return [
     sent.has(entrant) && chip("sent", "sent", "the committee sends it"),
-    rankingOf.get(index)?.barred ? chip("barred", "barred", "a contact rate lies wholly above the gate's limit") : null,
-    rankingOf.has(index) && selection && !candidates.has(entrant) && chip("anchor", "to compare", "races every night and cannot be sent"),
+    rankingOf.get(index)?.barred ? chip("barred", "barred", "the whole interval of a contact rate is above the gate's limit") : null,
+    rankingOf.has(index) && selection && !candidates.has(entrant) && chip("anchor", "anchor", "races every night for comparison; cannot be sent"),
   ];
 };
 

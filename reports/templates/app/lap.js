@@ -4,6 +4,16 @@ const course = tables.course;
 const lapOf = groups(tables.laps, "entrant");
 const KMH = 3.6;
 const CLOSE_M = 230;
+const LIMIT = "the fastest lap that the car and the rules allow, by optimal control";
+
+const overLimit = (lap) => (data.limit === null || lap === null || lap === undefined ? null : lap / data.limit);
+
+// Of tables of entrants, where the limit is known.
+const limitColumn = () => (data.limit === null ? [] : [{
+  key: "limit", head: "Lap / limit", first: "ascending", title: `mean best lap of the time trials over the limit of ${number(data.limit, 3)} s: ${LIMIT}`,
+  value: (row) => overLimit(paretoOf.get(row.entrant)?.lap_s), cell: (row) => number(overLimit(paretoOf.get(row.entrant)?.lap_s), 3),
+}]);
+const limitNote = () => (data.limit === null ? "" : ` Lap / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
 
 function lapView(index) {
   const lap = lapOf.get(index);
@@ -12,21 +22,24 @@ function lapView(index) {
   const asked = entrantByKey.get(here().params.get("against"))?.number;
   const against = others.includes(asked) ? asked : null;
   const other = against === null ? course : lapOf.get(against);
-  const names = { own: nameOf(index), other: against === null ? "line of least time" : nameOf(against) };
+  const names = { own: nameOf(index), other: against === null ? "built-in driver's line" : nameOf(against) };
   const rows = lap.map((row, i) => ({ ...row, other: other[i], lost: row.time_s - other[i].time_s }));
   const stretches = sectionsOf(rows);
   const place = placeOn(rows, names, d3.greatest(stretches, (one) => one.lost)?.slowest ?? 0);
   const last = rows.length - 1;
   const choice = h("label", {}, "Against ", h("select", { onchange: (event) => { keep("against", event.target.value); show(); } },
-    h("option", { value: "" }, "the line of least time"),
+    h("option", { value: "" }, "the built-in driver's line"),
     others.map((one) => h("option", { value: entrants[one].key, selected: one === against }, nameOf(one)))));
   return [
     facts([
       ["Best time trial", link(raceHref(bestTrial(index).race), `${number(lap[last].time_s, 3)} s`)],
-      [against === null ? "Line of least time" : nameOf(against), [number(other[last].time_s, 3), " s"]],
+      ...limitFacts(lap[last].time_s),
+      [against === null ? "Built-in driver's line" : nameOf(against), [number(other[last].time_s, 3), " s"]],
       ["Difference", [signed(rows[last].lost, 3), " s"]],
     ]),
-    against === null && note("The line of least time is the one that the built-in driver aims at: it is worked out from the circuit and the car, and nobody has driven it."),
+    note(
+      data.limit !== null && `The limit is ${LIMIT}. It acts at every moment, a policy ten times a second: about 1.01 is within reach. `,
+      against === null && "The built-in driver's line has the speeds that the driver plans. It is no limit: a policy can be faster."),
     h("div", { class: "controls" }, choice, place.slider, place.said),
     h("div", { class: "maps" }, wholeMap(rows, names, place), closeMap(rows, other, names, place)),
     speedKey(rows),
@@ -42,6 +55,8 @@ function lapView(index) {
   ];
 }
 
+const limitFacts = (lap) => (data.limit === null ? [] : [["Limit", [number(data.limit, 3), " s"], LIMIT], ["Lap / limit", number(overLimit(lap), 3)]]);
+
 const bestTrial = (index) => d3.least(
   ownCars(index).filter((car) => car.race.stage === "pareto" && car.race.test === "time_trial" && car.best_lap_s !== null),
   (car) => car.best_lap_s,
@@ -52,7 +67,8 @@ function lapCommand(index) {
   const best = bestTrial(index);
   if (!best) return empty("It completed no lap of its time trials.");
   return [
-    h("p", {}, `Its best time trial took ${number(best.best_lap_s, 3)} s. The report holds the laps of those who reach the team races; this shows any other:`),
+    facts([["Best time trial", [number(best.best_lap_s, 3), " s"]], ...limitFacts(best.best_lap_s)]),
+    h("p", {}, "The report holds the laps of the shortlist and of the team races. This command shows any other:"),
     command(["nathlon", "replay", data.store, `${best.race.key.slice(0, 12)}:${best.race.race}`]),
   ];
 }

@@ -1,6 +1,6 @@
 // The team races: points and contacts with their intervals, and two entrants side by side.
 
-const GATED = "a rate is barred only if its whole interval lies above the gate's limit";
+const GATED = "barred only if the whole interval is above the gate's limit";
 
 function leaderboard() {
   const rows = tables.ranking.map((row) => ({ ...row, skill: batteryOf.get(row.entrant)?.points ?? null }));
@@ -14,7 +14,7 @@ function leaderboard() {
   });
   return [
     title,
-    note(`A rank is 1 + the number of those proven better, after Holm's correction: who shares a rank is not told apart. The intervals (${percent(summary.confidence)}\u00a0%) are each entrant's own, and two may overlap though it is proven which is better.`),
+    note(`Rank: 1 + the number of entrants proven better, after Holm's correction. Equal ranks are statistical ties. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
@@ -24,8 +24,9 @@ function leaderboard() {
       { key: "drawn", head: "", unseen: "Points, drawn", kind: "drawn", cell: points },
       figure("contacts", "Contacts per km", 2, ["contacts_per_km", "contacts_low", "contacts_high"], { first: "ascending", title: GATED }),
       { key: "contacts-drawn", head: "", unseen: "Contacts, drawn", kind: "drawn", cell: contacts },
-      figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts that the stewards lay to its cars; ${GATED}` }),
+      figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts for which the stewards blame its cars; ${GATED}` }),
       { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
+      ...limitColumn(),
       { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
       { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),
@@ -36,10 +37,10 @@ function leaderboard() {
 function ratings() {
   if (!tables.ratings.length && !data.notes.length) return null;
   const rows = [...tables.ratings].sort((a, b) => a.bradley_terry_rank - b.bradley_terry_rank);
-  return section("Beside the points",
-    note("Ratings are no second ranking but a check on the points."),
-    data.notes.length ? h("ul", {}, data.notes.map((text) => h("li", {}, text))) : h("p", {}, "Nothing in them contradicts the points, and one score for each entrant explains the matchups."),
-    rows.length > 0 && h("details", {}, h("summary", {}, "Ratings"), scroll("Ratings", h("table", {},
+  return section("Ratings",
+    note("A check on the points, not a second ranking."),
+    data.notes.length ? h("ul", {}, data.notes.map((text) => h("li", {}, text))) : h("p", {}, "They agree with the points, and one rating for each entrant explains the matchups."),
+    rows.length > 0 && h("details", {}, h("summary", {}, "All ratings"), scroll("Ratings", h("table", {},
       h("thead", {}, h("tr", {}, ["Entrant", "Bradley–Terry", "rank", "Plackett–Luce", "rank"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
       h("tbody", {}, rows.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row.entrant)),
         [signed(row.bradley_terry, 2), number(row.bradley_terry_rank), signed(row.plackett_luce, 2), number(row.plackett_luce_rank)].map((text) => h("td", { class: "number" }, text)))))))));
@@ -94,7 +95,7 @@ function compare([first, second]) {
   return [
     h("h1", {}, `${two[0].name} and ${two[1].name}`),
     met
-      ? h("p", { class: "why" }, `Where they met, ${two[0].name} scored ${signed(met.difference)} points a race against ${two[1].name} (${signed(met.difference_low)} to ${signed(met.difference_high)}) in ${count(met.pairs, "unit")}. `, link(to("matchup", [first, second]), "Their races"))
+      ? h("p", { class: "why" }, `Against each other: ${signed(met.difference)} points a race for ${two[0].name} (${signed(met.difference_low)} to ${signed(met.difference_high)}) in ${count(met.pairs, "unit")}. `, link(to("matchup", [first, second]), "Their races"))
       : note("They did not meet in the team races."),
     scroll("Side by side", h("table", { class: "sides" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))), h("th", { scope: "col", class: "number" }, "Difference"))),

@@ -22,7 +22,7 @@ function matchups() {
     h("fieldset", { class: "controls" }, h("legend", { class: "unseen" }, "What is shown"), radio("", "Points"), radio("contacts", "Contacts")),
     contacts
       ? note("Contacts per km of the row's cars when racing the column.", shadeKey(["h0", "n1", "n2", "n3", "n4", "n5"], "0", number(largest, 2)))
-      : note("Points of the row minus the column, a race. Bold: the interval excludes zero. A click opens the races.", shadeKey(BOTH, signed(-largest), signed(largest))),
+      : note("Points a race, row minus column. Bold: the interval excludes zero. A click opens the races.", shadeKey(BOTH, signed(-largest), signed(largest))),
     scroll("Matchups", h("table", { class: "matrix", id: "matchups" },
       h("thead", {}, h("tr", {}, h("td"), order.map((index) => h("th", { scope: "col" }, h("span", { title: nameOf(index) }, nameOf(index)))))),
       h("tbody", {}, order.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row)),
@@ -47,7 +47,7 @@ function matchup([first, second]) {
   });
   return [
     h("h1", {}, `${two[0].name} against ${two[1].name}`),
-    met && h("p", { class: "why" }, `${two[0].name} scored ${signed(met.difference)} points a race more than ${two[1].name} (${signed(met.difference_low)} to ${signed(met.difference_high)}) in ${count(met.pairs, "unit")}; contacts per km ${number(met.contacts_per_km, 2)} and ${number(other?.contacts_per_km, 2)}. `, link(to("compare", [first, second]), "Side by side")),
+    met && h("p", { class: "why" }, `${signed(met.difference)} points a race for ${two[0].name} (${signed(met.difference_low)} to ${signed(met.difference_high)}) in ${count(met.pairs, "unit")}. Contacts per km: ${number(met.contacts_per_km, 2)} and ${number(other?.contacts_per_km, 2)}. `, link(to("compare", [first, second]), "Side by side")),
     theirs.length ? dataTable("races", [
       { key: "race", head: "Race", kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${row.race.test} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
       { key: "seed", head: "Seed", value: (row) => row.seed },

@@ -26,7 +26,7 @@ function nAthlon() {
   });
   return [
     title,
-    note("Points of every test, from 500 for the built-in driver's mark to 1,000 for one that is better by what the test says, and their sum. A rank is 1 + those proven better.", shadeKey(BLUES, "0", number(largest))),
+    note("500 points: the built-in driver's mark. 1,000: better by the gain that the test sets. Rank: 1 + the number of entrants proven better; equal ranks are statistical ties.", shadeKey(BLUES, "0", number(largest))),
     dataTable("n-athlon", [
       { key: "pick", head: "", unseen: "Profile", kind: "pick", cell: box },
       rankColumn(rows),
@@ -56,6 +56,6 @@ function marks() {
     set.length ? scroll("Marks", h("table", {},
       h("thead", {}, h("tr", {}, ["Test", "500 points", "1,000 points", "Unit"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
       h("tbody", {}, set.map(([test, mark]) => h("tr", {}, h("th", { scope: "row", class: "name" }, plain(test)), h("td", { class: "number" }, number(mark.base, 3)), h("td", { class: "number" }, number(mark.reference, 3)), h("td", { class: "number" }, units.get(test) ?? "")))))) : empty("No marks were set."),
-    aside.length > 0 && [h("h3", {}, "Set aside"), h("ul", {}, aside.map(([test, reason]) => h("li", {}, `${plain(test)}: ${reason}`)))],
+    aside.length > 0 && [h("h3", {}, "Tests not held"), h("ul", {}, aside.map(([test, reason]) => h("li", {}, `${plain(test)}: ${reason}`)))],
   ];
 }

@@ -31,15 +31,16 @@ function pareto() {
   if (objectiveNames.length) show();
   return [
     title,
-    note(`${number(front.length)} of ${number(rows.length)} survive: in 5 % or more of the draws of what the objectives may truly be, no other was better in all of them at once. So one may survive behind the front that is seen here, and the front has more objectives than two axes.`),
+    note(`${number(front.length)} of ${number(rows.length)} survive: non-dominated in at least 5\u00a0% of the draws from the objectives' uncertainty. The chart has only two of the objectives, so a survivor may lie behind the front.`),
     objectiveNames.length > 0 && [h("div", { class: "controls" }, choice("x", "Across", 0), choice("y", "Upwards", 1)), host],
-    section("Who was in the filter", dataTable("pareto", [
+    section("All entrants", data.limit !== null && note(limitNote().trim()), dataTable("pareto", [
       entrantColumn((row) => (row.finalist ? chip("", "team races") : null)),
       ...objectiveNames.map((name) => ({
         key: name, head: objectiveTitle(name), first: objectiveUnit.get(name).goal === "max" ? "descending" : "ascending",
         value: (row) => row[`= ${name}`], cell: (row) => number(row[`= ${name}`], 3),
       })),
-      { key: "nondominated", head: "Non-dominated, %", title: "share of the draws in which no other was better in everything", value: (row) => row.nondominated_probability, cell: (row) => percent(row.nondominated_probability) },
+      ...limitColumn(),
+      { key: "nondominated", head: "Non-dominated, %", title: "share of the draws in which no other entrant was better in every objective", value: (row) => row.nondominated_probability, cell: (row) => percent(row.nondominated_probability) },
       { key: "survives", head: "Survives", value: (row) => row.survives, cell: (row) => (row.survives ? "yes" : "no") },
       { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
     ], rows, { sort: "-nondominated", text: (row) => nameOf(row.entrant), label: "Pareto filter" })),
@@ -85,7 +86,7 @@ function front2d(rows, x, y) {
       return plot;
     }),
     h("p", { class: "key" }, h("i", { class: "field" }), "left out ", h("i", { class: "survivor" }), "survives ", h("i", { class: "finalist" }), "reached the team races. A click opens the checkpoint.",
-      beyond > 0 && ` ${number(beyond)} of the field lie on or near the edge, though they are farther off.`,
+      beyond > 0 && ` ${number(beyond)} lie outside of the axes and are drawn at the edge.`,
       unseen > 0 && ` ${number(unseen)} without ${unseen === 1 ? "a value is" : "values are"} not drawn.`),
   ];
 }

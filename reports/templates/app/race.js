@@ -15,7 +15,7 @@ function raceView([key, index]) {
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)))}`])),
     facts([
       ["Seed", race.seed], ["Grid", race.mirrored ? "mirrored" : "as drawn"],
-      ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "counted once; the cars below count it each"],
+      ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
       ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown)]),
@@ -60,13 +60,13 @@ async function playerOf(race) {
   return player;
 }
 
-const VERDICTS = { contact: "nobody to blame", wall: "noted", off_course: "noted", penalty: "penalty" };
+const VERDICTS = { contact: "nobody at fault", wall: "noted", off_course: "noted", penalty: "penalty" };
 function incidents(player) {
   const { race } = player.recording;
   const rows = race.incidents.filter((incident) => !incident.notice);
   if (!rows.length) return empty("The stewards noted nothing.");
   const verdict = ({ kind, fault, penalty }) => [
-    fault >= 0 ? h("span", { class: "fault" }, `${race.cars[fault].name} is to blame`) : VERDICTS[kind], penalty > 0 && `, ${number(penalty, 1)} s`];
+    fault >= 0 ? h("span", { class: "fault" }, `${race.cars[fault].name} at fault`) : VERDICTS[kind], penalty > 0 && `, ${number(penalty, 1)} s`];
   return dataTable("incidents", [
     { key: "time", head: "Time", first: "ascending", value: (row) => row.time, cell: (row) => momentButton(player, row.time - 3, row.cars[0], clock(row.time)) },
     { key: "kind", head: "Kind", kind: "text", first: "ascending", value: (row) => plain(row.kind) },
@@ -90,9 +90,9 @@ function clipsHere(player, { clips }) {
 // How to see the race elsewhere.
 function watched(race, shown) {
   const rerun = shown?.recording && ["nathlon", "replay", shown.recording.replace("../", "")];
-  return section("Watch it elsewhere",
+  return section("Replay",
     shown && h("p", {}, replay(shown)),
-    rerun && [h("p", {}, "In the folder above this page, this opens the recording in Rerun:"), command(rerun)],
-    h("p", {}, shown?.recording ? "This runs it again as it was, and shows it:" : "This runs it again as it was, records it and shows it in Rerun:"),
+    rerun && [h("p", {}, "Open the recording in Rerun, from the folder above this page:"), command(rerun)],
+    h("p", {}, shown?.recording ? "Run the race again and show it:" : "Run the race again, record it and show it in Rerun:"),
     command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`]));
 }

@@ -29,7 +29,7 @@ function raceCharts(player) {
   const { recording, state } = player;
   const { race, circuit, samples } = recording;
   const rows = passings(recording);
-  if (!rows.length) return empty("Nobody drove far enough to draw it.");
+  if (!rows.length) return empty("No car drove far enough for a chart.");
   const last = [...groups(rows, "car").values()].map((own) => own.at(-1));
   const end = d3.max(rows, ({ lap }) => lap);
   const place = () => {
@@ -40,9 +40,9 @@ function raceCharts(player) {
     const times = samples.distance.map((_, car) => recording.timeAt(car, lap * circuit.lap - race.origin)).filter((time) => time !== null);
     return times.length ? Math.min(...times) : null;
   };
-  const along = { label: "laps of the first", domain: [0, end], ticks: d3.range(0, end), tickFormat: "d", labelAnchor: "center", labelArrow: "none" };
+  const along = { label: "laps of the leader", domain: [0, end], ticks: d3.range(0, end), tickFormat: "d", labelAnchor: "center", labelArrow: "none" };
   const lines = (y) => Plot.line(rows, { x: "lap", y, z: "car", stroke: (row) => teamStroke(recording, row.car), strokeWidth: 1.8, strokeLinejoin: "round" });
-  const about = (row) => `${race.cars[row.car].name}\nplace ${row.place}, ${number(row.gap, 1)} s behind the first\n${clock(row.time)} after the start`;
+  const about = (row) => `${race.cars[row.car].name}\nplace ${row.place}, ${number(row.gap, 1)} s behind the leader\n${clock(row.time)} after the start`;
   const pointed = (y) => Plot.tip(rows, Plot.pointer({ ...tip, x: "lap", y, title: about }));
   const named = (row, width) => (width < 500 || row.lap < end - 0.2 ? String(row.car) : race.cars[row.car].name);
   return h("div", { class: "charts" },
@@ -52,8 +52,8 @@ function raceCharts(player) {
       marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("place"),
         Plot.text(last, { x: "lap", y: "place", text: (row) => named(row, width), textAnchor: "start", dx: 6, fill: "currentColor" }), pointed("place")],
     }), place, when),
-    playedChart(player, "Seconds behind the first", (width) => Plot.plot({
-      width, height: 270, marginRight: 24, marginLeft: 34, marginBottom: 38, ariaLabel: "Gap of every car to the first along the race",
+    playedChart(player, "Gap to the leader, s", (width) => Plot.plot({
+      width, height: 270, marginRight: 24, marginLeft: 34, marginBottom: 38, ariaLabel: "Gap of every car to the leader along the race",
       x: along, y: { domain: [d3.max(rows, ({ gap }) => gap) || 1, 0], label: null, grid: true },
       marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("gap"),
         Plot.text(last, { x: "lap", y: "gap", text: (row) => String(row.car), textAnchor: "start", dx: 5, fill: "currentColor" }), pointed("gap")],
@@ -65,7 +65,7 @@ function speedCharts(player) {
   const { recording, state } = player;
   const { race, circuit } = recording;
   const laps = lapsOf(recording);
-  if (!laps.length) return empty("Nobody completed a lap.");
+  if (!laps.length) return empty("No car completed a lap.");
   const [reference] = laps;
   const titled = (lap) => `${race.cars[lap.car].name}, lap ${lap.lap}, ${lapTime(lap.seconds)}`;
   const others = laps.filter(({ car }) => car !== reference.car);
@@ -104,14 +104,14 @@ function speedCharts(player) {
           Plot.line(base, { x: "distance", y: "speed", stroke: "var(--muted)", strokeDasharray: "4 3", strokeWidth: 1.6 }),
           traces.map((one) => Plot.line(one.rows, { x: "distance", y: "speed", ...pen(one) }))],
       }), place, when),
-      playedChart(player, "Seconds lost to the reference", (width) => Plot.plot({
+      playedChart(player, "Time lost to the reference, s", (width) => Plot.plot({
         width, height: 160, marginLeft: 38, marginBottom: 38, marginTop: 14, ariaLabel: "Time lost to the reference along the lap", x: along, y: { label: null, grid: true, nice: true },
         marks: [bounds, Plot.ruleY([0], { stroke: "var(--muted)", strokeDasharray: "4 3" }), traces.map((one) => Plot.line(lost(one.rows), { x: "distance", y: "lost", ...pen(one) }))],
       }), place, when));
   }
   draw();
   return [
-    note("The dashed reference is the fastest lap of this race: ", titled(reference), "."),
+    note("Dashed: the reference, the fastest lap of this race: ", titled(reference), "."),
     h("div", { class: "controls" }, [["a", 0], ["b", 1]].map(([name, i]) => [h("i", { class: `swatch line${i}` }), choose(name, i)])),
     host,
   ];

@@ -4,7 +4,7 @@ function passesView(player) {
   const { recording } = player;
   const { race, circuit, line } = recording;
   const all = data.recordings.flatMap((one) => one.passes.map((pass) => ({ ...pass, own: one === race })));
-  if (!all.length) return empty("Nobody went by anybody in the races that were recorded.");
+  if (!all.length) return empty("There was no pass in the recorded races.");
   const own = all.filter((pass) => pass.own).sort((a, b) => a.time - b.time);
   const sections = [...circuit.sections.map(({ name }) => name), ...(all.some(({ section }) => section < 0) ? ["between sections"] : [])];
   const sectionOf = (pass) => sections.at(pass.section);
@@ -12,10 +12,10 @@ function passesView(player) {
   const road = Array.from({ length: Math.floor(circuit.rows / 8) + 1 }, (_, i) => (8 * i) % circuit.rows)
     .map((i) => [(line.left.x[i] + line.right.x[i]) / 2, (line.left.y[i] + line.right.y[i]) / 2]);
   const [width, height] = [0, 1].map((axis) => d3.extent(road, (point) => point[axis])).map(([low, high]) => high - low);
-  const about = (pass) => `${race.cars[pass.car].name}\ngoes by ${race.cars[pass.passed].name}\nfor place ${pass.place}, ${clock(pass.time)}`;
+  const about = (pass) => `${race.cars[pass.car].name}\npasses ${race.cars[pass.passed].name}\nfor place ${pass.place}, ${clock(pass.time)}`;
   const key = h("p", { class: "key" }, h("i", { class: "survivor" }), `this race, ${number(own.length)}`, h("i", { class: "field" }), `the other recorded races, ${number(all.length - own.length)}`);
   return [
-    note("A pass counts where a car was behind for 2 s and is ahead for 2 s. The first 10 s do not count, nor do cars that left the course, served a penalty or crawled."),
+    note("A pass: behind for 2 s, then ahead for 2 s. Not counted: the first 10 s, and cars that left the course, served a penalty or crawled."),
     key,
     h("div", { class: "charts" },
       chart(null, (wide) => Plot.plot({
@@ -33,7 +33,7 @@ function passesView(player) {
         ],
       }))),
     own.length > 0 && h("ol", { class: "moments" }, own.map((pass) => h("li", {},
-      momentButton(player, pass.time - 4, pass.car, clock(pass.time)), ` ${race.cars[pass.car].name} goes by ${race.cars[pass.passed].name} for place ${pass.place}, ${sectionOf(pass)}`))),
+      momentButton(player, pass.time - 4, pass.car, clock(pass.time)), ` ${race.cars[pass.car].name} passes ${race.cars[pass.passed].name} for place ${pass.place}, ${sectionOf(pass)}`))),
   ];
 }
 

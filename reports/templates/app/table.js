@@ -78,8 +78,8 @@ const rankColumn = (rows) => {
   const shared = groups(rows, "rank");
   return {
     key: "rank", head: "Rank", kind: "rank", first: "ascending",
-    title: "1 + those proven better, after Holm's correction; a shared rank is not told apart",
+    title: "1 + the number of entrants proven better, after Holm's correction; equal ranks are statistical ties",
     value: (row) => row.rank,
-    cell: (row) => [shared.get(row.rank).length > 1 && h("span", { class: "equal", title: "shared" }, "="), number(row.rank)],
+    cell: (row) => [shared.get(row.rank).length > 1 && h("span", { class: "equal", title: "statistically tied" }, "="), number(row.rank)],
   };
 };

@@ -1,4 +1,4 @@
-// Tonight: who to send and why, what became of the field, and whether the run can be trusted.
+// Tonight: whom to send and why, what became of the field, and whether the run can be trusted.
 
 function tonight() {
   const decided = summary.sent[0];
@@ -7,9 +7,9 @@ function tonight() {
     h("h1", {}, data.verdict.headline),
     h("div", { class: "why" }, data.verdict.sentences.map((sentence) => h("p", {}, sentence))),
     h("p", { class: "next" },
-      decided && entrantOf.has(decided.entrant) && [link(to("checkpoint", [entrantOf.get(decided.entrant).key]), "Its card"), " "],
+      decided && entrantOf.has(decided.entrant) && [link(to("checkpoint", [entrantOf.get(decided.entrant).key]), "The checkpoint"), " "],
       tables.ranking.length > 0 && [link(to("leaderboard"), "The leaderboard"), " "],
-      decisions.length > 0 && [link(to("committee"), "What the committee said"), " "],
+      decisions.length > 0 && [link(to("committee"), "The committee's reasons"), " "],
       link("ranking.xlsx", "The spreadsheet")),
     funnel(),
     h("div", { class: "halves" }, section("What changed", changes()), section("Run health", health())),
@@ -28,7 +28,7 @@ function funnel() {
     h("li", {},
       link(to(view[stage.name] ?? "tonight"), raced[stage.name] ?? plain(stage.name)),
       h("span", { class: "counts" }, number(stage.in), h("span", { class: "arrow" }, "→"), number(stage.out)),
-      h("span", { class: "cost" }, stage.races ? `${count(stage.races, "race")}, ${duration(stage.wall_s)}` : "its ballots"))));
+      h("span", { class: "cost" }, stage.races ? `${count(stage.races, "race")}, ${duration(stage.wall_s)}` : "ballots"))));
 }
 
 function health() {
@@ -48,15 +48,15 @@ function health() {
     facts([
       ["Car runs", number(summary.car_runs)],
       ["Ended by a policy's fault", [number(summary.faults), h("small", {}, of(["policy_raised", "illegal_action", "timed_out"]))]],
-      ["Void", [number(summary.void), h("small", {}, of(["simulator_fault", "interrupted"]))], "a fault of the simulator: its race counts for nobody"],
+      ["Void", [number(summary.void), h("small", {}, of(["simulator_fault", "interrupted"]))], "ended by a fault of the simulator; the race does not count"],
       ["Files set aside", number(summary.excluded.length)],
-      ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), "the more negative, the more mirroring saved"],
+      ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), "the more negative, the more races mirroring saves"],
     ]),
     worst.length > 0 && h("p", {}, "Most faults: ", worst.map(([entrant, faults], i) => [i > 0 && ", ", entrantLink(entrant), ` ${number(faults)}`])),
     set.length > 0 && h("ul", {}, set.map(([test, reason]) => h("li", {}, `${plain(test)} was not held: ${reason}`))),
     summary.excluded.length > 0 && h("details", { open: summary.excluded.length < 6 }, h("summary", {}, "Files set aside"),
       h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),
-    summary.log && h("p", {}, h("a", { href: summary.log }, "What policies printed")),
+    summary.log && h("p", {}, link(fileHref(summary.log), "What policies printed")),
     data.notes.length > 0 && h("ul", {}, data.notes.map((text) => h("li", {}, text))),
   ];
 }
@@ -85,8 +85,8 @@ function changes() {
     !pool.length ? null : moved.length > 0
       ? h("ul", { class: "moves" }, moved.slice(0, 10).map((row) => h("li", {},
           h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${row.before} → ${row.rank}`)))
-      : h("p", {}, "Nobody who was in the pool before has another rank now."),
-    note("Ranks in the pool of all nights' team races: 1 + those proven better. Newcomers can push others down, and more races can part those who shared a rank."),
+      : h("p", {}, "No rank in the pool has changed."),
+    note("Ranks in the pool of all nights' team races. Newcomers can push others down; more races can break ties."),
   ];
 }
 
