@@ -67,6 +67,9 @@ def demo(
     as_json: AsJson = False,
 ) -> None:
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
+    from nathlon.arena.workers import start_server
+
+    start_server()
     from nathlon.commands.selection import configured
     from nathlon.commands.selection import evaluate as run
     from nathlon.policies.bundled import BUNDLED
@@ -86,6 +89,9 @@ def evaluate(
     as_json: AsJson = False,
 ) -> None:
     """Select the best of your own checkpoints, the same way as the demo."""
+    from nathlon.arena.workers import start_server
+
+    start_server()
     from nathlon.commands.selection import configured
     from nathlon.commands.selection import evaluate as run
 

@@ -12,8 +12,9 @@ from nathlon.arena.recording import read_recording, recover_recording, write_rec
 from nathlon.arena.store import Store
 from nathlon.commands.console import print_json, say, tell, warn
 from nathlon.replays import record_stored_race
+from nathlon.reports.cars import labels
 from nathlon.reports.player import write_player
-from nathlon.reports.replay import labels, open_viewer, write_replay
+from nathlon.reports.replay import open_viewer, write_replay
 from nathlon.reports.web_viewer import WebViewer
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need

@@ -20,6 +20,7 @@ from nathlon.publish import publish
 from nathlon.recordings import STAGE as RECORDINGS
 from nathlon.recordings import record_tournament
 from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Summary
 from nathlon.run import STAGES, WAITING, OnMatch
 from nathlon.sim.errors import InputError
 
@@ -81,7 +82,9 @@ def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bo
         entrants, config = entered(pool, checkpoints, config)
         output = OutputFolder(out)
         with progress(f"The same command goes on from {output.store}.", as_json) as on_match:
-            selection = run_evaluation(entrants, output, config, pool, on_match)
+            selection = run_evaluation(
+                entrants, output, config, pool, on_match, lambda verdict: _print_now(verdict, as_json)
+            )
     if as_json:
         print_json(
             selection.summary.model_dump(mode="json")
@@ -91,7 +94,14 @@ def evaluate(checkpoints: Sequence[Path], out: Path, config: Config, as_json: bo
     elif selection is None:
         say(f"The committee waits for its members: nathlon committee {output.store}")
     else:
-        print_selection(selection, output)
+        _print_files(selection.summary, output)
+
+
+def _print_now(verdict: Summary, as_json: bool) -> None:
+    """Print what a selection came to while its report is still to be made; JSON comes whole at the end."""
+    if not as_json:
+        print_verdict(verdict)
+        say("Report and recordings follow. Ctrl-C stops them; the same command goes on.")
 
 
 @contextmanager
@@ -114,18 +124,27 @@ def progress(stopped: str, quiet: bool, stages: Sequence[str] = (*STAGES, RECORD
 
 def print_selection(selection: Selection, output: OutputFolder) -> None:
     """Print the ranking, who is sent, and where the files are."""
-    _print_ranking(selection)
-    sent = selection.summary.sent
+    print_verdict(selection.summary)
+    _print_files(selection.summary, output)
+
+
+def print_verdict(verdict: Summary) -> None:
+    """Print the ranking and who is sent."""
+    _print_ranking(verdict)
+    sent = verdict.sent
     say(f"Sent         {sent[0].name if sent else 'nobody: no finalist passed the gates'}")
+
+
+def _print_files(summary: Summary, output: OutputFolder) -> None:
     say(f"Report       {output.report / 'index.html'}")
     say(f"Spreadsheet  {output.report / 'ranking.xlsx'}")
-    if selection.summary.recording:
+    if summary.recording:
         say(f"Replay       nathlon replay {output.races / 'final.mcap'}")
     say(f"Summary      {output.root / 'summary.json'}")
 
 
-def _print_ranking(selection: Selection) -> None:
-    ranking = selection.summary.ranking
+def _print_ranking(verdict: Summary) -> None:
+    ranking = verdict.ranking
     if not ranking:
         say("Fewer than two entrants reached the round robin; see the report for the filter and the tests.")
         return
