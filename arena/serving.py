@@ -140,7 +140,7 @@ def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Policy | A
 
 
 def _begin(source: str, number: int, entrant: int, watch: Watch) -> None:
-    """Tell the watch that a policy is to be loaded: the built-in driver is ours, and may compile and practise."""
+    """Tell the watch that a policy is to be loaded: our own driver may compile and practise."""
     if source.partition(":")[0] == DRIVER:
         watch.work()
     else:
