@@ -74,7 +74,7 @@ def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
     line_ups: dict[int, LineUp] = {}
     for number, job in enumerate(jobs):
         if isinstance(job, Opening):
-            watch.ask(number, 0, first=True)
+            _begin(job.source, number, 0, watch)
             yield number, _open(job)
             continue
         try:
@@ -134,9 +134,14 @@ def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Policy | A
     """A policy of a match, watched while it is loaded."""
     if entrant in job.absent:
         return Absent(job.absent[entrant])
-    if job.match.sources[entrant].partition(":")[0] == DRIVER:
+    _begin(job.match.sources[entrant], number, entrant, watch)
+    with preserved():
+        return match_policy(job.match, entrant)
+
+
+def _begin(source: str, number: int, entrant: int, watch: Watch) -> None:
+    """Tell the watch that a policy is to be loaded: our own driver may compile and practise."""
+    if source.partition(":")[0] == DRIVER:
         watch.work()
     else:
         watch.ask(number, entrant, first=True)
-    with preserved():
-        return match_policy(job.match, entrant)

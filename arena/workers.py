@@ -6,7 +6,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import get_all_start_methods, get_context
+from multiprocessing import forkserver, get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -24,6 +24,16 @@ SHARED = ["nathlon.policies.load"]
 
 _CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
 _CONTEXT.set_forkserver_preload(SHARED)
+
+
+def start_server() -> None:
+    """Have what all workers need loaded while this process does something else.
+
+    The process that they are forked from begins with it at once, and not when the first worker starts.
+    """
+    if _CONTEXT.get_start_method() == "forkserver":
+        with _one_blas_thread():
+            forkserver.ensure_running()
 
 
 def new_output_log() -> OutputLog:

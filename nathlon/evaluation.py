@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
@@ -13,16 +13,25 @@ from nathlon.pipeline import select
 from nathlon.publish import publish
 from nathlon.recordings import record_tournament
 from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Summary
 from nathlon.run import WAITING, OnMatch
 from nathlon.single_run import single_run
 
+OnVerdict = Callable[[Summary], None]
+"""Told what a selection came to as soon as the committee has decided, before anything is published."""
+
 
 def evaluate(
-    entrants: Sequence[Entrant], output: OutputFolder, config: Config, pool: Pool, on_match: OnMatch
+    entrants: Sequence[Entrant],
+    output: OutputFolder,
+    config: Config,
+    pool: Pool,
+    on_match: OnMatch,
+    on_verdict: OnVerdict,
 ) -> Selection | None:
-    """Run the whole selection and leave its report.
+    """Run the whole selection, hand its verdict out, then leave its report and recordings.
 
-    A selection that was stopped goes on from what its store holds.
+    One that was stopped goes on from what its store holds: after the verdict, with report and recordings.
 
     Args:
         entrants: the candidates, all of one circuit and car.
@@ -30,14 +39,17 @@ def evaluate(
         config: how to select, with the circuit and the car of the entrants.
         pool: where policies run.
         on_match: told about progress.
+        on_verdict: told what it came to.
 
     Returns:
         what the report shows; None where people must vote first.
     """
     with single_run("selection", entrants, config, output.store, pool, on_match) as run:
-        run.status = select(run, Field(tuple(entrants)), config)
-        if run.status == WAITING:
+        verdict = select(run, Field(tuple(entrants)), config)
+        if verdict is None:
+            run.status = WAITING
             return None
+        on_verdict(verdict)
         selection = publish(run.store, run.name, output, run.pool)
         if config.recordings == "all":
             record_tournament(run.store, run.name, output, run.pool, on_match)

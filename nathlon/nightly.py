@@ -88,7 +88,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         run = Run(store, night.name, (config.seed, number), pool, on_match)
         output = OutputFolder(Path(config.out) / night.name)
         pool.log.keep_in(output.root / POLICY_LOG)
-        if select(run, field, config) == WAITING:
+        if select(run, field, config) is None:
             store.end_run(night.name, WAITING)
             return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
         run.keep({"pool": _pool(store, night, run)})

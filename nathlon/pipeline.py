@@ -13,6 +13,7 @@ from dataclasses import asdict
 import polars as pl
 
 from nathlon.arena.entrant import Entrant, entrants_table
+from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.committee import ask
 from nathlon.config import Config
@@ -23,11 +24,11 @@ from nathlon.minutes import Minutes
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.race_off import run_round_robin
 from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
-from nathlon.run import CONFIDENCE, DONE, WAITING, Answer, Run
+from nathlon.run import CONFIDENCE, Answer, Run
 from nathlon.tournament.points import pair_correlation
 
 
-def select(run: Run, field: Field, config: Config) -> str:
+def select(run: Run, field: Field, config: Config) -> Summary | None:
     """Run the whole selection into the store, going on from what is there already.
 
     Args:
@@ -36,8 +37,9 @@ def select(run: Run, field: Field, config: Config) -> str:
         config: how.
 
     Returns:
-        DONE, or WAITING where the committee waits for people.
+        what it came to, still without replays; None where the committee waits for people.
     """
+    compile_kernels(run.pool, config.circuit, config.car)
     minutes = Minutes(run.store, run.name)
     tables = {"entrants": entrants_table(field.entrants)}
     run.keep(tables)
@@ -52,7 +54,7 @@ def select(run: Run, field: Field, config: Config) -> str:
     tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
     run.keep(tables)
     if listed.result is None:
-        return WAITING
+        return None
     run.note("committee", len(survivors), len(_chosen(listed)), pl.DataFrame(schema=RESULTS), began)
 
     finalists = _together([e for e in survivors if e.id in _chosen(listed)], field.incumbents)
@@ -64,7 +66,7 @@ def select(run: Run, field: Field, config: Config) -> str:
     sent = ask(minutes, "selection", candidates, raced.tables, raced.results, config.committee)
     summary = _summary(run, field, config, tables, tested, raced, sent)
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
-    return WAITING if sent.result is None else DONE
+    return None if sent.result is None else summary
 
 
 def _together(*groups: Sequence[Entrant]) -> list[Entrant]:

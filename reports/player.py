@@ -12,8 +12,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from nathlon.arena.race_log import RaceLog
+from nathlon.reports.cars import winner
 from nathlon.reports.race_data import circuit_data, race_data
-from nathlon.reports.replay import winner
 from nathlon.sim.whole_file import whole_file
 
 TEMPLATES = Path(__file__).parent / "templates"

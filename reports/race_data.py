@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nathlon.arena.circuit_mesh import KERB, ROAD, RUNOFF
 from nathlon.arena.passes import passes
 from nathlon.arena.race_log import NOTICES, RaceLog, lap_length, origin, progress
-from nathlon.reports.replay import car_colours, labels
+from nathlon.reports.cars import car_colours, labels
 from nathlon.sim.track import SURFACES
 
 STEPS = {

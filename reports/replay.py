@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from nathlon.arena.foxglove_scene import TEAM_COLOURS
 from nathlon.arena.race_log import NOTICES, Incident, RaceLog, orientation
 from nathlon.reports._blueprint import TIMELINE, blueprint
 from nathlon.reports._circuit import log_circuit, log_map, north_up
 from nathlon.reports._motion import POSE, gaps, poses
 from nathlon.reports.car_model import car_model
+from nathlon.reports.cars import car_colours, labels, winner
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 
@@ -75,27 +75,6 @@ def open_viewer(replay: Path) -> None:
     if ended.returncode != 0:
         reason = (ended.stderr.strip().splitlines() or ["it gave no reason"])[-1]
         raise InputError(f"{replay} cannot be shown, as Rerun's viewer does not run here: {reason}")
-
-
-def winner(log: RaceLog) -> int:
-    """The car that is first in the last sample; the first car of a race without samples."""
-    return int(np.argmin(log.samples["place"][-1])) if len(log.time_s) else 0
-
-
-def labels(log: RaceLog) -> list[str]:
-    """Number and name of each car."""
-    return [f"{car} {name}" for car, name in enumerate(log.names)]
-
-
-def car_colours(teams: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """A shade of its team's colour for each car, the first of a team the strongest."""
-    colours = []
-    for car, team in enumerate(teams):
-        earlier, size = teams[:car].count(team), teams.count(team)
-        white = 0.6 * earlier / size
-        red, green, blue = (round(part + white * (255 - part)) for part in TEAM_COLOURS[team])
-        colours.append((red, green, blue))
-    return colours
 
 
 def race_sheet(log: RaceLog) -> str:

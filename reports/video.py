@@ -15,7 +15,7 @@ from nathlon.arena.race_log import NOTICES, RaceLog
 from nathlon.reports._motion import poses
 from nathlon.reports._video_panels import Panels, brief
 from nathlon.reports.car_model import car_model
-from nathlon.reports.replay import car_colours, winner
+from nathlon.reports.cars import car_colours, winner
 from nathlon.sim.errors import InputError
 from nathlon.sim.render_panels import write
 from nathlon.sim.render_scene import Camera

@@ -23,7 +23,7 @@ from nathlon.filter import FilterSettings, Plan
 from nathlon.n_athlon import BatterySettings, skill_matches
 from nathlon.output import OutputFolder
 from nathlon.race_off import TournamentSettings, tournament_matches
-from nathlon.reports.summary import read_summary
+from nathlon.reports.summary import Sent, Summary, read_summary
 from nathlon.sim.errors import InputError
 from nathlon.skill import load_skills
 from tests.checkpoints import BUNDLED, save_faulty
@@ -52,9 +52,21 @@ def entrants(tmp_path_factory: pytest.TempPathFactory) -> list[Entrant]:
 def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     seen: list[tuple[str, int, int]] = []
+    told: list[Summary] = []
+
+    def on_verdict(verdict: Summary) -> None:
+        assert not [path for path in folder.rglob("*") if path.is_file() and "store" not in path.name]
+        told.append(verdict)
+
     with Pool(2) as pool:
-        evaluate(entrants, OutputFolder(folder), CONFIG, pool, lambda *progress: seen.append(progress))
+        evaluate(
+            entrants, OutputFolder(folder), CONFIG, pool, lambda *progress: seen.append(progress), on_verdict
+        )
     assert {stage for stage, _, _ in seen} == {"pareto", "battery", "tournament"}
+    [verdict] = told
+    published = read_summary(folder / "summary.json")
+    assert verdict.ranking
+    assert (verdict.ranking, verdict.sent) == (published.ranking, published.sent)
     return folder
 
 
@@ -106,13 +118,22 @@ def test_a_second_run_runs_nothing_and_says_the_same(
 ) -> None:
     page = (run / "report" / "index.html").stat().st_mtime_ns
     done: list[tuple[str, int, int]] = []
+    sent: list[tuple[Sent, ...]] = []
     with Pool(2) as pool:
-        evaluate(entrants, OutputFolder(run), CONFIG, pool, lambda *progress: done.append(progress))
+        evaluate(
+            entrants,
+            OutputFolder(run),
+            CONFIG,
+            pool,
+            lambda *progress: done.append(progress),
+            lambda verdict: sent.append(verdict.sent),
+        )
     assert all(count == total for _, count, total in done)
     again = json.loads((run / "summary.json").read_text())
     for stage in (*summary["stages"], *again["stages"]):
         stage.pop("wall_s", None)
     assert again == summary
+    assert [[one.name for one in those] for those in sent] == [[one["name"] for one in summary["sent"]]]
     assert (run / "report" / "index.html").stat().st_mtime_ns > page
 
 

@@ -18,14 +18,13 @@ from nathlon.arena.recording import read_recording, write_recording
 from nathlon.reports._countryside import countryside
 from nathlon.reports._motion import gaps
 from nathlon.reports.car_model import car_model
+from nathlon.reports.cars import car_colours, winner
 from nathlon.reports.replay import (
     DRAUGHT_M,
     FRAMES_PER_TICK,
     MARK_COLOURS,
-    car_colours,
     open_viewer,
     race_sheet,
-    winner,
     write_replay,
 )
 from nathlon.sim.errors import InputError

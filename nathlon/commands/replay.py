@@ -107,7 +107,7 @@ def car_index(log: RaceLog, car: str, path: Path) -> int:
     Raises:
         InputError: if there is none.
     """
-    from nathlon.reports.replay import labels
+    from nathlon.reports.cars import labels
 
     numbers = range(len(log.names))
     if car.isdecimal() and int(car) in numbers:

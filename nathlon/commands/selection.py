@@ -56,6 +56,9 @@ def evaluate(
 ) -> None:
     """Select the best of your own checkpoints, the same way as the demo."""
     sources = find_sources(checkpoints)
+    from nathlon.arena.workers import start_server
+
+    start_server()
     from nathlon import select
 
     with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
@@ -68,7 +71,7 @@ def evaluate(
             pairs=pairs,
             workers=workers,
             progress=not as_json,
-            on_verdict=None if as_json else print_verdict,
+            on_verdict=None if as_json else _print_now,
         )
         if result.selection is None and as_json:
             print_json({"status": "waiting", "store": result.store})
@@ -78,6 +81,12 @@ def evaluate(
             print_json(result.summary.model_dump(mode="json"))
         else:
             print_places(result)
+
+
+def _print_now(summary: Summary) -> None:
+    """Print what a selection came to while its report is still to be made."""
+    print_verdict(summary)
+    say("Report and recordings follow. Ctrl-C stops them; the same command goes on.")
 
 
 def report(
