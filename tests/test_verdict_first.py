@@ -39,7 +39,8 @@ def test_ctrl_c_after_the_verdict_loses_nothing(tmp_path: Path) -> None:
     config.write_text(CONFIG)
     script = Path(sys.executable).parent / "nathlon"
     checkpoints = [path for path in BUNDLED if path.stem in CHOSEN]
-    command = [script, "evaluate", *checkpoints, "--config", config, "--out", out, "--workers", "2"]
+    command = [str(part) for part in (script, "evaluate", *checkpoints, "--config", config, "--out", out)]
+    command += ["--workers", "2"]
 
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout
