@@ -97,10 +97,10 @@ class Run:
             return pl.DataFrame(schema=RESULTS)
         wanted = {match.key: match for match in matches}
         owner = f"{HOST}/{os.getpid()}"
-        for dead in filter(_is_gone, self.store.owners()):
-            self.store.release(dead)
         try:
             while missing := self._missing(stage, wanted):
+                for dead in filter(_is_gone, self.store.owners()):
+                    self.store.release(dead)
                 share = max(math.ceil(len(missing) / CLAIM_SHARE), CLAIM_LEAST * self.pool.workers)
                 claimed = self.store.claim(missing[:share], owner, CLAIM_S)
                 if claimed:

@@ -22,14 +22,13 @@ def has_ended(process: int) -> bool:
     return False
 
 
-def started_at(process: int) -> float | None:
-    """When a process of this machine started, s since 1970, to a second; None where that cannot be told.
+def start_of(process: int) -> int:
+    """When a process of this machine started, in clock ticks since the machine did; 0 where it does not tell.
 
-    See https://man7.org/linux/man-pages/man5/proc_pid_stat.5.html, field 22.
+    Together with its number this is its alone, whatever is done to the clock. See
+    https://man7.org/linux/man-pages/man5/proc_pid_stat.5.html, field 22.
     """
     try:
-        ticks = int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[19])
-        facts = dict(line.split(maxsplit=1) for line in Path("/proc/stat").read_text().splitlines())
-        return int(facts["btime"]) + ticks / os.sysconf("SC_CLK_TCK")
+        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[19])
     except (OSError, LookupError, ValueError):
-        return None
+        return 0

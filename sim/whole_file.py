@@ -10,13 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from nathlon.sim.process import HOST, has_ended, started_at
+from nathlon.sim.process import HOST, has_ended, start_of
 
 MACHINE = f"{zlib.crc32(HOST.encode()):08x}"
 """In the names of partial files: those of other machines that share the folder are their own affair."""
-PARTIAL = re.compile(rf"\..*\.{MACHINE}\.([1-9][0-9]*)\.partial", re.DOTALL)
-SURELY_S = 2.0
-"""By how much a process must be younger than a file not to be the one that wrote it."""
+PARTIAL = re.compile(rf"\..*\.{MACHINE}\.([0-9]+)\.([1-9][0-9]*)\.partial", re.DOTALL)
+"""The start of the process and its number: a number is given again, to another process."""
 
 _swept: set[Path] = set()
 _sweeping = threading.Lock()
@@ -35,7 +34,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         OSError: if it cannot take its place.
     """
     _sweep(path.parent)
-    partial = path.with_name(f".{path.name}.{MACHINE}.{os.getpid()}.partial")
+    process = os.getpid()
+    partial = path.with_name(f".{path.name}.{MACHINE}.{start_of(process)}.{process}.partial")
     try:
         yield partial
         os.replace(partial, path)
@@ -60,8 +60,5 @@ def _is_left(file: Path) -> bool:
     found = PARTIAL.fullmatch(file.name)
     if not found:
         return False
-    process = int(found[1])
-    if process == os.getpid() or has_ended(process):
-        return True
-    started = started_at(process)
-    return started is not None and started > file.stat().st_mtime + SURELY_S
+    start, process = map(int, found.groups())
+    return has_ended(process) or start_of(process) not in (start, 0)

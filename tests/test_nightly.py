@@ -22,6 +22,7 @@ from nathlon.config import TEMPLATE, Config, read_config
 from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
 from nathlon.reports.summary import Sent, SetAside
 from tests.checkpoints import BUNDLED
+from tests.clocks import Jumping
 from tests.command_line import nathlon, refused
 from tests.selections import build
 
@@ -320,6 +321,17 @@ def test_a_night_killed_at_fifty_points_ends_as_if_nothing_had_happened(
         run(night)
         assert outcome(night)["runs"]["night-0001"] == whole
     assert killed
+
+
+def test_a_clock_that_jumps_changes_nothing(
+    tmp_path: Path, folder: Path, nights: list[Night], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch_two(tmp_path)
+    clock = Jumping(monkeypatch)
+    assert run(tmp_path).name == "night-0001"
+    assert run(tmp_path).reason == "Nothing is new."
+    assert clock.reads > 10
+    assert outcome(tmp_path)["runs"]["night-0001"] == outcome(folder)["runs"]["night-0001"]
 
 
 def test_two_at_once_share_a_night(tmp_path: Path, folder: Path, nights: list[Night]) -> None:

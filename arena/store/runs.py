@@ -22,7 +22,7 @@ class RunRecord:
 
     Attributes:
         began_at: UTC, ISO 8601.
-        ended_at: UTC, ISO 8601; None while it has not ended.
+        ended_at: UTC, ISO 8601; None while it has not ended. Never before it began, whatever the clock did.
         status: "running", or what it was said to have ended as.
         config: all that it was begun with, as plain JSON values.
     """
@@ -51,7 +51,8 @@ def begin(connection: sa.Connection, name: str, config: dict[str, Any]) -> RunRe
 
 def end(connection: sa.Connection, name: str, status: str) -> None:
     """Say how a run ended, in place of what was said before."""
-    _update(connection, name, ended_at=stamp(clock(connection)), status=status)
+    began_at = connection.scalar(sa.select(schema.run.c.began_at).where(schema.run.c.name == name))
+    _update(connection, name, ended_at=max(stamp(clock(connection)), began_at or ""), status=status)
 
 
 def records(connection: sa.Connection) -> list[RunRecord]:

@@ -175,7 +175,7 @@ class Store:
         Args:
             keys: of the matches.
             owner: who asks; no two processes may give the same name.
-            for_s: how long the claims last, unless they are renewed, s.
+            for_s: how long the claims last, unless they are renewed, s; at most 600.
         """
         with self._database.writing() as connection:
             return claims.grant(connection, keys, owner, for_s)
