@@ -15,8 +15,8 @@ from nathlon.arena.entrant import enter
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.run import CLAIM_S, Run
-from nathlon.trials import against
 from nathlon.sim.process import HOST
+from nathlon.trials import against
 from tests.clocks import Clock
 
 DAY, YEAR = timedelta(days=1), timedelta(days=365)
