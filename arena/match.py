@@ -11,19 +11,16 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
-from nathlon import policies, sim
 from nathlon.sim.car import load_car
+from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-
-DECISIVE = ("*.py", "*.toml", "*.csv")
 
 
 @dataclass(frozen=True)
@@ -105,7 +102,7 @@ class Match:
         """All that decides the outcome, as plain JSON values."""
         facts = asdict(self) | surroundings(self.scenario, self.circuit, self.car)
         del facts["sources"]
-        facts["code"] = code_fingerprint()
+        facts["code"] = fingerprint()
         facts["numpy"] = version("numpy")
         facts["numba"] = version("numba")
         facts["onnxruntime"] = version("onnxruntime")
@@ -124,17 +121,3 @@ def surroundings(scenario: str, circuit: str, car: str) -> dict[str, Any]:
         "car_file": load_car(car).model_dump(),
         "track": hashlib.sha256(load_track(circuit).table.tobytes()).hexdigest(),
     }
-
-
-@lru_cache
-def code_fingerprint() -> str:
-    """SHA-256 of the source of the simulator and of the policies that drive in it."""
-    digest = hashlib.sha256()
-    for package in (sim, policies):
-        root = Path(str(package.__file__)).parent
-        for pattern in DECISIVE:
-            for path in sorted(root.rglob(pattern)):
-                relative = path.relative_to(root)
-                if relative.parts[0] not in ("training", "qrsac", "bundled"):
-                    digest.update(str(relative).encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()

@@ -12,7 +12,6 @@ import polars as pl
 
 from nathlon.arena.entrance import enter_all, intact
 from nathlon.arena.entrant import Entrant
-from nathlon.arena.match import code_fingerprint
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING
 from nathlon.arena.store import RunRecord, Store
@@ -25,6 +24,7 @@ from nathlon.recordings import record_tournament
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Summary
 from nathlon.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
+from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
 from nathlon.tournament.points import rank
 from nathlon.tournament.stopping import repeated
@@ -171,7 +171,7 @@ def _open(store: Store, config: Config, pool: Pool) -> tuple[RunRecord | None, S
 
 def _world(config: Config) -> dict[str, str]:
     """What must stay the same within a night."""
-    return {"config": config.digest, "code": code_fingerprint()}
+    return {"config": config.digest, "code": fingerprint()}
 
 
 def _field(plan: Mapping[str, Any]) -> Field:

@@ -5,30 +5,20 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from nathlon.policies.speed_profile import Line
+from nathlon.sim.decisive import fingerprint
 from nathlon.sim.whole_file import whole_file
 
 FOLDER = "nathlon"
 """In the user's folder of caches."""
 
 
-@cache
-def _source() -> bytes:
-    """A digest of all code on which a practice depends."""
-    digest = hashlib.sha256()
-    here = Path(__file__).parent
-    for path in [*sorted(here.glob("*.py")), *sorted((here.parent / "sim").rglob("*.py"))]:
-        digest.update(path.read_bytes())
-    return digest.digest()
-
-
 def _place(facts: tuple[bytes, ...]) -> Path:
-    digest = hashlib.sha256(_source())
+    digest = hashlib.sha256(fingerprint().encode())
     for fact in facts:
         digest.update(hashlib.sha256(fact).digest())
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"

@@ -5,7 +5,6 @@ marks a lap that was not driven. The order of sums is kept, so that results do n
 races are batched.
 """
 
-import hashlib
 import os
 from pathlib import Path
 from typing import Any
@@ -13,25 +12,19 @@ from typing import Any
 from numba import config, float64, njit
 from numba.extending import intrinsic
 
-PACKAGES = ("sim", "policies")
-"""Those with kernels, beside each other."""
+from nathlon.sim.decisive import fingerprint
 
 
 def _cache_by_source() -> None:
-    """Keep compiled functions apart by the source of all that has kernels, unless NUMBA_CACHE_DIR is set.
+    """Keep compiled functions apart by all that decides what they compute, unless NUMBA_CACHE_DIR is set.
 
     Numba notices a change in a function's own file, but not in the constants and functions that it
     takes from others: it would go on with the old ones.
     """
     if config.CACHE_DIR:  # type: ignore[attr-defined]  # set when numba loads
         return
-    digest = hashlib.sha256()
-    root = Path(__file__).parent.parent
-    for package in PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            digest.update(path.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(home) / "nathlon" / digest.hexdigest()[:16]
+    folder = Path(home) / "nathlon" / fingerprint()[:16]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:

@@ -1,0 +1,112 @@
+"""What decides how a race ends: the files whose change makes what was computed before worthless.
+
+Keys of stored matches, the cache of compiled kernels and what the built-in driver learnt in practice all
+hold for one state of these files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent.parent
+"""The folder of `nathlon`, in a checkout and in a wheel."""
+
+DECISIVE = (
+    "sim/physics",
+    "sim/data",
+    "sim/car.py",
+    "sim/centre_line.py",
+    "sim/crossing.py",
+    "sim/data_file.py",
+    "sim/episode.py",
+    "sim/kernel.py",
+    "sim/lanes.py",
+    "sim/observation.py",
+    "sim/observe.py",
+    "sim/reaction.py",
+    "sim/rules.py",
+    "sim/scenario.py",
+    "sim/sharing.py",
+    "sim/state.py",
+    "sim/steward.py",
+    "sim/timing.py",
+    "sim/track.py",
+    "sim/tyre_curve.py",
+    "sim/world.py",
+    "policies/archive.py",
+    "policies/checkpoint.py",
+    "policies/composite.py",
+    "policies/driver.py",
+    "policies/driving.py",
+    "policies/early_braker.py",
+    "policies/envelope.py",
+    "policies/foreign.py",
+    "policies/handed_over.py",
+    "policies/identity.py",
+    "policies/knowledge.py",
+    "policies/load.py",
+    "policies/memory.py",
+    "policies/mlp.py",
+    "policies/notes.py",
+    "policies/onnx.py",
+    "policies/plugin.py",
+    "policies/policy.py",
+    "policies/policy_file.py",
+    "policies/practice.py",
+    "policies/racing_line.py",
+    "policies/room.py",
+    "policies/sb3.py",
+    "policies/speed_profile.py",
+    "policies/state_dict.py",
+    "policies/steering.py",
+    "policies/strict_json.py",
+    "policies/traffic.py",
+    "arena/classification.py",
+    "arena/isolation.py",
+    "arena/match.py",
+    "arena/match_policies.py",
+    "arena/results.py",
+    "arena/runner.py",
+    "arena/team.py",
+    "arena/watch.py",
+)
+"""Files, and folders with all that is in them, by their place in the package."""
+
+SUFFIXES = (".py", ".toml", ".csv")
+"""Of the files that count in a folder."""
+
+
+def files(package: Path = PACKAGE) -> Iterator[Path]:
+    """The decisive files in the order of DECISIVE, those of a folder by name.
+
+    Raises:
+        FileNotFoundError: if one that is listed does not exist.
+    """
+    for name in DECISIVE:
+        path = package / name
+        if path.is_dir():
+            yield from sorted(file for file in path.rglob("*") if file.suffix in SUFFIXES)
+        elif path.is_file():
+            yield path
+        else:
+            raise FileNotFoundError(path)
+
+
+@lru_cache
+def fingerprint(package: Path = PACKAGE) -> str:
+    """SHA-256 in hexadecimal of the places and contents of the decisive files.
+
+    Args:
+        package: a folder laid out as `nathlon`.
+
+    Raises:
+        FileNotFoundError: if a file that is listed does not exist.
+    """
+    digest = hashlib.sha256()
+    for path in files(package):
+        content = path.read_bytes()
+        digest.update(f"{path.relative_to(package).as_posix()}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()
