@@ -49,8 +49,10 @@ lock:
 	$(COMPILE) --extra build --constraint requirements.lock --output-file requirements-base.lock
 
 # The core at the lower bounds of pyproject.toml, in an environment of its own.
-CORE := $(addprefix tests/test_, physics.py rules.py checkpoint.py onnx.py parallel_env.py pareto.py battery.py points.py \
-	ratings.py store.py recording.py replay_picture.py spreadsheet.py track_cli.py video.py)
+CORE := $(addprefix tests/, sim/test_physics.py sim/test_rules.py policies/test_checkpoint.py \
+	policies/test_onnx.py sim/test_parallel_env.py nathlon/test_pareto.py nathlon/test_battery.py \
+	tournament/test_points.py tournament/test_ratings.py arena/test_store.py arena/test_recording.py \
+	reports/test_replay_picture.py reports/test_spreadsheet.py nathlon/test_track_cli.py reports/test_video.py)
 
 lowest: .venv/base
 	$(PYTHON) -m venv --clear build/lowest

@@ -10,10 +10,10 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.arena.results import ENTRANTS
-from nathlon.policies.composite import CompositeSource
-from nathlon.policies.identity import policy_id
 from nathlon.policies.load import load_file, load_policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN
+from nathlon.policies.sources.composite import CompositeSource
+from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name
 

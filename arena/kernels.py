@@ -7,10 +7,10 @@ import numpy as np
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
 from nathlon.policies.driver import Follower
-from nathlon.policies.envelope import envelope
+from nathlon.policies.driver.envelope import envelope
+from nathlon.policies.driver.speed_profile import profile
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources import DRIVER
-from nathlon.policies.speed_profile import profile
 from nathlon.sim.car import load_car
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.track import load_track

@@ -18,10 +18,10 @@ from nathlon.arena.isolation import Apart
 from nathlon.arena.watch import Watch
 from nathlon.policies.checkpoint import NetworkPolicy
 from nathlon.policies.driver import Driver
-from nathlon.policies.early_braker import EarlyBraker
-from nathlon.policies.onnx import OnnxPolicy
+from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.policy import Batch, Policy
-from nathlon.policies.sb3 import Sb3Policy
+from nathlon.policies.sources.onnx import OnnxPolicy
+from nathlon.policies.sources.sb3 import Sb3Policy
 
 log = logging.getLogger(__name__)
 

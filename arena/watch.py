@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import MutableSequence
 from typing import NamedTuple
 
-from nathlon.policies.memory import data_bytes
+from nathlon.policies.sources.memory_limit import data_bytes
 
 ANSWER_S = 10.0
 """A policy that has not answered for so long has timed out: a hundred times what is between two ticks."""

@@ -30,11 +30,12 @@ from rich.table import Table
 
 from benchmarks.result import write_result
 from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
-from nathlon.sim import lanes, observe, world
+from nathlon.sim import observe, world
+from nathlon.sim import simd as lanes
 from nathlon.sim.car import load_car
 from nathlon.sim.kernel import kernel
-from nathlon.sim.lanes import LANES
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.simd import LANES
 from nathlon.sim.track import load_track
 from nathlon.sim.world import SUBSTEPS, World
 

@@ -46,8 +46,8 @@ from nathlon.arena.results import RESULTS
 from nathlon.arena.runner import run_match
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.load import load_policy
-from nathlon.race_off import TournamentSettings, tournament_matches
-from nathlon.run import CONFIDENCE
+from nathlon.selection.round_robin import TournamentSettings, tournament_matches
+from nathlon.selection.run import CONFIDENCE
 from nathlon.tournament.evidence import appearances, differences
 from nathlon.tournament.formats import FORMATS
 from nathlon.tournament.points import EQUAL, TEAM_POINTS, rank

@@ -20,8 +20,8 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.runner import run_match
 from nathlon.policies.bundled import BUNDLED
-from nathlon.policies.identity import policy_id
 from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sources.identity import policy_id
 
 PLACE = ("lindenring", "gt3")
 NAMES = ("lindenring-mend-059k", "lindenring-again-056k")

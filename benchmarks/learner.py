@@ -43,7 +43,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from benchmarks.result import write_result
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.learner import QRSAC, fast_precision
-from nathlon.policies.replay import NStepReplay
+from nathlon.policies.replay_buffer.table import NStepReplay
 
 OBSERVATION, ACTION = 231, 2
 SIZES = {

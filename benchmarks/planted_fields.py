@@ -26,9 +26,9 @@ from rich.progress import track
 
 from benchmarks.result import write_result
 from nathlon.arena.statistics import group_sums
-from nathlon.filter import FilterSettings, undecided
-from nathlon.objective import Measured
 from nathlon.pareto import nondominated_probability
+from nathlon.pareto.filter import FilterSettings, undecided
+from nathlon.pareto.objective import Measured
 
 SEED = 2028
 

@@ -35,7 +35,7 @@ from nathlon.arena.match import Match
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
 from nathlon.policies.bundled import BUNDLED
-from nathlon.race_off import plan
+from nathlon.selection.round_robin import plan
 from nathlon.tournament.event import Event, EventRace
 
 CIRCUIT, CAR = "lindenring", "gt3"

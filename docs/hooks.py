@@ -34,19 +34,19 @@ OUTSIDE = {
 FOLDERS = {"docs/decisions": "decisions/README.md", "docs/lab": "lab/README.md"}
 
 SETTINGS = {
-    "Config": "nathlon.config",
-    "FilterSettings": "nathlon.filter",
-    "Objective": "nathlon.objective",
+    "Config": "nathlon.selection.config",
+    "FilterSettings": "nathlon.pareto.filter",
+    "Objective": "nathlon.pareto.objective",
     "BatterySettings": "nathlon.n_athlon",
-    "CommitteeSettings": "nathlon.committee_rules",
-    "Rule": "nathlon.committee_rules",
-    "Gates": "nathlon.committee_rules",
-    "TournamentSettings": "nathlon.race_off",
-    "NightlySettings": "nathlon.config",
+    "CommitteeSettings": "nathlon.committee.rules",
+    "Rule": "nathlon.committee.rules",
+    "Gates": "nathlon.committee.rules",
+    "TournamentSettings": "nathlon.selection.round_robin",
+    "NightlySettings": "nathlon.selection.config",
     "Event": "nathlon.tournament.event",
     "EventRace": "nathlon.tournament.event",
-    "Skill": "nathlon.skill",
-    "Gains": "nathlon.skill",
+    "Skill": "nathlon.n_athlon.skill",
+    "Gains": "nathlon.n_athlon.skill",
 }
 """The models of the configuration by name, and their modules."""
 

@@ -14,29 +14,29 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from nathlon.policies.registration import register_with_gymnasium
+from nathlon.policies.environments.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from nathlon.api.racing import RaceResult, race
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
-    from nathlon.config import Config
+    from nathlon.policies.environments.race_gym_env import RaceGymEnv
+    from nathlon.policies.environments.race_vector_env import RaceVectorEnv
     from nathlon.policies.load import load_policy
     from nathlon.policies.policy import Policy
-    from nathlon.policies.race_gym_env import RaceGymEnv
-    from nathlon.policies.race_vector_env import RaceVectorEnv
+    from nathlon.selection.config import Config
     from nathlon.sim import parallel_env
     from nathlon.sim.errors import InputError
     from nathlon.sim.observation import ObservationSpec
 
 _FROM = {
-    "Config": "nathlon.config",
+    "Config": "nathlon.selection.config",
     "InputError": "nathlon.sim.errors",
     "ObservationSpec": "nathlon.sim.observation",
     "Policy": "nathlon.policies.policy",
-    "RaceGymEnv": "nathlon.policies.race_gym_env",
+    "RaceGymEnv": "nathlon.policies.environments.race_gym_env",
     "RaceResult": "nathlon.api.racing",
-    "RaceVectorEnv": "nathlon.policies.race_vector_env",
+    "RaceVectorEnv": "nathlon.policies.environments.race_vector_env",
     "SelectionResult": "nathlon.api.selection",
     "TrainingResult": "nathlon.api.training",
     "load_policy": "nathlon.policies.load",

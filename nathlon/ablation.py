@@ -14,8 +14,8 @@ from nathlon.arena.pool import run_matches
 from nathlon.arena.statistics import precision, standard_error
 from nathlon.arena.store import Store
 from nathlon.policies.training.ablation import BASE, Run
-from nathlon.race_off import tournament_matches
 from nathlon.reports.ablation import ABLATION, EFFECTS, last_checkpoints
+from nathlon.selection.round_robin import tournament_matches
 from nathlon.tournament.points import matchups
 
 CHECKPOINT = ("variant", "seed", "updates")

@@ -15,15 +15,15 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING
 from nathlon.arena.store import RunRecord, Store
-from nathlon.config import Config
-from nathlon.field import Exclusion, Field, newcomers
-from nathlon.output import POLICY_LOG, OutputFolder
-from nathlon.pipeline import select
-from nathlon.publish import publish
-from nathlon.recordings import record_tournament
+from nathlon.publishing.output import POLICY_LOG, OutputFolder
+from nathlon.publishing.publish import publish
+from nathlon.publishing.recordings import record_tournament
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Summary
-from nathlon.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
+from nathlon.selection.config import Config
+from nathlon.selection.field import Exclusion, Field, newcomers
+from nathlon.selection.pipeline import select
+from nathlon.selection.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
 from nathlon.tournament.points import rank

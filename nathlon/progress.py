@@ -16,7 +16,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from nathlon.run import RECORDINGS, STAGES, OnMatch
+from nathlon.selection.run import RECORDINGS, STAGES, OnMatch
 from nathlon.terminal import aside, warn
 
 

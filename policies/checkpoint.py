@@ -29,8 +29,8 @@ from safetensors.numpy import save
 
 from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
-from nathlon.policies.policy_file import content_id, open_policy_file, opening, read_policy_file
-from nathlon.policies.strict_json import parse_json
+from nathlon.policies.sources.policy_file import content_id, open_policy_file, opening, read_policy_file
+from nathlon.policies.sources.strict_json import parse_json
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.validation import first_fault

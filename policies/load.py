@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
-from nathlon.policies.composite import CompositeSource
 from nathlon.policies.driver import Driver
-from nathlon.policies.early_braker import EarlyBraker
-from nathlon.policies.handed_over import handed_over
-from nathlon.policies.memory import memory_limit
-from nathlon.policies.onnx import OnnxPolicy
-from nathlon.policies.plugin import load_plugin
+from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.policy import Policy
-from nathlon.policies.sb3 import Sb3Policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, driver_settings
+from nathlon.policies.sources.composite import CompositeSource
+from nathlon.policies.sources.handed_over import handed_over
+from nathlon.policies.sources.memory_limit import memory_limit
+from nathlon.policies.sources.onnx import OnnxPolicy
+from nathlon.policies.sources.plugin import load_plugin
+from nathlon.policies.sources.sb3 import Sb3Policy
 
 FilePolicy = NetworkPolicy | Sb3Policy | OnnxPolicy
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nathlon.arena.race_log import NOTICES, Outline, RaceLog
 from nathlon.reports._motion import gaps
 from nathlon.reports.cars import car_colours
-from nathlon.sim.render_panels import clock, write
+from nathlon.sim.render.panels import clock, write
 
 INK, FAINT, PLATE, GROOVE = (240, 241, 238), (168, 174, 178), (18, 21, 24, 205), (60, 64, 68)
 PEDALS = {"throttle": (96, 200, 110), "brake": (232, 74, 66)}

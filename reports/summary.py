@@ -73,7 +73,7 @@ class Sent(Part):
 
 
 class CandidateStanding(Part):
-    """How a candidate stands; see `nathlon.committee_events.Standing`."""
+    """How a candidate stands; see `nathlon.committee.events.Standing`."""
 
     name: str
     entrant: str
@@ -120,7 +120,7 @@ class TestMarks(Part):
 
 
 class SetAside(Part):
-    """A file or plugin that was set aside, and why; see `nathlon.field.Exclusion`."""
+    """A file or plugin that was set aside, and why; see `nathlon.selection.field.Exclusion`."""
 
     source: str
     reason: str

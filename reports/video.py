@@ -17,8 +17,8 @@ from nathlon.reports._video_panels import Panels, brief
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, winner
 from nathlon.sim.errors import InputError
-from nathlon.sim.render_panels import write
-from nathlon.sim.render_scene import Camera
+from nathlon.sim.render.panels import write
+from nathlon.sim.render.scene import Camera
 from nathlon.sim.whole_file import whole_file
 
 SIZE, FINE, RATE = (1280, 720), 2, 30

@@ -8,10 +8,10 @@ import numpy as np
 
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import lean_inlined, lean_kernel
-from nathlon.sim.lanes import load, minus, plus, store, times
 from nathlon.sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from nathlon.sim.physics.course import CourseParameters, on_other_level
 from nathlon.sim.sharing import Tally, finish, take
+from nathlon.sim.simd import load, minus, plus, store, times
 from nathlon.sim.state import CarRecord
 
 BLOCK = 8

@@ -9,12 +9,12 @@ import polars as pl
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import BATTERY
-from nathlon.ballots import Ballot
 from nathlon.committee import ask as put
 from nathlon.committee import vote
-from nathlon.committee_rules import CommitteeSettings
-from nathlon.decision import Decision
-from nathlon.minutes import Minutes
+from nathlon.committee.ballots import Ballot
+from nathlon.committee.decision import Decision
+from nathlon.committee.event_log import Minutes
+from nathlon.committee.rules import CommitteeSettings
 from tests.race_results import rows
 
 NAMES = ("amber", "birch", "cedar", "delta")

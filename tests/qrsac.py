@@ -7,7 +7,7 @@ import torch
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.learner import QRSAC
 from nathlon.policies.qrsac.update import Noise, State
-from nathlon.policies.replay import Batch
+from nathlon.policies.replay_buffer.table import Batch
 
 OBSERVATION, ACTION, ROWS = 5, 2, 16
 

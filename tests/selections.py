@@ -112,7 +112,7 @@ def decided(
     ballots: Sequence[tuple[str, str]] = (RULE,),
     **more: Any,
 ) -> dict[str, Any]:
-    """A decision as `nathlon.decision.describe` tells it: the first of the cards are chosen."""
+    """A decision as `nathlon.committee.decision.describe` tells it: the first of the cards are chosen."""
     ids = [card["entrant"] for card in cards]
     evidence = {"points": 20.0, "contacts_per_km": 0.2, "at_fault_per_km": 0.1, "off_course_share": 0.01}
     return {

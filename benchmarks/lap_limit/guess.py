@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.envelope import envelope
-from nathlon.policies.racing_line import minimum_time
-from nathlon.policies.speed_profile import Profile, profile
+from nathlon.policies.driver.envelope import envelope
+from nathlon.policies.driver.racing_line import minimum_time
+from nathlon.policies.driver.speed_profile import Profile, profile
 from nathlon.sim.car import Car, parameters
 from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY
 from nathlon.sim.track import Track

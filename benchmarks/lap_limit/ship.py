@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 
 from benchmarks.result import RESULTS, read_result
-from nathlon.laps import LIMITS, place_digests
+from nathlon.publishing.laps import LIMITS, place_digests
 from nathlon.sim.whole_file import whole_file
 
 

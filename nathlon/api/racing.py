@@ -15,7 +15,7 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.qualifying import qualify as drive_qualifying
 from nathlon.arena.recording import write_recording
-from nathlon.output import OutputFolder
+from nathlon.publishing.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 

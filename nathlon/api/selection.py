@@ -12,17 +12,17 @@ import polars as pl
 from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
-from nathlon.config import Config, read_config
-from nathlon.evaluation import OnVerdict, evaluate
-from nathlon.output import OutputFolder
-from nathlon.policies.handed_over import hand_over
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.handed_over import hand_over
 from nathlon.progress import stage_progress, worker_count
+from nathlon.publishing.output import OutputFolder
 from nathlon.reports.picture import ranking_picture
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Summary
 from nathlon.reports.verdict import Verdict, verdict
+from nathlon.selection.config import Config, read_config
+from nathlon.selection.evaluation import OnVerdict, evaluate
 from nathlon.sim.errors import InputError
 
 Candidate = str | Path | Policy

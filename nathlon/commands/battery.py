@@ -36,7 +36,7 @@ def battery(
     from nathlon.arena.pool import Pool
     from nathlon.n_athlon import run_battery
     from nathlon.progress import stage_progress, worker_count
-    from nathlon.single_run import single_run
+    from nathlon.selection.single_run import single_run
 
     settings = configured(config, seed, workers=workers)
     path = out / "store.sqlite"

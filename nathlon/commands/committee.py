@@ -11,12 +11,12 @@ from rich.table import Table
 
 import nathlon.committee as committee
 from nathlon.arena.store import Store
-from nathlon.ballots import Ballot
 from nathlon.commands.place import Place
-from nathlon.committee_events import Compared, Entry, Opened, Reopened, Voted
-from nathlon.committee_rules import Question
-from nathlon.decision import Decision, describe
-from nathlon.minutes import Minutes
+from nathlon.committee.ballots import Ballot
+from nathlon.committee.decision import Decision, describe
+from nathlon.committee.event_log import Minutes
+from nathlon.committee.events import Compared, Entry, Opened, Reopened, Voted
+from nathlon.committee.rules import Question
 from nathlon.sim.errors import InputError
 from nathlon.terminal import console, print_json, say
 

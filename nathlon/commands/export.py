@@ -23,7 +23,7 @@ def export(
     if not onnx.parent.is_dir():
         raise InputError(f"{onnx.parent}: no such folder, expected one for the ONNX file")
     from nathlon.policies.checkpoint import load_checkpoint
-    from nathlon.policies.onnx import export_onnx
+    from nathlon.policies.sources.onnx import export_onnx
 
     export_onnx(load_checkpoint(checkpoint), onnx)
     tell({"onnx": onnx}, as_json)

@@ -24,7 +24,7 @@ def init(
     as_json: AsJson = False,
 ) -> None:
     """Write a configuration for a selection every night."""
-    from nathlon.config import TEMPLATE
+    from nathlon.selection.config import TEMPLATE
 
     try:
         with path.open("x", encoding="utf-8") as file:
@@ -45,10 +45,10 @@ def nightly(
     night that was stopped.
     """
     from nathlon.api.selection import SelectionResult
-    from nathlon.config import read_config
     from nathlon.nightly import nightly as run_nightly
     from nathlon.nightly import told
     from nathlon.progress import stage_progress, worker_count
+    from nathlon.selection.config import read_config
 
     settings = read_config(config)
     with stoppable("The same command goes on."), stage_progress(not as_json) as on_match:
@@ -75,7 +75,7 @@ def status(
 ) -> None:
     """Say which nights there were, and where the one under way is."""
     from nathlon.arena.store import Store
-    from nathlon.config import read_config
+    from nathlon.selection.config import read_config
 
     with Store.open(read_config(config).store) as store:
         nights = [

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import polars as pl
 
     from nathlon.arena.entrant import Entrant
-    from nathlon.objective import Objective
-    from nathlon.run import Answer
+    from nathlon.pareto.objective import Objective
+    from nathlon.selection.run import Answer
 
 
 def pareto(
@@ -35,10 +35,10 @@ def pareto(
     from nathlon.api.selection import configured, entered
     from nathlon.arena.entrant import entrants_table
     from nathlon.arena.pool import Pool
-    from nathlon.filter import run_filter
+    from nathlon.pareto.filter import run_filter
     from nathlon.progress import stage_progress, worker_count
     from nathlon.reports.tables import as_texts
-    from nathlon.single_run import single_run
+    from nathlon.selection.single_run import single_run
 
     settings = configured(config, seed, workers=workers)
     path = out / "store.sqlite"

@@ -53,7 +53,7 @@ def replay(
         return
     from nathlon.arena.recording import read_recording
     from nathlon.arena.store import Store
-    from nathlon.replays import record_stored_race
+    from nathlon.publishing.replays import record_stored_race
 
     path, made = Path(source), dict[str, Any]()
     if race is not None:

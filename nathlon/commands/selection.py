@@ -104,11 +104,11 @@ def report(
     from nathlon.api.selection import SelectionResult
     from nathlon.arena.pool import Pool
     from nathlon.arena.store import Store
-    from nathlon.output import OutputFolder
     from nathlon.progress import stage_progress, worker_count
-    from nathlon.publish import publish
-    from nathlon.recordings import record_tournament
-    from nathlon.run import RECORDINGS
+    from nathlon.publishing.output import OutputFolder
+    from nathlon.publishing.publish import publish
+    from nathlon.publishing.recordings import record_tournament
+    from nathlon.selection.run import RECORDINGS
 
     with Store.open(store) as opened:
         runs = [record.name for record in opened.runs()]

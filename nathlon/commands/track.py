@@ -27,7 +27,7 @@ def import_track(
 ) -> None:
     """Make a circuit of a centre line from the TUM racetrack database, as the folder NAME."""
     from nathlon.sim.track import load_track
-    from nathlon.sim.track_import import import_circuit
+    from nathlon.sim.track.importing import import_circuit
 
     path = import_circuit(file, name, out)
     circuit = load_track(str(path))
@@ -51,7 +51,7 @@ def show_track(
 
     find_data(name, "circuit", DATA / "circuits")
     from nathlon.sim.track import load_track
-    from nathlon.sim.track_map import draw_map
+    from nathlon.sim.track.map import draw_map
 
     circuit = load_track(name)
     path = out or Path(f"{file_stem(circuit.name)}.png")

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from nathlon.policies.qrsac.update import Metrics, Noise, Pace, State
-from nathlon.policies.replay import Batch
+from nathlon.policies.replay_buffer.table import Batch
 
 Run = Callable[[State, Pace, Batch, Noise], Metrics]
 """One update, which overwrites the state."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.learner import QRSAC
-from nathlon.policies.replay import NStepReplay
+from nathlon.policies.replay_buffer.table import NStepReplay
 from nathlon.sim.errors import InputError
 
 Array = NDArray[np.float32]

@@ -18,7 +18,7 @@ from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.memory import keep_freed_memory
 from nathlon.policies.qrsac.networks import Perceptron, act
 from nathlon.policies.qrsac.update import Metrics, Noise, State, Update
-from nathlon.policies.replay import Batch
+from nathlon.policies.replay_buffer.table import Batch
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)

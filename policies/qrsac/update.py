@@ -16,7 +16,7 @@ from torch import Tensor
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.dropout import dropout_factors
 from nathlon.policies.qrsac.networks import Perceptron, squashed_normal
-from nathlon.policies.replay import Batch
+from nathlon.policies.replay_buffer.table import Batch
 
 ADAM_DECAY = (0.9, 0.999)
 ADAM_EPSILON = 1e-8

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.heat import Opponent
+from nathlon.policies.environments.opponents import Opponent
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.episode import Episodes
 

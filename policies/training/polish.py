@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nathlon.policies.checkpoint import checkpoint_id, load_checkpoint, read_checkpoint, save_checkpoint
-from nathlon.policies.replay_tables import apportion
+from nathlon.policies.replay_buffer.tables import apportion
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps
 from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve

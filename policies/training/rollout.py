@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.heat import Heat, load_opponents
+from nathlon.policies.environments.opponents import Heat, load_opponents
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import Demonstrators

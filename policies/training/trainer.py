@@ -16,9 +16,8 @@ from pydantic import ValidationError
 
 from nathlon.policies.checkpoint import Card, save_checkpoint
 from nathlon.policies.qrsac.learner import QRSAC
-from nathlon.policies.replay_tables import ReplayTables
+from nathlon.policies.replay_buffer.tables import ReplayTables
 from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.crew import Crew, LocalCrew, ProcessCrew
 from nathlon.policies.training.evaluation import evaluate_laps
 from nathlon.policies.training.log import Status, TrainingLog
 from nathlon.policies.training.state import (
@@ -31,6 +30,7 @@ from nathlon.policies.training.state import (
     write_tensors,
 )
 from nathlon.policies.training.worker import Experience, Gathered, News, RolloutWorker
+from nathlon.policies.training.worker_pool import Crew, LocalCrew, ProcessCrew
 from nathlon.sim.errors import InputError
 from nathlon.sim.text_file import read_text
 from nathlon.sim.validation import first_fault

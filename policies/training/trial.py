@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.checkpoint import load_checkpoint
-from nathlon.policies.heat import Heat
+from nathlon.policies.environments.opponents import Heat
 from nathlon.policies.training.advantage import advantages, discounted
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.lapses import Lapse, Lapses

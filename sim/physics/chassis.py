@@ -19,11 +19,11 @@ import numpy as np
 
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
-from nathlon.sim.lanes import load, store, times
 from nathlon.sim.physics.body import set_body_velocity, turn
 from nathlon.sim.physics.powertrain import drive_torque, shift
 from nathlon.sim.physics.tyre import Four
 from nathlon.sim.physics.wheels import step_wheels
+from nathlon.sim.simd import load, store, times
 from nathlon.sim.state import CarRecord
 
 GRAVITY = 9.81

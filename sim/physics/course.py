@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
-from nathlon.sim.lanes import store
 from nathlon.sim.physics.contact import hit_wall
 from nathlon.sim.physics.tyre import four, worn_grip
+from nathlon.sim.simd import store
 from nathlon.sim.state import CarRecord
 from nathlon.sim.track import (
     BANK,

@@ -10,7 +10,7 @@ import numpy as np
 
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import lean_inlined
-from nathlon.sim.lanes import above, choose, load, madd, minus, negative, over, plus, root, times
+from nathlon.sim.simd import above, choose, load, madd, minus, negative, over, plus, root, times
 from nathlon.sim.tyre_curve import CELLS
 
 WORN_GRIP = 0.12

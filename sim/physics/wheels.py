@@ -13,7 +13,9 @@ import numpy as np
 
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
-from nathlon.sim.lanes import (
+from nathlon.sim.physics.body import small_sin_cos
+from nathlon.sim.physics.tyre import Four, four, highest, lowest, tyre_force
+from nathlon.sim.simd import (
     above,
     choose,
     either,
@@ -29,8 +31,6 @@ from nathlon.sim.lanes import (
     store,
     times,
 )
-from nathlon.sim.physics.body import small_sin_cos
-from nathlon.sim.physics.tyre import Four, four, highest, lowest, tyre_force
 from nathlon.sim.state import CarRecord
 
 SLOWEST = 6.0  # m/s: slips are formed with at least this speed, which keeps a car at rest well behaved

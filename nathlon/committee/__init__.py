@@ -1,0 +1,168 @@
+"""The committee: how it is asked, how its members speak, and how it decides.
+
+It decides twice in a run: who of the battery's field is shortlisted, and after the round robin who is
+sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import polars as pl
+
+from nathlon.arena.entrant import Entrant
+from nathlon.committee.ballots import Ballot
+from nathlon.committee.decision import Decision
+from nathlon.committee.event_log import Minutes
+from nathlon.committee.events import Closed, Compared, Opened, Reopened, Voted
+from nathlon.committee.rules import SOURCES, CommitteeSettings, Question, gather
+from nathlon.sim.errors import InputError
+
+
+def ask(
+    minutes: Minutes,
+    question: Question,
+    entrants: Sequence[Entrant],
+    tables: Mapping[str, pl.DataFrame],
+    results: pl.DataFrame,
+    settings: CommitteeSettings,
+) -> Decision:
+    """Ask who reaches the round robin (`shortlist`), or who is sent (`selection`).
+
+    A question that is in the minutes already, on the same evidence, is not put again.
+
+    Args:
+        minutes: of the run.
+        question: what is asked.
+        entrants: the candidates: the battery's field, or the finalists.
+        tables: of the stages so far, with `battery` or `ranking`.
+        results: RESULTS of the battery, or of the round robin.
+        settings: the committee.
+
+    Returns:
+        the decision; its result is None as long as it waits for people.
+    """
+    evidence = gather(question, entrants, tables, results)
+    opened = Opened(question=question, seats=settings.seats(question), settings=settings, evidence=evidence)
+    decision = minutes.decisions().get(question)
+    if decision is None or decision.opened != opened:
+        minutes.add(opened)
+        decision = minutes.decisions()[question]
+    for rule in settings.rule:
+        if rule.by == SOURCES[question] and rule.member not in decision.said:
+            ballot, reason = rule.vote(evidence)
+            minutes.add(_voted(decision, rule.member, ballot, reason))
+    decision = minutes.decisions()[question]
+    # Whoever put the question again wants to be heard: it is for people to decide it.
+    if decision.result is None and not decision.waits_for and not decision.reopened:
+        return close(minutes, decision)
+    return decision
+
+
+def _voted(decision: Decision, member: str, ballot: Ballot, reason: str) -> Voted:
+    return Voted(
+        decision=decision.name,
+        member=member,
+        approve=ballot.approve,
+        rank=ballot.rank,
+        reason=reason,
+        evidence=decision.opened.evidence.digest,
+    )
+
+
+def vote(minutes: Minutes, decision: Decision, member: str, ballot: Ballot, reason: str) -> None:
+    """Cast a member's ballot.
+
+    Args:
+        minutes: the committee's record.
+        decision: on what.
+        member: one of the people on the committee.
+        ballot: of entrant ids.
+        reason: in the member's own words.
+
+    Raises:
+        InputError: if the decision is closed, the member unknown, the reason empty, or the ballot
+            names somebody twice or ranks one that it does not approve before one that it does.
+    """
+    _check(decision, member, reason)
+    for what, named in (("approve", ballot.approve), ("rank", ballot.rank)):
+        if len(set(named)) < len(named):
+            raise InputError(f"{what} names an entrant twice, expected each once")
+    approval = [entrant in ballot.approve for entrant in ballot.rank]
+    if approval != sorted(approval, reverse=True):
+        names = decision.opened.candidates
+        lower = ballot.rank[approval.index(False)]
+        raise InputError(f"rank puts {names[lower]} before an approved entrant, but it is not approved")
+    minutes.add(_voted(decision, member, ballot, reason))
+
+
+def compare(minutes: Minutes, decision: Decision, member: str, better: str, worse: str, reason: str) -> None:
+    """Note which of two entrants (ids) a member prefers.
+
+    Raises:
+        InputError: if the decision is closed, the member unknown, the reason empty, or both are the same.
+    """
+    _check(decision, member, reason)
+    if better == worse:
+        raise InputError(
+            f"{decision.opened.candidates[better]} is compared with itself, expected two entrants"
+        )
+    minutes.add(
+        Compared(
+            decision=decision.name,
+            member=member,
+            better=better,
+            worse=worse,
+            reason=reason,
+            evidence=decision.opened.evidence.digest,
+        )
+    )
+
+
+def close(minutes: Minutes, decision: Decision) -> Decision:
+    """Decide by what has been said.
+
+    Raises:
+        InputError: if it is decided already, or waits for people.
+    """
+    _check_open(decision)
+    if decision.waits_for:
+        raise InputError(
+            f"{decision.name} waits for {decision.waits_for} more of its members, "
+            f"expected {decision.opened.settings.quorum} to have voted"
+        )
+    minutes.add(Closed(decision=decision.name, result=decision.tally()))
+    return minutes.decisions()[decision.opened.question]
+
+
+def reopen(minutes: Minutes, decision: Decision, reason: str) -> None:
+    """Put a decided question again.
+
+    Raises:
+        InputError: if it is still open, or the reason empty.
+    """
+    if decision.result is None:
+        raise InputError(f"{decision.name} is open, expected a decision that is closed")
+    _check_reason(reason)
+    minutes.add(Reopened(decision=decision.name, reason=reason))
+
+
+def _check(decision: Decision, member: str, reason: str) -> None:
+    _check_open(decision)
+    members = decision.opened.settings.members
+    if member not in members:
+        known = f"one of {', '.join(members)}" if members else "members in the configuration"
+        raise InputError(f"{member!r} is not on the committee, expected {known}")
+    _check_reason(reason)
+
+
+def _check_open(decision: Decision) -> None:
+    if decision.result is not None:
+        raise InputError(f"{decision.name} is closed; reopen it first")
+
+
+def _check_reason(reason: str) -> None:
+    if not reason.strip():
+        raise InputError("reason is empty, expected a sentence")
+    if not reason.isprintable():
+        raise InputError("reason holds characters that cannot be printed, expected a sentence on one line")

@@ -1,0 +1,72 @@
+"""What a run in a skill test comes to: functions of the RESULTS of one race, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from nathlon.n_athlon.scoring import Kind
+
+Row = Mapping[str, Any]
+"""One car's row of RESULTS."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A way to measure a run.
+
+    Attributes:
+        kind: in a `time` less is better, in a `distance` more, whatever the unit.
+        unit: of the mark.
+        relative: whether gains are given as shares of the built-in driver's mark, or in `unit`.
+        mark: of the entrant's row and those of the others; None where the run set none.
+    """
+
+    kind: Kind
+    unit: str
+    relative: bool
+    mark: Callable[[Row, Sequence[Row]], float | None]
+
+
+def _time(own: Row, _: Sequence[Row]) -> float | None:
+    return own["race_time_s"]
+
+
+def _best_lap(own: Row, _: Sequence[Row]) -> float | None:
+    return own["best_lap_s"]
+
+
+def _lap_loss(own: Row, _: Sequence[Row]) -> float | None:
+    """How much the mean lap of those driven lies above the best of them."""
+    if own["race_time_s"] is None or own["best_lap_s"] is None:
+        return None
+    return own["race_time_s"] / own["laps"] - own["best_lap_s"]
+
+
+def _lead(own: Row, others: Sequence[Row]) -> float | None:
+    """An opponent that did not finish counts as finishing when its run ended."""
+    if own["race_time_s"] is None or not others:
+        return None
+    times = (row["driven_s"] if row["race_time_s"] is None else row["race_time_s"] for row in others)
+    return min(times) - own["race_time_s"]
+
+
+def _distance(own: Row, _: Sequence[Row]) -> float | None:
+    return own["distance_m"]
+
+
+def _place(own: Row, _: Sequence[Row]) -> float | None:
+    return float(own["place"])
+
+
+MEASURES: dict[str, Measure] = {
+    "time": Measure("time", "s", True, _time),
+    "best_lap": Measure("time", "s", True, _best_lap),
+    "lap_loss": Measure("time", "s", False, _lap_loss),
+    "lead": Measure("distance", "s", False, _lead),
+    "distance": Measure("distance", "m", True, _distance),
+    "place": Measure("time", "places", False, _place),
+}
+"""All measures: time to the finish; the best lap; how much the mean lap lies above the best; the lead
+over the best opponent at the finish; the way driven until the run ended; the finishing place."""

@@ -1,0 +1,123 @@
+"""From a run in the store to the folder that people look at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import polars as pl
+
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
+from nathlon.arena.store import RunRecord, Store
+from nathlon.committee.decision import describe
+from nathlon.committee.event_log import Minutes
+from nathlon.publishing.curves import keep_curves
+from nathlon.publishing.laps import keep_laps, lap_limit
+from nathlon.publishing.output import POLICY_LOG, SUMMARY, OutputFolder
+from nathlon.publishing.replays import record_replays
+from nathlon.reports.page import write_page
+from nathlon.reports.selection import Previous, Selection
+from nathlon.reports.spreadsheet import write_spreadsheet
+from nathlon.reports.summary import Summary, ranked, versions, write_summary
+from nathlon.reports.tables import write_tables
+from nathlon.selection.run import CONFIDENCE
+
+
+def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selection:
+    """Write page, spreadsheet, tables and summary, and have the pool record the races to look at.
+
+    Of a run that has not come to its end, all is written as far as it has come. Races whose recordings are
+    there are not run again. A store that cannot be written gives the laps and curves that it holds.
+    """
+    if not store.read_only:
+        keep_laps(store, run, pool)
+        keep_curves(store, run)
+    tables = {name: store.table(run, name) for name in TABLES}
+    results = store.results_of_run(run)
+    races = results.filter(pl.col("stage") == "tournament")
+    summary, under_way = _summary(store, run, tables, results)
+    with output.filling():
+        replays = record_replays(store, races, tables, output, pool)
+        log = f"../{POLICY_LOG}" if (output.root / POLICY_LOG).exists() else None
+        summary = summary.model_copy(update=replays.facts | {"log": log})
+        selection = Selection(
+            f"{run} · {summary.circuit} · {summary.car}",
+            tables,
+            results,
+            summary,
+            store.name,
+            under_way,
+            _previous(store, run),
+            replays.logs,
+            lap_limit(store, run),
+        )
+        write_page(selection, output.report)
+        write_spreadsheet(selection, output.report / "ranking.xlsx")
+        write_tables(selection, output.report / "tables")
+        write_summary(output.root / SUMMARY, summary)
+    return selection
+
+
+def _summary(
+    store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame
+) -> tuple[Summary, str | None]:
+    """The run's summary, and how far it has come if it has not ended."""
+    known: Any = store.facts(run)
+    decisions = Minutes(store, run).decisions().values()
+    found = known.get("summary")
+    summary = Summary.model_validate(found) if found else _so_far(store, run, tables, results)
+    summary = summary.model_copy(update={"committee": tuple(map(describe, decisions))})
+    waits = [str(decision.opened.question) for decision in decisions if decision.result is None]
+    if waits:
+        return summary, f"the committee is asked about the {waits[-1]}"
+    if "summary" in known:
+        return summary, None
+    progress = known.get("progress", {"stage": "pareto", "done": 0, "total": 0})
+    return summary, f"under way: {progress['stage']}, {progress['done']:,} of {progress['total']:,} matches"
+
+
+def _so_far(store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame) -> Summary:
+    """What the summary of a run says before its end."""
+    names = dict(tables["entrants"].select("entrant", "name").iter_rows())
+    plan = next(record.config for record in store.runs() if record.name == run)
+    card = next(tables["entrants"].iter_rows(named=True), {"circuit": "", "car": ""})
+    return Summary(
+        stages=(),
+        ranking=ranked(tables["ranking"], names),
+        sent=(),
+        seed=None,
+        circuit=card["circuit"],
+        car=card["car"],
+        versions=versions(),
+        pair_correlation=None,
+        confidence=CONFIDENCE,
+        marks={},
+        tests_set_aside={},
+        car_runs=results.height,
+        faults=int(results["ending"].is_in(POLICY_FAULTS).sum()),
+        void=int(results["ending"].is_in(VOID_ENDINGS).sum()),
+        excluded=plan.get("field", {}).get("excluded", ()),
+    )
+
+
+def _previous(store: Store, run: str) -> Previous | None:
+    """The last run before this one, of the same kind, that came to its end."""
+    records = store.runs()
+    own = next(record for record in records if record.name == run)
+    before = [record for record in records if record.id < own.id and _kind(record) == _kind(own)]
+    for record in reversed(before):
+        summary: Any = store.facts(record.name).get("summary")
+        if summary is not None:
+            pool = store.table(record.name, "pool")
+            return Previous(
+                record.name,
+                record.ended_at,
+                store.table(record.name, "entrants"),
+                store.table(record.name, "ranking") if pool.is_empty() else pool,
+                tuple(Summary.model_validate(summary).sent),
+            )
+    return None
+
+
+def _kind(record: RunRecord) -> str:
+    return record.name.partition("-")[0]

@@ -1,0 +1,124 @@
+"""The configuration of a selection: `nathlon.toml`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from nathlon.arena.match import surroundings
+from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
+from nathlon.committee.rules import CommitteeSettings
+from nathlon.n_athlon import BatterySettings
+from nathlon.n_athlon.skill import load_skills
+from nathlon.pareto.filter import FilterSettings
+from nathlon.policies.sources import DRIVER
+from nathlon.policies.sources.identity import policy_id
+from nathlon.publishing.recordings import Kept
+from nathlon.selection.round_robin import TournamentSettings
+from nathlon.sim.data_file import Section, read_toml
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+TEMPLATE = Path(__file__).parent.parent / "data" / "nathlon.toml"
+"""What `nathlon init` writes."""
+
+
+class NightlySettings(Section):
+    """What makes one night comparable with the next, and when a night is no good.
+
+    Attributes:
+        anchors: built-in drivers and checkpoints that race every night.
+        incumbents: the best of the nights before that race again.
+        max_fault_share: of the car runs and of the new files; beyond it the night fails for its health.
+    """
+
+    anchors: tuple[str, ...] = ("driver:pace=0.95",)
+    incumbents: Annotated[int, Field(ge=0, le=1000)] = 3
+    max_fault_share: Share = 0.1
+
+
+class Config(Section):
+    """How checkpoints are selected; every field has a default.
+
+    Attributes:
+        checkpoints: folders and files that a night watches; `plugin:NAME` too.
+        circuit, car: what is raced.
+        store: path of the SQLite file, or the URL of a PostgreSQL database.
+        out: folder for the reports.
+        seed: of all randomness.
+        workers: processes; one for each core if it is not given.
+        recordings: which races of the tournament leave one.
+    """
+
+    checkpoints: tuple[str, ...] = ("checkpoints",)
+    circuit: str = "lindenring"
+    car: str = "gt3"
+    store: str = "nathlon.sqlite"
+    out: str = "nights"
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
+    workers: Annotated[int, Field(ge=1, le=MOST_WORKERS)] | None = None
+    recordings: Kept = "all"
+    pareto: FilterSettings = FilterSettings()
+    battery: BatterySettings = BatterySettings()
+    committee: CommitteeSettings = CommitteeSettings()
+    tournament: TournamentSettings = TournamentSettings()
+    nightly: NightlySettings = NightlySettings()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what decides the outcome of a night, with the contents of the files that it names.
+
+        Raises:
+            InputError: if a file is missing or wrong.
+        """
+        elsewhere = {"out", "workers", "store", "checkpoints", "recordings"}
+        decisive = self.model_dump(mode="json", exclude=elsewhere)
+        return hashlib.sha256(json.dumps([decisive, self._contents()]).encode()).hexdigest()
+
+    def _contents(self) -> list[Any]:
+        """What the files say that the configuration names, and the ids of the filter's opponents."""
+        skills = load_skills(self.battery.tests)
+        races = self.tournament.held(self.circuit, self.car).race
+        here = {self.pareto.scenario, self.pareto.time_trial, *(s for test in skills for s in test.scenarios)}
+        return [
+            [test.model_dump(mode="json") for test in skills],
+            [race.model_dump(mode="json") for race in races],
+            [surroundings(scenario, self.circuit, self.car) for scenario in sorted(here)],
+            [surroundings(race.raced, race.circuit, race.car) for race in races],
+            [policy_id(opponent) for opponent in self.pareto.opponents],
+        ]
+
+
+def read_config(path: Path) -> Config:
+    """Read `nathlon.toml`; paths in it start from the folder that it is in.
+
+    Raises:
+        InputError: if the file cannot be read, or a field is unknown or out of range.
+    """
+    config, root = read_toml(path, Config, "configuration"), path.parent
+
+    def located(name: str) -> str:
+        """A path from the configuration's folder; names of drivers, plug-ins and databases as they are."""
+        return name if ":" in name or name == DRIVER else os.path.abspath(root / name)
+
+    def files(names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(located(name) if name.endswith(".toml") else name for name in names)
+
+    event = config.tournament.event
+    return config.model_copy(
+        update={
+            "checkpoints": tuple(map(located, config.checkpoints)),
+            "store": located(config.store),
+            "out": located(config.out),
+            "battery": config.battery.model_copy(update={"tests": files(config.battery.tests)}),
+            "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
+            "nightly": config.nightly.model_copy(
+                update={"anchors": tuple(map(located, config.nightly.anchors))}
+            ),
+        }
+    )

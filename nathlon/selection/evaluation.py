@@ -1,0 +1,56 @@
+"""One selection of given checkpoints, in a folder of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
+from nathlon.publishing.output import OutputFolder
+from nathlon.publishing.publish import publish
+from nathlon.publishing.recordings import record_tournament
+from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Summary
+from nathlon.selection.config import Config
+from nathlon.selection.field import Field
+from nathlon.selection.pipeline import select
+from nathlon.selection.run import WAITING, OnMatch
+from nathlon.selection.single_run import single_run
+
+OnVerdict = Callable[[Summary], None]
+"""Told what a selection came to as soon as the committee has decided, before anything is published."""
+
+
+def evaluate(
+    entrants: Sequence[Entrant],
+    output: OutputFolder,
+    config: Config,
+    pool: Pool,
+    on_match: OnMatch,
+    on_verdict: OnVerdict,
+) -> Selection | None:
+    """Run the whole selection, hand its verdict out, then leave its report and recordings.
+
+    One that was stopped goes on from what its store holds: after the verdict, with report and recordings.
+
+    Args:
+        entrants: the candidates, all of one circuit and car.
+        output: where everything goes.
+        config: how to select, with the circuit and the car of the entrants.
+        pool: where policies run.
+        on_match: told about progress.
+        on_verdict: told what it came to.
+
+    Returns:
+        what the report shows; None where people must vote first.
+    """
+    with single_run("selection", entrants, config, output.store, pool, on_match) as run:
+        verdict = select(run, Field(tuple(entrants)), config)
+        if verdict is None:
+            run.status = WAITING
+            return None
+        on_verdict(verdict)
+        selection = publish(run.store, run.name, output, run.pool)
+        if config.recordings == "all":
+            record_tournament(run.store, run.name, output, run.pool, on_match)
+        return selection

@@ -1,0 +1,110 @@
+"""The selection from end to end: pareto -> battery -> committee -> tournament -> committee.
+
+Every stage names its matches, has them run (or finds them in the store), and turns the table of
+their results into its answer with a pure function.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import polars as pl
+
+from nathlon.arena.entrant import Entrant, entrants_table
+from nathlon.arena.kernels import compile_kernels
+from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.committee import ask
+from nathlon.committee.decision import Decision
+from nathlon.committee.event_log import Minutes
+from nathlon.n_athlon import BatteryAnswer, run_battery
+from nathlon.pareto.filter import run_filter
+from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
+from nathlon.selection.config import Config
+from nathlon.selection.field import Field
+from nathlon.selection.round_robin import run_round_robin
+from nathlon.selection.run import CONFIDENCE, Answer, Run
+from nathlon.tournament.points import pair_correlation
+
+
+def select(run: Run, field: Field, config: Config) -> Summary | None:
+    """Run the whole selection into the store, going on from what is there already.
+
+    Args:
+        run: the selection under way.
+        field: who takes part.
+        config: how.
+
+    Returns:
+        what it came to, still without replays; None where the committee waits for people.
+    """
+    compile_kernels(run.pool, config.circuit, config.car)
+    minutes = Minutes(run.store, run.name)
+    tables = {"entrants": entrants_table(field.entrants)}
+    run.keep(tables)
+
+    filtered = run_filter(run, _together(field.newcomers, field.incumbents), config.pareto)
+    incumbents = {entrant.id for entrant in field.incumbents}
+    survivors = [entrant for entrant in filtered.entrants if entrant.id not in incumbents]
+    tested = run_battery(run, _together(survivors, field.incumbents), config.battery)
+    tables |= filtered.tables | tested.tables
+    began = time.perf_counter()
+    listed = ask(minutes, "shortlist", survivors, tested.tables, tested.results, config.committee)
+    tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
+    run.keep(tables)
+    if listed.result is None:
+        return None
+    run.note("committee", len(survivors), len(_chosen(listed)), pl.DataFrame(schema=RESULTS), began)
+
+    finalists = _together([e for e in survivors if e.id in _chosen(listed)], field.incumbents)
+    raced, _ = run_round_robin(run, _together(finalists, field.anchors), config.tournament)
+    tables |= raced.tables
+    run.keep(tables)
+    anchors = {entrant.id for entrant in field.anchors}
+    candidates = [entrant for entrant in finalists if entrant.id not in anchors]
+    sent = ask(minutes, "selection", candidates, raced.tables, raced.results, config.committee)
+    summary = _summary(run, field, config, tables, tested, raced, sent)
+    run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
+    return None if sent.result is None else summary
+
+
+def _together(*groups: Sequence[Entrant]) -> list[Entrant]:
+    return list({entrant.id: entrant for group in groups for entrant in group}.values())
+
+
+def _chosen(decision: Decision) -> list[str]:
+    return [] if decision.result is None else list(decision.result.chosen)
+
+
+def _summary(
+    run: Run,
+    field: Field,
+    config: Config,
+    tables: dict[str, pl.DataFrame],
+    tested: BatteryAnswer,
+    raced: Answer,
+    sent: Decision,
+) -> Summary:
+    endings = run.store.results_of_run(run.name)["ending"]
+    names = {entrant.id: entrant.name for entrant in field.entrants}
+    return Summary(
+        stages=tuple(run.stages),
+        ranking=ranked(tables["ranking"], names),
+        sent=tuple(Sent(name=names[entrant], entrant=entrant) for entrant in _chosen(sent)),
+        seed=config.seed,
+        circuit=config.circuit,
+        car=config.car,
+        versions=versions(),
+        pair_correlation=pair_correlation(raced.results),
+        confidence=CONFIDENCE,
+        marks={
+            test: TestMarks(base=marks.base, reference=marks.reference)
+            for test, marks in tested.marks.items()
+        },
+        tests_set_aside=tested.set_aside,
+        car_runs=len(endings),
+        faults=int(endings.is_in(POLICY_FAULTS).sum()),
+        void=int(endings.is_in(VOID_ENDINGS).sum()),
+        excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
+    )

@@ -1,0 +1,220 @@
+"""The third stage: every two of the shortlist meet in mirrored races, until it is clear who is better."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import polars as pl
+from pydantic import Field
+
+from nathlon.arena.entrance import enter_each
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import RESULTS
+from nathlon.bounds import MOST_PAIRS
+from nathlon.selection.run import CONFIDENCE, Answer, Run
+from nathlon.sim.data_file import Section
+from nathlon.sim.errors import InputError
+from nathlon.tournament.conduct import Gate
+from nathlon.tournament.event import Event, EventRace, load_event
+from nathlon.tournament.formats import FormatName
+from nathlon.tournament.points import matchups, rank
+from nathlon.tournament.ratings import notes, rate
+from nathlon.tournament.schedule import Meeting, round_robin
+from nathlon.tournament.stopping import Stopping, repeated, settled
+
+
+class TournamentSettings(Section):
+    """How the tournament is run.
+
+    Attributes:
+        format: of all matches, where there is no event.
+        pairs: units of evidence (mirrored pairs, blocks of a free-for-all) of every matchup, at most.
+        block: units of a round; after each round it is decided who must race on.
+        sequential: stop early where it is clear who is better; otherwise all `pairs` are raced at once.
+        effect: the least mean difference of a unit that matters, in standard deviations of units.
+        drop: standard errors behind the leader beyond which an entrant races no more.
+        max_contacts_per_km, max_at_fault_per_km: rates a car that bar an entrant whose interval lies above.
+        event: path of the file of an event of several races.
+    """
+
+    format: FormatName = "4v4"
+    pairs: Annotated[int, Field(ge=2, le=MOST_PAIRS)] = 12
+    block: Annotated[int, Field(ge=2, le=MOST_PAIRS)] = 4
+    sequential: bool = True
+    effect: Annotated[float, Field(ge=0.001, le=100)] = 0.5
+    drop: Annotated[float, Field(ge=0.001, le=100)] = 3.3
+    max_contacts_per_km: Annotated[float, Field(gt=0)] | None = None
+    max_at_fault_per_km: Annotated[float, Field(gt=0)] | None = None
+    event: str | None = None
+
+    def held(self, circuit: str, car: str) -> Event:
+        """The event, or one race on a circuit where there is none.
+
+        Raises:
+            InputError: if the event's file is wrong.
+        """
+        if self.event is not None:
+            return load_event(Path(self.event))
+        return Event(race=(EventRace(name=self.format, circuit=circuit, car=car, format=self.format),))
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """A meeting of an event's race, with its entrants as they drive there."""
+
+    race: EventRace
+    meeting: Meeting
+    entrants: tuple[Entrant, ...]
+
+    def match(self, units: slice) -> Match:
+        """The match of some of its units."""
+        race, races = self.race, [r for seed in self.meeting.seeds[units] for r in self._unit(seed)]
+        ids, sources = zip(*((entrant.id, entrant.source) for entrant in self.entrants), strict=True)
+        return Match("tournament", race.name, race.raced, race.circuit, race.car, ids, sources, tuple(races))
+
+    def _unit(self, seed: int) -> list[Race]:
+        """The races of a unit; in a free-for-all the entrants are on its grids in an order of its own."""
+        made, order = self.race.made, np.arange(len(self.entrants))
+        if not made.teams:
+            order = np.random.default_rng(seed).permutation(order)
+        return [
+            Race(seed, tuple(Seat(int(order[s]), s if made.teams else -1) for s in grid.sides), grid.mirrored)
+            for grid in made.grids(len(order))
+        ]
+
+    @property
+    def pairs(self) -> set[frozenset[str]]:
+        """Every two that meet."""
+        return {frozenset(two) for two in combinations(self.meeting.entrants, 2)}
+
+
+def run_round_robin(
+    run: Run, entrants: Sequence[Entrant], settings: TournamentSettings
+) -> tuple[Answer, list[Match]]:
+    """Race all entrants against each other; those that share the first rank, the barred apart, go on.
+
+    Matches come in rounds. What is raced in a round depends on the results of the rounds before and on
+    nothing else, so that a run that was stopped goes on as it would have.
+
+    Raises:
+        InputError: if the event's file is wrong, or an entrant cannot drive one of its races.
+    """
+    began = time.perf_counter()
+    event = _event(entrants, settings)
+    fields = [_entered(run.pool, entrants, race.circuit, race.car) for race in event.race]
+    fixtures = plan(event, fields, settings.pairs, run.seeds("tournament"))
+    matches, results = _race(run, fixtures, event, settings)
+    confidence = repeated(CONFIDENCE, len(_rounds(fixtures, settings)))
+    tables = _tables(run, entrants, results, event.weights, settings, confidence)
+    first = leaders(entrants, tables["ranking"])
+    run.note("tournament", len(entrants), len(first), results, began)
+    return Answer(tables, first, results), matches
+
+
+def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]:
+    """Those of the entrants that share the first rank of RANKING among the ones that are not barred."""
+    allowed = ranking.filter(~pl.col("barred"))
+    first = set(allowed.filter(pl.col("rank") == pl.col("rank").min())["entrant"])
+    return [entrant for entrant in entrants if entrant.id in first]
+
+
+def tournament_matches(entrants: Sequence[Entrant], pairs: int, seeds: np.random.SeedSequence) -> list[Match]:
+    """A 4v4 round robin of mirrored pairs, one match a matchup."""
+    event = _event(entrants, TournamentSettings())
+    fixtures = plan(event, [list(entrants)] * len(event.race), pairs, seeds)
+    return [fixture.match(slice(None)) for fixture in fixtures]
+
+
+def _event(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
+    """The event where the entrants are at home; one without races if there are none."""
+    if not entrants:
+        return Event.model_construct(race=())
+    return settings.held(entrants[0].circuit, entrants[0].car)
+
+
+def _entered(pool: Pool, entrants: Sequence[Entrant], circuit: str, car: str) -> list[Entrant]:
+    """Entrants on a circuit that may not be their own, where a composite is another policy."""
+    sources = [e.source for e in entrants if (e.circuit, e.car) != (circuit, car)]
+    there: dict[str, Entrant] = {}
+    for source, answer in zip(sources, enter_each(pool, sources, circuit, car), strict=True):
+        if isinstance(answer, InputError):
+            raise answer
+        there[source] = answer
+    return [there.get(entrant.source, entrant) for entrant in entrants]
+
+
+def plan(
+    event: Event, fields: Sequence[Sequence[Entrant]], pairs: int, seeds: np.random.SeedSequence
+) -> list[Fixture]:
+    """All meetings of an event, race by race.
+
+    Args:
+        event: what is raced.
+        fields: of each race who takes part, entered for its circuit and car.
+        pairs: units of evidence of every matchup, at most, of races that do not say how many.
+        seeds: of all units.
+    """
+    fixtures: list[Fixture] = []
+    for race, field, stream in zip(event.race, fields, seeds.spawn(len(event.race)), strict=True):
+        here = {entrant.id: entrant for entrant in field}
+        fixtures += [
+            Fixture(race, meeting, tuple(here[entrant] for entrant in meeting.entrants))
+            for meeting in round_robin(list(here), race.made, race.pairs or pairs, stream)
+        ]
+    return fixtures
+
+
+def _race(
+    run: Run, fixtures: Sequence[Fixture], event: Event, settings: TournamentSettings
+) -> tuple[list[Match], pl.DataFrame]:
+    """Round after round until everything is settled or all units are raced."""
+    matches: list[Match] = []
+    results = pl.DataFrame(schema=RESULTS)
+    over: set[frozenset[str]] = set()
+    stopping = Stopping(settings.effect, settings.drop)
+    for units in _rounds(fixtures, settings):
+        played = [
+            fixture.match(units)
+            for fixture in fixtures
+            if fixture.meeting.seeds[units] and not fixture.pairs <= over
+        ]
+        if not played:
+            break
+        matches += played
+        results = run.results("tournament", matches)
+        over = settled(results, stopping, event.weights)
+    return matches, results
+
+
+def _rounds(fixtures: Sequence[Fixture], settings: TournamentSettings) -> list[slice]:
+    """The units of each round."""
+    longest = max((len(fixture.meeting.seeds) for fixture in fixtures), default=1)
+    block = settings.block if settings.sequential else longest
+    return [slice(begin, begin + block) for begin in range(0, longest, block)]
+
+
+def _tables(
+    run: Run,
+    entrants: Sequence[Entrant],
+    results: pl.DataFrame,
+    weights: Mapping[str, float],
+    settings: TournamentSettings,
+    confidence: float,
+) -> dict[str, pl.DataFrame]:
+    gate = Gate(settings.max_contacts_per_km, settings.max_at_fault_per_km)
+    names = {entrant.id: entrant.name for entrant in entrants}
+    rng = run.rng
+    return {
+        "ranking": rank(results, rng("tournament"), confidence=confidence, weights=weights, gate=gate),
+        "matchups": matchups(results, rng("tournament"), confidence=confidence, weights=weights),
+        "ratings": rate(results, weights),
+        "tournament_notes": notes(results, names, confidence, weights),
+    }

@@ -1,0 +1,45 @@
+"""A run of its own for given entrants, outside the nights."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
+from nathlon.arena.store import Store
+from nathlon.publishing.output import POLICY_LOG
+from nathlon.selection.config import Config
+from nathlon.selection.run import OnMatch, Run
+
+
+@contextmanager
+def single_run(
+    kind: str, entrants: Sequence[Entrant], config: Config, store: Path, pool: Pool, on_match: OnMatch
+) -> Iterator[Run]:
+    """Begin a run, or go on with the one of the same kind, entrants and configuration that was stopped.
+
+    It ends as its `status` says, unless an error stops it.
+
+    Args:
+        kind: what its name begins with.
+        entrants: who takes part.
+        config: how.
+        store: the SQLite file, which may hold other runs.
+        pool: where matches run.
+        on_match: told about progress.
+
+    Raises:
+        InputError: if the store cannot be used, or the configuration names a file that is wrong.
+    """
+    plan = {"config": config.digest, "entrants": [entrant.id for entrant in entrants]}
+    name = f"{kind}-{hashlib.sha256(json.dumps(plan).encode()).hexdigest()[:12]}"
+    with Store(store) as opened:
+        opened.begin_run(name, plan)
+        pool.log.keep_in(store.with_name(POLICY_LOG))
+        run = Run(opened, name, (config.seed,), pool, on_match)
+        yield run
+        opened.end_run(name, run.status)

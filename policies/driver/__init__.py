@@ -1,0 +1,155 @@
+"""The built-in driver: follows a line at the speeds that the car's own limits allow.
+
+It sees what every policy sees, through an observation spec of its own with few course points; its
+map of the circuit and its knowledge of the car come with it.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+
+import numpy as np
+
+from nathlon.policies.driver.control import drive
+from nathlon.policies.driver.disk_cache import noted
+from nathlon.policies.driver.envelope import envelope
+from nathlon.policies.driver.knowledge import Knowledge, layout
+from nathlon.policies.driver.margins import room, room_aside
+from nathlon.policies.driver.practice import practise
+from nathlon.policies.driver.racing_line import NoLine, minimum_time
+from nathlon.policies.driver.speed_profile import Line, Profile, profile
+from nathlon.policies.driver.steering import plan
+from nathlon.policies.policy import Batch
+from nathlon.sim.car import Car, load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.physics.chassis import AIR_DENSITY
+from nathlon.sim.track import TANGENT_X, TANGENT_Y, Track, X, Y, load_track
+
+CARE = 0.9
+"""Share of the grip found in practice that a driver uses among others and off its line."""
+ASIDE_M = 1.0
+"""Its speeds there hold for a line moved so far to either side."""
+
+
+def _knowledge(track: Track, car: Car, pace: float, line: Profile) -> Knowledge:
+    left, right = room_aside(track)
+    body, limits = car.body, envelope(car)
+    asides = [
+        profile(track, line.offset + aside, limits, CARE * line.grip) for aside in (-ASIDE_M, 0.0, ASIDE_M)
+    ]
+    return Knowledge(
+        offset=line.offset,
+        heading=line.heading,
+        speed=line.speed,
+        careful=np.min([aside.speed for aside in asides], axis=0),
+        bend=(asides[2].path.curvature - asides[0].path.curvature) / (2.0 * ASIDE_M),
+        x=track.table[:, X].copy(),
+        y=track.table[:, Y].copy(),
+        direction=np.unwrap(np.arctan2(track.table[:, TANGENT_Y], track.table[:, TANGENT_X])),
+        left=left,
+        right=right,
+        path=line.path,
+        steering=plan(line, car, limits, pace),
+        limits=limits,
+        most_brake=car.brakes.torque_n_m / car.wheel.radius_m / body.mass_kg,
+        length=track.length,
+        spacing=track.spacing,
+        a=body.front_axle_m,
+        b=body.rear_axle_m,
+        full_lock=car.steering.full_lock_rad,
+        peak_slip=car.tyre.peak_slip_angle_rad[1],
+        downforce=0.5 * AIR_DENSITY * car.aero.downforce_area_m2 / body.mass_kg,
+        draught_loss=car.aero.draught_downforce_share,
+        car_length=body.length_m,
+        car_width=body.width_m,
+    )
+
+
+class Follower:
+    """A policy that follows a speed profile, and minds others.
+
+    Args:
+        track: the circuit.
+        car: the car.
+        pace: share of the profile's speed to drive.
+        line: the profile.
+
+    Its memory is two numbers a car: how far it has moved off its line (m, + is left), and how fast it
+    moves (m/s).
+    """
+
+    def __init__(self, track: Track, car: Car, pace: float, line: Profile) -> None:
+        self.observation_spec = ObservationSpec(course_points=1)
+        self.pace = pace
+        self.line = line
+        self._knowledge = _knowledge(track, car, pace, line)
+        self._layout = layout(self.observation_spec)
+        self._mean, self._deviation = (part.astype(np.float64) for part in self.observation_spec.scaling)
+
+    @property
+    def lap_s(self) -> float:
+        """Lap time of the speed profile, s, at the driver's pace."""
+        return self.line.lap_s / self.pace
+
+    def initial_memory(self, n: int) -> Batch:
+        """See `Policy.initial_memory`."""
+        return np.zeros((n, 2), np.float32)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """See `Policy.act`."""
+        actions = np.empty((len(observations), 2), np.float32)
+        remembered = np.empty((len(observations), 2), np.float32)
+        drive(
+            observations,
+            self._mean,
+            self._deviation,
+            memory,
+            self._layout,
+            self.pace,
+            self._knowledge,
+            actions,
+            remembered,
+        )
+        return actions, remembered
+
+
+def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
+    """Lateral offset of the line, m, and the share of the grip to use along it, (2, rows)."""
+    limits = envelope(car)
+    if lane_m is None:
+        try:
+            # That no speed can be held shows in numbers that are not finite.
+            with np.errstate(all="ignore"):
+                offset = minimum_time(track, limits, 1.0)
+        except NoLine:
+            raise InputError(
+                f"car {car.name!r}: the built-in driver cannot drive {track.name!r} with it, "
+                "expected one with the grip and power for all of the lap"
+            ) from None
+    else:
+        left, right = room(track)
+        offset = np.clip(lane_m, -right, left)
+    return np.stack([offset, practise(track, car, offset, limits, partial(Follower, track, car, 1.0))])
+
+
+@lru_cache
+def _profile(circuit: str, car: str, lane_m: float | None) -> Profile:
+    track, model = load_track(circuit), load_car(car)
+    facts = track.table.tobytes(), repr((track.grid, track.length, model, lane_m)).encode()
+    offset, grip = noted(partial(_practised, track, model, lane_m), *facts)
+    return profile(track, offset, envelope(model), grip)
+
+
+class Driver(Follower):
+    """A follower with a map of its own, practised.
+
+    Args:
+        circuit: name of the circuit.
+        car: name of the car.
+        pace: share of the speed that the car allows; 1 is all of it.
+        lane_m: hold this lateral offset (m, + is left) instead of the racing line.
+    """
+
+    def __init__(self, circuit: str, car: str, pace: float = 1.0, lane_m: float | None = None) -> None:
+        super().__init__(load_track(circuit), load_car(car), pace, _profile(circuit, car, lane_m))

@@ -1,0 +1,33 @@
+"""What makes a policy the one that it is: known without opening it, so that nothing of it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nathlon.policies.checkpoint import checkpoint_id
+from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN
+from nathlon.policies.sources.composite import CompositeSource
+from nathlon.policies.sources.handed_over import handed_over, object_id
+from nathlon.policies.sources.plugin import plugin_id
+
+
+def policy_id(source: str) -> str:
+    """The id of the policy that a user calls by a path or a name.
+
+    That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, of a plugin or a
+    composite that of all that decides how it drives, of an object that of what it consists of.
+
+    Raises:
+        InputError: if there is no such file or plugin.
+    """
+    kind, _, name = source.partition(":")
+    if kind == DRIVER:
+        return source
+    if kind == PLUGIN:
+        return plugin_id(name)
+    if kind == OBJECT:
+        return object_id(handed_over(source), name)
+    if source.endswith(COMPOSITE):
+        composite = CompositeSource.read(Path(source))
+        return composite.identity([policy_id(part) for part in composite.sources])
+    return checkpoint_id(Path(source))

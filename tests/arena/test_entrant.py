@@ -1,0 +1,67 @@
+"""Who takes part: entrants from files of every kind."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import onnx
+import pytest
+from onnx import helper
+
+from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrant import entrants_table
+from nathlon.arena.pool import Pool
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.onnx import export_onnx
+from nathlon.sim.errors import InputError
+from tests.checkpoints import BUNDLED
+
+POLISHED, TRAINED = (
+    BUNDLED[0].with_name(f"lindenring-{name}.safetensors") for name in ("again-056k", "wake-028k")
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Two checkpoints, the state of a training run, and an ONNX graph that does not tell its circuit."""
+    (tmp_path / "run").mkdir()
+    shutil.copy(POLISHED, tmp_path / "b.safetensors")
+    shutil.copy(TRAINED, tmp_path / "run" / "step.safetensors")
+    for name in ("state", "replay"):
+        (tmp_path / "run" / f"{name}.safetensors").write_bytes(b"no policy")
+    (tmp_path / "notes.txt").write_text("no policy")
+    export_onnx(load_checkpoint(POLISHED), tmp_path / "a.onnx")
+    model = onnx.load(tmp_path / "a.onnx")
+    del model.metadata_props[:]
+    card = {"observation": load_checkpoint(POLISHED).observation_spec.to_dict()}
+    helper.set_model_props(model, {"nathlon": json.dumps(card)})
+    onnx.save(model, tmp_path / "a.onnx")
+    return tmp_path
+
+
+def test_a_folder_stands_for_all_policies_below_it(folder: Path) -> None:
+    (folder / "c.zip").write_bytes(b"")
+    found = [Path(source).relative_to(folder).as_posix() for source in find_sources([folder])]
+    assert found == ["a.onnx", "b.safetensors", "c.zip", "run/step.safetensors"]
+    (folder / "empty").mkdir()
+    with pytest.raises(InputError, match=r"empty: holds no checkpoint"):
+        find_sources([folder / "empty"])
+
+
+def test_circuit_and_car_are_those_of_the_first_that_tells_them(folder: Path, pool: Pool) -> None:
+    sources = [str(folder / "a.onnx"), str(folder / "b.safetensors")]
+    assert trained_on(pool, ["plugin:any", "driver", *sources]) == ("lindenring", "gt3")
+    card = load_checkpoint(folder / "b.safetensors").card
+    assert trained_on(pool, sources) == (card.circuit, card.car)
+    assert trained_on(pool, sources[:1]) == ("lindenring", "gt3")
+
+
+def test_files_of_every_kind_stand_in_one_table(folder: Path, pool: Pool) -> None:
+    sources = [str(path) for path in find_sources([folder])]
+    table = entrants_table(enter_all(pool, sources, "lindenring", "gt3"))
+    assert table["name"].to_list() == ["a", "b", "step"]
+    assert table["algorithm"].to_list() == ["ONNX", "QR-SAC, polished", "QR-SAC"]
+    assert table["step"].null_count() == 1

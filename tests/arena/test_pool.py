@@ -1,0 +1,270 @@
+"""Matches run together or alone, in whatever processes, come out the same; runs can be ended and go on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from multiprocessing import active_children
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nathlon.arena.entrant import enter
+from nathlon.arena.grouping import CARS, group
+from nathlon.arena.job import HOG_BYTES, Loss, Racing, again
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.pool import Pool
+from nathlon.arena.runner import run_match, run_together
+from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
+from nathlon.selection.trials import against
+from nathlon.sim.track import load_track
+from tests.checkpoints import BUNDLED
+
+SLOW = "driver:pace=0.85"
+EARLY = "driver:early=30"
+
+
+def duels(scenario: str, races: int = 2) -> list[Match]:
+    """Matches of checkpoints and drivers among drivers, of unequal numbers of races."""
+    sources = [str(BUNDLED[0]), str(BUNDLED[-1]), "driver:pace=0.7", EARLY]
+    return [
+        against(
+            "battery",
+            "duel",
+            scenario,
+            enter(source, "lindenring", "gt3"),
+            [SLOW, EARLY],
+            [1, 2],
+            range(races + index % 2),
+        )
+        for index, source in enumerate(sources)
+    ]
+
+
+@pytest.fixture(scope="module")
+def mixed_rates(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A scenario whose cars act at other rates than each other, see late, and finish one after the other."""
+    path = tmp_path_factory.mktemp("scenarios") / "mixed.toml"
+    begin, end = load_track("lindenring").stretch("longest straight")
+    path.write_text(
+        f"""
+name = "mixed"
+description = "Two cars of different reactions"
+cars = 2
+time_s = 14.0
+finish_m = {begin + 450.0 - end}
+origin = "longest straight"
+action_hz = [10.0, 20.0]
+perception_delay_s = [0.1, 0.05]
+
+[start]
+kind = "rolling"
+leader_m = [30.0, 40.0]
+gap_m = [13.0, 15.0]
+lateral_m = [-1.0, 1.0]
+speed_m_s = [40.0, 50.0]
+"""
+    )
+    return str(path)
+
+
+def alone(matches: list[Match]) -> dict[str, pl.DataFrame]:
+    return {match.key: run_match(match, match_policies(match)) for match in matches}
+
+
+def test_matches_in_one_world_have_the_bytes_that_they_have_alone(mixed_rates: str) -> None:
+    for scenario in ("emergency_avoidance", mixed_rates):
+        matches = duels(scenario)
+        expected = alone(matches)
+        rng = np.random.default_rng(3)
+        for size in (2, 3, 4):
+            chosen = [matches[index] for index in rng.permutation(len(matches))[:size]]
+            line_ups = {number: (match, match_policies(match)) for number, match in enumerate(chosen)}
+            together = dict(run_together(line_ups, Watch()))
+            for number, match in enumerate(chosen):
+                assert together[number].equals(expected[match.key])
+
+
+def test_drivers_answer_for_a_car_whatever_cars_are_beside_it() -> None:
+    """What lets one call serve all matches of a world."""
+    [match] = duels("emergency_avoidance")[:1]
+    rng = np.random.default_rng(0)
+    for policy in match_policies(match)[1:]:
+        seen = rng.standard_normal((40, policy.observation_spec.size), np.float32)
+        memory = rng.standard_normal((40, 2), np.float32)
+        actions, remembered = policy.act(seen, memory)
+        for rows in (np.arange(1), np.arange(3, 17), rng.permutation(40)):
+            some, kept = policy.act(seen[rows], memory[rows])
+            assert some.tobytes() == actions[rows].tobytes()
+            assert kept.tobytes() == remembered[rows].tobytes()
+
+
+def test_a_pool_keeps_its_processes_and_its_results(mixed_rates: str) -> None:
+    matches = duels(mixed_rates)
+    expected = alone(matches)
+    with Pool(2) as pool:
+        first = dict(pool.run(matches[:3]))
+        processes = {child.pid for child in active_children()}
+        second = dict(pool.run(matches))
+        assert {child.pid for child in active_children()} == processes
+        assert len(processes) == 2
+        assert [match for match, _ in pool.run([])] == []
+        given_up = pool.run(matches)
+        next(given_up)
+        given_up.close()
+        third = dict(pool.run(matches[2:]))
+    assert not active_children()
+    for results in (first, second, third):
+        assert all(frame.equals(expected[match.key]) for match, frame in results.items())
+    assert (len(first), len(second), len(third)) == (3, 4, 2)
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(["race", "1v0", "sprint", "grand_prix"]), st.integers(1, 40))),
+    st.integers(1, 64),
+)
+@settings(max_examples=50, deadline=None)
+def test_groups_hold_every_match_once_and_nothing_unlike(kinds: list[tuple[str, int]], workers: int) -> None:
+    matches = [
+        Match(
+            "test",
+            str(index),
+            scenario,
+            "lindenring",
+            "gt3",
+            ("a",),
+            ("a",),
+            (Race(index, (Seat(0),)),) * races,
+        )
+        for index, (scenario, races) in enumerate(kinds)
+    ]
+    groups = group(matches, workers)
+    assert sorted(match.test for those in groups for match in those) == sorted(m.test for m in matches)
+    assert all(len({match.scenario for match in those}) == 1 for those in groups)
+    grids = {"race": 8, "1v0": 1, "sprint": 8, "grand_prix": 20}
+    for those in groups:
+        cars = [grids[match.scenario] * len(match.races) for match in those]
+        assert sum(cars) <= CARS + max(cars)
+
+
+def test_groups_are_even_and_there_is_enough_for_all_workers() -> None:
+    def filter_match(index: int) -> Match:
+        return Match("t", str(index), "race", "lindenring", "gt3", ("a",), ("a",), (Race(1, (Seat(0),)),) * 4)
+
+    for count, workers, sizes in ((22, 2, [5, 5, 6, 6]), (1000, 2, [8]), (3, 8, [1]), (1, 2, [1])):
+        groups = group([filter_match(index) for index in range(count)], workers)
+        found = sorted(map(len, groups))
+        assert found == sizes or sorted(set(found)) == sizes
+
+
+def job(name: str, **facts: object) -> Racing:
+    match = Match(
+        "t", name, "1v1", "lindenring", "gt3", ("a", "b"), ("a", "b"), (Race(1, (Seat(0), Seat(1))),)
+    )
+    return Racing(match, **facts)  # type: ignore[arg-type]
+
+
+def test_what_a_lost_worker_leaves_is_run_again() -> None:
+    a, b, c = job("a"), job("b"), job("c")
+    jobs = {0: a, 2: b, 5: c}
+    late, crash = (again(jobs, Loss(Asked(9, 2, 1, 1.0), late)) for late in (True, False))
+    assert late == ([[a, c], [job("b", absent={1: "timed_out"})]], [])
+    assert crash == ([[a, c], [job("b", alone=True)]], [])
+    nobody = Asked(9, NOBODY, NOBODY, 1.0)
+    assert again(jobs, Loss(nobody))[0] == [[job(name, alone=True)] for name in "abc"]
+    by_itself = {0: job("b", alone=True, absent={0: "timed_out"})}
+    groups, [(given_up, answer)] = again(by_itself, Loss(nobody))
+    assert (groups, given_up) == ([], by_itself[0])
+    assert set(answer.results["ending"]) == {"simulator_fault"}
+    assert again(by_itself, Loss(Asked(9, 0, 1, 1.0))) == (
+        [[job("b", absent={0: "timed_out", 1: "policy_raised"})]],
+        [],
+    )
+
+
+def test_memory_is_laid_to_who_took_it_once_a_match_runs_by_itself() -> None:
+    jobs = {0: job("a"), 1: job("b")}
+    asked = Asked(9, 1, 0, 1.0)
+    shared = Loss(asked, memory=True, taken=Taken(1, HOG_BYTES))
+    assert again(jobs, shared) == ([[job("a", alone=True)], [job("b", alone=True)]], [])
+    alone = {0: job("a", alone=True)}
+    at_work = Loss(Asked(9, NOBODY, NOBODY, 1.0), memory=True)
+    for entrant in (0, 1):
+        hog = at_work._replace(taken=Taken(entrant, HOG_BYTES))
+        assert again(alone, hog) == ([[job("a", absent={entrant: "policy_raised"})]], [])
+    greedy = Loss(Asked(9, 0, 1, 1.0), memory=True, taken=Taken(0, HOG_BYTES - 1))
+    assert again(alone, greedy) == ([[job("a", absent={1: "policy_raised"})]], [])
+    groups, [(given_up, answer)] = again(alone, at_work)
+    assert (groups, given_up) == ([], alone[0])
+    assert set(answer.results["ending"]) == {"simulator_fault"}
+
+
+def test_patience_ends_with_whoever_does_not_get_on() -> None:
+    watch = Watch(answer_s=0.0, first_answer_s=1e6)
+    patience = Patience(watch)
+    watch.ask(3, 1, first=True)
+    assert not any(patience.over for _ in range(3))
+    for _ in range(2):
+        watch.ask(3, 1, first=False)
+        assert not patience.over, "it has just begun"
+        assert patience.over
+    assert watch.asked[1:] == (3, 1, 0.0)
+    watch.rest()
+    assert not any(patience.over for _ in range(3))
+
+
+SCRIPT = """
+import multiprocessing, sys
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import run_matches
+
+if __name__ == "__main__":
+    only = enter(sys.argv[1], "lindenring", "gt3")
+    matches = [
+        Match("", "", name, "lindenring", "gt3", (only.id,), (only.source,), (Race(1, (Seat(0),) * n),) * 32)
+        for name, n in (("race", 8), ("emergency_avoidance", 3))
+    ]
+    for match, results in run_matches(matches, 2):
+        print(*(child.pid for child in multiprocessing.active_children()), flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends signals")
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_workers_too(sent: signal.Signals, tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent.parent)}
+    with subprocess.Popen(
+        [sys.executable, script, BUNDLED[0]],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=environment,
+    ) as process:
+        assert process.stdout
+        workers = [int(pid) for pid in process.stdout.readline().split()]
+        assert workers
+        process.send_signal(sent)
+        process.wait(10.0)
+    end = time.monotonic() + 10.0
+    while any(map(alive, workers)) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not any(map(alive, workers))
+
+
+def alive(process: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,332 @@
+"""The committee: evidence, automatic members, votes, decisions and their record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+from pydantic import ValidationError
+
+from nathlon.arena.results import RANKING
+from nathlon.arena.store import Store
+from nathlon.committee import ask as put
+from nathlon.committee import close, compare, reopen, vote
+from nathlon.committee.ballots import Ballot
+from nathlon.committee.event_log import Minutes
+from nathlon.committee.events import Closed, Opened, Voted
+from nathlon.committee.rules import CommitteeSettings, Gates, Rule, conduct, gather
+from nathlon.sim.errors import InputError
+from tests.committees import (
+    ALONE,
+    NAMES,
+    PEOPLE,
+    RUN,
+    ask,
+    battery,
+    cast,
+    chosen,
+    entrant_id,
+    entrants,
+    ids,
+    results,
+)
+from tests.race_results import rows
+
+
+def ranking(points: dict[str, float | None], barred: Sequence[str] = ()) -> pl.DataFrame:
+    facts: dict[str, list[Any]] = {
+        "entrant": [entrant_id(name) for name in points],
+        "points_per_race": list(points.values()),
+        "barred": [name in barred for name in points],
+    }
+    return pl.DataFrame([pl.Series(n, facts.get(n, [None] * len(points)), t) for n, t in RANKING.items()])
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with Store(tmp_path / "store.sqlite") as made:
+        made.begin_run(RUN, {})
+        yield made
+
+
+@pytest.fixture
+def minutes(store: Store) -> Minutes:
+    return Minutes(store, RUN)
+
+
+def test_conduct_is_counted_over_all_races_that_are_not_void() -> None:
+    frame = rows(
+        {
+            "entrant": ["a", "a", "b", "b", "c"],
+            "race": [0, 1, 0, 1, 2],
+            "distance_m": [2000.0, 500.0, 1000.0, 0.0, 0.0],
+            "driven_s": [90.0, 10.0, 50.0, 5.0, 0.0],
+            "off_course_s": [4.0, 1.0, 0.0, 0.0, 0.0],
+            "contacts": [3, 2, 9, 9, 1],
+            "contacts_at_fault": [1, 0, 9, 9, 0],
+            "ending": ["finished", "timed_out", "finished", "interrupted", "policy_raised"],
+        },
+        5,
+    )
+    a, b, c = conduct(frame).iter_rows()
+    assert a == ("a", 2.0, 1.5, 0.5, round(4 / 90, 9), 0)  # race 1 is void for both
+    assert b == ("b", 1.0, 9.0, 9.0, 0.0, 0)
+    assert c == ("c", 0.0, None, None, None, 1)
+
+
+def test_without_people_the_points_decide_at_once(minutes: Minutes) -> None:
+    decision = ask(minutes, ALONE)
+    assert chosen(decision) == "ba"
+    assert list(decision.said) == ["rule:battery"]
+    assert decision.result is not None
+    assert decision.result.standings[0].favour > 0.5
+    assert decision.result.agreement is None
+
+
+def test_gates_leave_out_the_ill_behaved_and_say_why(minutes: Minutes) -> None:
+    gates = Gates(contacts_per_km=1.0, at_fault_per_km=0.2, off_course_share=0.1)
+    settings = CommitteeSettings(
+        shortlist=3, rule=(Rule(name="clean", by="battery", gates=gates), Rule(name="r", by="ranking"))
+    )
+    decision = ask(
+        minutes,
+        settings,
+        contacts=[10, 11, 0, 0],
+        contacts_at_fault=[2, 2, 3, 0],
+        off_course_s=[30, 0, 0, 31],
+    )
+    assert chosen(decision) == "a"
+    ballot = decision.ballots()["rule:clean"]
+    assert ballot.reason == (
+        "passed the gates, in order of battery points: 1 of 4; "
+        "left out: birch (contacts_per_km is 1.1, at most 1); cedar (at_fault_per_km is 0.3, at most 0.2); "
+        "delta (off_course_share is 0.103, at most 0.1)"
+    )
+
+
+def test_a_policy_that_fails_by_its_own_fault_is_not_shortlisted(minutes: Minutes) -> None:
+    endings = ["finished", "policy_raised", "finished", "time_up"]
+    assert chosen(ask(minutes, ALONE, ending=endings)) == "ac"
+
+
+def test_the_selection_is_the_first_of_the_ranking_that_is_not_barred(minutes: Minutes) -> None:
+    table = ranking({"amber": 21.0, "birch": 22.0, "cedar": 20.0}, barred=["birch"])
+    decision = put(
+        minutes, "selection", entrants(NAMES[:3]), {"ranking": table}, results(), CommitteeSettings()
+    )
+    assert chosen(decision) == "a"
+    assert "birch (barred from the ranking)" in decision.ballots()["rule:ranking"].reason
+
+
+@pytest.mark.parametrize(("left", "expected"), [((), ""), (("cedar",), "c")])
+def test_few_finalists_are_no_trouble(minutes: Minutes, left: tuple[str, ...], expected: str) -> None:
+    decision = put(
+        minutes, "selection", entrants(left), {"ranking": ranking({})}, results(), CommitteeSettings()
+    )
+    assert chosen(decision) == expected
+
+
+def test_a_question_is_put_once(minutes: Minutes) -> None:
+    first = ask(minutes, ALONE)
+    entries = minutes.entries()
+    assert ask(minutes, ALONE) == first
+    assert minutes.entries() == entries
+
+
+def test_a_run_that_was_cut_off_anywhere_decides_the_same(minutes: Minutes, tmp_path: Path) -> None:
+    settings = CommitteeSettings(
+        shortlist=3, rule=(Rule(name="x", by="battery"), Rule(name="y", by="battery"), *ALONE.rule)
+    )
+    expected = chosen(ask(minutes, settings))
+    entries = minutes.entries()
+    assert len(entries) == 5
+    for cut in range(5):
+        with Store(tmp_path / f"cut-{cut}.sqlite") as store:
+            store.begin_run(RUN, {})
+            other = Minutes(store, RUN)
+            for entry in entries[:cut]:
+                other.add(entry.event)
+            assert chosen(ask(other, settings)) == expected
+            assert [entry.event for entry in other.entries()] == [entry.event for entry in entries]
+
+
+def test_people_are_waited_for(minutes: Minutes) -> None:
+    assert ask(minutes, PEOPLE).result is None
+    cast(minutes, "ann", "cd", "cd")
+    decision = ask(minutes, PEOPLE)
+    assert (decision.result, decision.waits_for) == (None, 1)
+    with pytest.raises(InputError, match=r"^shortlist-\w+ waits for 1 more of its members, expected 2 to"):
+        close(minutes, decision)
+    compare(minutes, decision, "bob", ids("d")[0], ids("c")[0], "delta is calmer")
+    # The rule says b a c d and Ann c d before a and b, and half of the ballots or more approve each. Nothing
+    # beats b and c; b has one answer to none against a, c only two to one against d.
+    assert chosen(ask(minutes, PEOPLE)) == "bc"
+
+
+def test_most_ballots_must_approve(minutes: Minutes) -> None:
+    ask(minutes, PEOPLE)
+    cast(minutes, "ann", "acd", "acd")
+    cast(minutes, "bob", "ad", "ad")
+    cast(minutes, "cy", "d", "d")
+    decision = close(minutes, minutes.decisions()["shortlist"])
+    assert decision.result is not None
+    standings = {standing.entrant[0]: standing for standing in decision.result.standings}
+    assert {letter: standing.approved_by for letter, standing in standings.items()} == {
+        "a": 3,
+        "b": 1,
+        "c": 2,
+        "d": 4,
+    }
+    assert {letter for letter, standing in standings.items() if standing.fit} == {"a", "c", "d"}
+    assert list(standings)[-1] == "b"
+    # a is before d on three ballots of four.
+    assert chosen(decision) == "ad"
+    assert decision.result.ballots == 4
+
+
+def test_a_new_ballot_replaces_all_and_a_comparison_one_answer(minutes: Minutes) -> None:
+    ask(minutes, PEOPLE)
+    cast(minutes, "ann", "abcd", "abcd")
+    compare(minutes, minutes.decisions()["shortlist"], "ann", ids("d")[0], ids("a")[0], "seen on video")
+    stated = minutes.decisions()["shortlist"].preferences()["ann"]
+    a, b, c, d = (list(minutes.decisions()["shortlist"].opened.candidates).index(i) for i in ids("abcd"))
+    assert stated[a, [a, b, c, d]].tolist() == [0, 1, 1, -1]
+    assert stated[d, [a, b, c, d]].tolist() == [1, -1, -1, 0]
+    cast(minutes, "ann", "d")
+    stated = minutes.decisions()["shortlist"].preferences()["ann"]
+    assert stated[d, [a, b, c, d]].tolist() == [1, 1, 1, 0]
+    assert not stated[a, [b, c]].any()
+
+
+def test_a_closed_decision_is_reopened_never_rewritten(minutes: Minutes) -> None:
+    settings = CommitteeSettings(members=("ann", "bob"), shortlist=2)
+    decision = ask(minutes, settings)
+    before = minutes.entries()
+    with pytest.raises(InputError, match=r"^shortlist-\w+ is closed; reopen it first$"):
+        cast(minutes, "ann", "cd", "cd")
+    reopen(minutes, decision, "nobody had watched the videos")
+    cast(minutes, "ann", "cd", "cd")
+    cast(minutes, "bob", "cd", "cd")
+    again = ask(minutes, settings)
+    assert again.result is None  # it is for those who reopened it to decide
+    assert chosen(close(minutes, again)) == "cd"
+    assert chosen(ask(minutes, settings)) == "cd"
+    assert minutes.entries()[: len(before)] == before
+    closings = [e.event.result.chosen for e in minutes.entries() if isinstance(e.event, Closed)]
+    assert closings == [ids("ba"), ids("cd")]
+    with pytest.raises(InputError, match=r"is open, expected a decision that is closed"):
+        reopen(minutes, again, "once more")  # this caller still holds the open decision
+
+
+def test_a_vote_that_came_too_late_is_kept_and_counts_after_reopening(minutes: Minutes) -> None:
+    settings = CommitteeSettings(members=("ann",), shortlist=2)
+    decision = ask(minutes, settings)
+    minutes.add(
+        Voted(
+            decision=decision.name,
+            member="ann",
+            approve=ids("cd"),
+            rank=ids("dc"),
+            reason="I was on the way",
+            evidence=decision.opened.evidence.digest,
+        )
+    )
+    decision = minutes.decisions()["shortlist"]
+    assert chosen(decision) == "ba"
+    assert [entry.event for entry in decision.late] == [minutes.entries()[-1].event]
+    reopen(minutes, decision, "Ann's vote was late")
+    decision = minutes.decisions()["shortlist"]
+    assert decision.late == []
+    assert set(decision.ballots()) == {"rule:battery", "ann"}
+
+
+def test_of_two_who_close_at_once_the_first_counts(minutes: Minutes) -> None:
+    settings = CommitteeSettings(members=("ann",), shortlist=2)
+    reopen(minutes, ask(minutes, settings), "again")
+    decision = minutes.decisions()["shortlist"]
+    cast(minutes, "ann", "cd", "cd")
+    close(minutes, decision)  # has not seen Ann's ballot
+    minutes.add(Closed(decision=decision.name, result=minutes.decisions()["shortlist"].tally()))
+    decision = minutes.decisions()["shortlist"]
+    assert chosen(decision) == "ba"
+    assert len(decision.late) == 1
+
+
+def test_votes_cast_at_the_same_time_are_all_kept(minutes: Minutes, tmp_path: Path) -> None:
+    ask(minutes, PEOPLE)
+
+    def insist(member: str) -> None:
+        with Store.open(tmp_path / "store.sqlite") as own:
+            for _ in range(8):
+                cast(Minutes(own, RUN), member, "ab", "ab")
+
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(insist, PEOPLE.members))
+    votes = [e.event.member for e in minutes.entries() if isinstance(e.event, Voted)]
+    assert {member: votes.count(member) for member in PEOPLE.members} == dict.fromkeys(PEOPLE.members, 8)
+    assert len({entry.id for entry in minutes.entries()}) == len(minutes.entries())
+
+
+def test_other_evidence_is_another_decision(minutes: Minutes) -> None:
+    first = ask(minutes, PEOPLE)
+    cast(minutes, "ann", "cd", "cd")
+    second = ask(minutes, PEOPLE, contacts=[1, 0, 0, 0])
+    assert second.name != first.name
+    assert "ann" not in second.said
+    assert [e.event.question for e in minutes.entries() if isinstance(e.event, Opened)] == ["shortlist"] * 2
+
+
+def test_runs_have_committees_of_their_own(store: Store, minutes: Minutes) -> None:
+    store.begin_run("next", {})
+    ask(minutes, ALONE)
+    assert Minutes(store, "next").decisions() == {}
+
+
+def test_the_digest_of_the_evidence_tells_any_change() -> None:
+    def digest(table: pl.DataFrame, races: pl.DataFrame) -> str:
+        return gather("shortlist", entrants(), {"battery": table}, races).digest
+
+    same = digest(battery(), results())
+    assert digest(battery(), results()) == same
+    assert digest(battery().with_columns(points_low=pl.col("points_low") + 1e-9), results()) != same
+    assert digest(battery(), results(contacts=[0, 0, 0, 1])) != same
+
+
+@pytest.mark.parametrize(
+    ("member", "approve", "rank", "reason", "message"),
+    [
+        ("eve", "a", "a", "why", r"^'eve' is not on the committee, expected one of ann, bob, cy$"),
+        ("rule:battery", "a", "a", "why", r"^'rule:battery' is not on the committee"),
+        ("ann", "a", "a", " ", r"^reason is empty, expected a sentence$"),
+        ("ann", "aa", "a", "why", r"^approve names an entrant twice"),
+        ("ann", "ab", "aba", "why", r"^rank names an entrant twice"),
+        ("ann", "ab", "acb", "why", r"^rank puts cedar before an approved entrant, but it is not approved$"),
+    ],
+)
+def test_a_wrong_ballot_is_one_sentence(
+    minutes: Minutes, member: str, approve: str, rank: str, reason: str, message: str
+) -> None:
+    decision = ask(minutes, PEOPLE)
+    with pytest.raises(InputError, match=message):
+        vote(minutes, decision, member, Ballot(ids(approve), ids(rank)), reason)
+    assert len(minutes.entries()) == 2
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"members": ["ann", "ann"]}, "members has 'ann' twice"),
+        ({"members": ["rule:ann"]}, "expected a name that does not begin with 'rule:'"),
+        ({"members": ["ann"], "quorum": 2}, "quorum is 2, expected at most the 1 members"),
+        ({"rule": [{"name": "x", "by": "battery"}]}, "expected a rule by 'ranking', or a quorum"),
+        ({"rule": [{"name": "x", "by": "laps"}]}, "'battery' or 'ranking'"),
+        ({"rule": [{"name": "x", "by": "battery", "gates": {"off_course_share": 2}}]}, "less than or equal"),
+    ],
+)
+def test_wrong_settings_are_told(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        CommitteeSettings.model_validate(fields)

@@ -1,0 +1,111 @@
+"""The committee at the command line: the question, votes, the decision, and what was said."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from nathlon.arena.store import Store
+from nathlon.commands.committee_app import committee
+from nathlon.committee.event_log import Minutes
+from nathlon.sim.errors import InputError
+from tests.committees import PEOPLE, RUN, ask, ids
+
+
+class Terminal:
+    """The command line on one store."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __call__(self, *arguments: str, options: Sequence[str] = ()) -> str:
+        """What a command prints; raises what it raises."""
+        result = CliRunner().invoke(
+            committee, [*options, str(self._path), *arguments], catch_exceptions=False, standalone_mode=False
+        )
+        return result.stdout
+
+    def json(self, *arguments: str) -> Any:
+        """What a command prints as JSON."""
+        return json.loads(self(*arguments, "--json"))
+
+
+@pytest.fixture
+def terminal(tmp_path: Path) -> Terminal:
+    """With a question that is open."""
+    path = tmp_path / "store.sqlite"
+    with Store(path) as store:
+        store.begin_run(RUN, {})
+        ask(Minutes(store, RUN), PEOPLE)
+    return Terminal(path)
+
+
+def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
+    (decision,) = terminal.json("show")
+    assert (decision["open"], decision["waits_for"], decision["ballots"]) == (True, 2, 1)
+    after = terminal.json("vote", "--member", "ann", "--rank", "cedar, delta", "--reason", "calm")
+    assert after["said"][-1]["approve"] == list(ids("cd"))
+    assert after["said"][-1]["evidence"] == decision["evidence"]["digest"]
+    terminal("vote", "--member", "bob", "--approve", "delta,cedar-012", "--rank", "delta", "--reason", "fast")
+    terminal(
+        "compare", "--member", "bob", "--better", "cedar", "--worse", "delta", "--reason", "on second sight"
+    )
+    closed = terminal.json("decide")
+    assert [s["name"] for s in closed["standings"] if s["chosen"]] == ["cedar", "delta"]
+    assert "open" in terminal("reopen", "--reason", "new videos")
+    shown = terminal("show")
+    for part in ("shortlist-", "birch", "bob prefers cedar to delta: on second sight", "Agreement"):
+        assert part in shown
+    assert [entry["event"] for entry in terminal.json("log")] == [
+        "opened",
+        "voted",
+        "voted",
+        "voted",
+        "compared",
+        "closed",
+        "reopened",
+    ]
+    assert "reopened: new videos" in terminal("log")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ("vote", "--member", "ann", "--rank", "elm", "--reason", "x"),
+            r"^'elm' is not a candidate, expected",
+        ),
+        (("vote", "--member", "eve", "--rank", "amber", "--reason", "x"), r"^'eve' is not on the committee"),
+        (("vote", "--member", "ann", "--rank", "amber", "--reason", ""), r"^reason is empty"),
+        (("decide",), r"waits for 2 more"),
+        (("reopen", "--reason", "x"), r"^no decision is closed"),
+        (("decide", "--question", "selection"), r"^the committee has not been asked for the selection$"),
+    ],
+)
+def test_a_wrong_command_is_one_sentence(
+    terminal: Terminal, arguments: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        terminal(*arguments)
+
+
+def test_the_run_may_be_named(terminal: Terminal, tmp_path: Path) -> None:
+    with Store.open(tmp_path / "store.sqlite") as store:
+        store.begin_run("next", {})
+    assert "has not been asked" in terminal("show")
+    assert "shortlist-" in terminal("show", options=("--run", RUN))
+    with pytest.raises(InputError, match=r"no run 'noon', the last is 'next'$"):
+        terminal("show", options=("--run", "noon"))
+
+
+def test_only_an_existing_store_has_a_committee(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none.sqlite: no such store"):
+        Terminal(tmp_path / "none.sqlite")("show")
+    Store(tmp_path / "empty.sqlite").close()
+    with pytest.raises(InputError, match=r"empty.sqlite: holds no run"):
+        Terminal(tmp_path / "empty.sqlite")("show")

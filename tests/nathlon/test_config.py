@@ -1,0 +1,94 @@
+"""The configuration: what counts as a change of it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from nathlon.n_athlon.skill import SKILLS_FOLDER
+from nathlon.policies.bundled import BUNDLED
+from nathlon.selection.config import read_config
+from nathlon.sim.data_file import DATA
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
+
+NIGHT = """
+checkpoints = ["checkpoints"]
+[battery]
+tests = ["hot_lap", "mine.toml"]
+[tournament]
+event = "event.toml"
+[pareto]
+opponents = ["OPPONENT"]
+"""
+EVENT = """
+[[race]]
+name = "long"
+circuit = "lindenring"
+car = "gt3"
+scenario = "race:laps=3"
+weight = 2.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A configuration that names a test with a scenario of its own, an event and a checkpoint."""
+    skill = (SKILLS_FOLDER / "race_craft.toml").read_text("utf-8")
+    scenario, opponent = tmp_path / "rain.toml", tmp_path / "opponent.safetensors"
+    shutil.copy(DATA / "scenarios" / "sprint.toml", scenario)
+    shutil.copy(BUNDLED / "lindenring" / "lindenring-s1-040k.safetensors", opponent)
+    (tmp_path / "mine.toml").write_text(skill.replace('"sprint"', f'"{scenario}"'), "utf-8")
+    (tmp_path / "event.toml").write_text(EVENT, "utf-8")
+    (tmp_path / "nathlon.toml").write_text(NIGHT.replace("OPPONENT", str(opponent)), "utf-8")
+    return tmp_path
+
+
+def digest(folder: Path) -> str:
+    load_scenario.cache_clear()
+    return read_config(folder / "nathlon.toml").digest
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after"),
+    [
+        ("mine.toml", "runs = 6", "runs = 7"),
+        ("mine.toml", "reference_gain = 0.1", "reference_gain = 0.11"),
+        ("rain.toml", "laps = 1", "laps = 2"),
+        ("event.toml", "weight = 2.0", "weight = 3.0"),
+        ("event.toml", "laps=3", "laps=4"),
+        ("nathlon.toml", "[battery]", "seed = 2\n[battery]"),
+    ],
+)
+def test_what_a_named_file_says_is_part_of_it(folder: Path, file: str, before: str, after: str) -> None:
+    first = digest(folder)
+    text = (folder / file).read_text("utf-8")
+    assert before in text
+    (folder / file).write_text("# a remark changes nothing\n" + text, "utf-8")
+    assert digest(folder) == first
+    (folder / file).write_text(text.replace(before, after), "utf-8")
+    assert digest(folder) != first
+
+
+def test_another_checkpoint_of_the_same_name_is_a_change(folder: Path) -> None:
+    first = digest(folder)
+    shutil.copy(BUNDLED / "lindenring" / "lindenring-s1-036k.safetensors", folder / "opponent.safetensors")
+    assert digest(folder) != first
+
+
+def test_where_things_lie_and_who_works_is_no_part_of_it(folder: Path) -> None:
+    first = digest(folder)
+    text = (folder / "nathlon.toml").read_text("utf-8")
+    (folder / "nathlon.toml").write_text(
+        'out = "else"\nstore = "other.sqlite"\nworkers = 7\n' + text, "utf-8"
+    )
+    assert digest(folder) == first
+
+
+def test_a_file_that_is_gone_is_one_sentence(folder: Path) -> None:
+    os.remove(folder / "event.toml")
+    with pytest.raises(InputError, match=r"event\.toml: cannot read the event file"):
+        digest(folder)

@@ -1,0 +1,165 @@
+"""Which checkpoints are new, and which files are set aside."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from onnx import TensorProto, helper
+
+from nathlon.arena.entrant import enter
+from nathlon.arena.pool import Pool
+from nathlon.selection.field import newcomers
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from tests.checkpoints import BUNDLED
+
+PAIR = ("lindenring", "gt3")
+
+
+@pytest.fixture
+def watched(tmp_path: Path) -> Path:
+    """Two checkpoints of one name, one of them twice, and a file that is none."""
+    for folder, source in (("a", BUNDLED[0]), ("b", BUNDLED[1]), ("c", BUNDLED[1])):
+        (tmp_path / folder).mkdir()
+        shutil.copy(source, tmp_path / folder / "step.safetensors")
+    (tmp_path / "c" / "broken.safetensors").write_bytes(b"no checkpoint")
+    return tmp_path
+
+
+def test_the_same_contents_are_one_entrant_and_names_are_unique(watched: Path, pool: Pool) -> None:
+    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    assert {entrant.name: entrant.id for entrant in new} == {
+        "step": enter(str(BUNDLED[0]), *PAIR).id,
+        "b/step": enter(str(BUNDLED[1]), *PAIR).id,
+    }
+    assert [item.source for item in excluded] == [str(watched / "c" / "broken.safetensors")]
+    assert "broken.safetensors" in excluded[0].reason
+
+
+def test_what_is_known_or_was_refused_is_not_new(watched: Path, pool: Pool) -> None:
+    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    known = {entrant.id: entrant.name for entrant in new[:1]}
+    again, nothing = newcomers(pool, [str(watched)], *PAIR, known, {item.key for item in excluded})
+    assert [entrant.id for entrant in again] == [new[1].id]
+    assert not nothing
+    (watched / "c" / "broken.safetensors").write_bytes(b"another")
+    _, changed = newcomers(pool, [str(watched)], *PAIR, known, {item.key for item in excluded})
+    assert len(changed) == 1
+
+
+def test_a_name_that_is_taken_on_an_earlier_night_is_not_given_again(watched: Path, pool: Pool) -> None:
+    new, _ = newcomers(pool, [str(watched / "a")], *PAIR, known={"another": "step"})
+    assert new[0].name == "a/step"
+    new, _ = newcomers(pool, [str(watched / "a")], *PAIR, known={"another": "step", "third": "a/step"})
+    assert new[0].name == f"a/step-{new[0].id[:6]}"
+
+
+def test_another_circuit_is_set_aside(watched: Path, pool: Pool) -> None:
+    new, excluded = newcomers(pool, [str(watched / "a")], "porto-sereno", "coupe", known={})
+    assert not new
+    assert "circuit is 'lindenring', expected 'porto-sereno'" in excluded[0].reason
+
+
+def test_an_empty_folder_holds_nothing_yet_and_a_missing_one_is_refused(tmp_path: Path, pool: Pool) -> None:
+    assert newcomers(pool, [str(tmp_path)], *PAIR, known={}) == ([], [])
+    with pytest.raises(InputError, match="none: no such file or folder"):
+        newcomers(pool, [str(tmp_path / "none")], *PAIR, known={})
+
+
+def test_what_is_no_regular_file_is_set_aside_unread_and_not_told_again(watched: Path, pool: Pool) -> None:
+    """A pipe that nobody writes to would keep whoever reads it waiting for ever."""
+    os.mkfifo(watched / "pipe.safetensors")
+    (watched / "gone.onnx").symlink_to(watched / "nowhere")
+    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    assert len(new) == 2
+    names = {Path(item.source).name: item for item in excluded}
+    assert set(names) == {"broken.safetensors", "gone.onnx", "pipe.safetensors"}
+    assert names["pipe.safetensors"].digest is None
+    known = {entrant.id: entrant.name for entrant in new}
+    assert newcomers(pool, [str(watched)], *PAIR, known, {item.key for item in excluded}) == ([], [])
+
+
+def test_an_endless_graph_is_set_aside_when_its_time_is_up(watched: Path) -> None:
+    """It gives its actions after 2^62 rounds."""
+    endless(watched / "endless.onnx")
+    with Pool(1, first_answer_s=3.0) as pool:
+        new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    assert len(new) == 2
+    assert [item.reason for item in excluded if item.source.endswith("endless.onnx")] == [
+        f"{watched}/endless.onnx: took more than 3 s to open, expected a policy"
+    ]
+
+
+def endless(path: Path) -> None:
+    size = ObservationSpec().size
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["go"], ["goes"]), helper.make_node("Identity", ["x"], ["y"])],
+        "body",
+        [
+            helper.make_tensor_value_info("round", TensorProto.INT64, []),
+            helper.make_tensor_value_info("go", TensorProto.BOOL, []),
+            helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", 2]),
+        ],
+        [
+            helper.make_tensor_value_info("goes", TensorProto.BOOL, []),
+            helper.make_tensor_value_info("y", TensorProto.FLOAT, ["n", 2]),
+        ],
+    )
+    graph = helper.make_graph(
+        [
+            helper.make_node("Slice", ["seen", "from", "to", "axis"], ["first"]),
+            helper.make_node("Loop", ["rounds", "true", "first"], ["action"], body=body),
+        ],
+        "endless",
+        [helper.make_tensor_value_info("seen", TensorProto.FLOAT, ["n", size])],
+        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 2])],
+        [
+            helper.make_tensor("from", TensorProto.INT64, [1], [0]),
+            helper.make_tensor("to", TensorProto.INT64, [1], [2]),
+            helper.make_tensor("axis", TensorProto.INT64, [1], [1]),
+            helper.make_tensor("rounds", TensorProto.INT64, [], [2**62]),
+            helper.make_tensor("true", TensorProto.BOOL, [], [True]),
+        ],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    path.write_bytes(model.SerializeToString())
+
+
+def test_names_of_files_are_shown_as_they_can_be(watched: Path, pool: Pool) -> None:
+    """A name of bytes that are no text cannot be kept, one with a line end is written out."""
+    strange = Path(os.fsdecode(os.fsencode(watched) + b"/\xff.safetensors"))
+    shutil.copy(BUNDLED[2], strange)
+    shutil.copy(BUNDLED[3], watched / "two\nlines.safetensors")
+    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    assert "two\\nlines" in {entrant.name for entrant in new}
+    [item] = [item for item in excluded if "broken" not in item.source]
+    assert item.source == f"{watched}/\\udcff.safetensors"
+    assert item.reason == f"{item.source}: the name is no UTF-8, expected one that can be written down"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody else")
+def test_a_folder_that_cannot_be_looked_into_is_set_aside(watched: Path) -> None:
+    (watched / "closed").mkdir(mode=0o700)
+    script = (
+        "import os, sys\nfrom pathlib import Path\n"
+        "from nathlon.arena.entrant import enter\n"
+        "from nathlon.sim.errors import InputError\n"
+        "os.setegid(65534)\nos.seteuid(65534)\n"
+        "closed = checkpoints_below(Path(sys.argv[1]))[-1]\n"
+        "try:\n    enter(str(closed), 'lindenring', 'gt3')\n"
+        "except InputError as error:\n    print(error)\n"
+    )
+    for folder in (watched, *watched.parents):
+        if folder.stat().st_uid == os.geteuid() and str(folder).startswith("/tmp/"):
+            folder.chmod(0o755)
+    environment = os.environ | {
+        "PYTHONPATH": str(Path(__file__).parent.parent.parent),
+        "XDG_CACHE_HOME": "/nowhere",
+    }
+    told = subprocess.check_output([sys.executable, "-c", script, watched], text=True, env=environment)
+    assert told.startswith(f"{watched}/closed: ")

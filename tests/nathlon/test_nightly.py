@@ -1,0 +1,418 @@
+"""Nights: only what is new is judged, nights compare, and a killed night ends as if nothing had happened."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from nathlon.arena.recording import recording_name
+from nathlon.arena.results import TABLES
+from nathlon.arena.store import Store
+from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
+from nathlon.reports.summary import Sent, SetAside
+from nathlon.selection.config import TEMPLATE, Config, read_config
+from tests.checkpoints import BUNDLED
+from tests.clocks import Jumping
+from tests.command_line import nathlon, refused
+from tests.selections import build
+
+GOOD = [path for path in BUNDLED if path.stem in ("lindenring-s1-032k", "lindenring-s1-040k")]
+WEAK = next(path for path in BUNDLED if path.stem == "lindenring-s1-008k")
+
+SMALL = """
+checkpoints = ["checkpoints"]
+seed = 3
+[pareto]
+scenario = "slipstream_pass"
+races = 1
+most_races = 1
+opponents = ["driver:pace=0.9"]
+[battery]
+tests = ["pass_left"]
+runs = 2
+[committee]
+shortlist = 2
+[tournament]
+event = "event.toml"
+pairs = 2
+block = 2
+[nightly]
+anchors = ["driver:pace=0.9"]
+incumbents = 1
+"""
+EVENT = """
+[[race]]
+name = "duel"
+circuit = "lindenring"
+car = "gt3"
+format = "1v1"
+scenario = "slipstream_pass"
+"""
+"""Races of seconds: what they are made of is tested elsewhere."""
+
+
+def run(folder: Path) -> Night:
+    config = read_config(folder / "nathlon.toml")
+    night = nightly(config, 1, lambda *_: None)
+    told(config, night)
+    return night
+
+
+def watch_two(folder: Path, settings: str = SMALL) -> Path:
+    """A folder with a configuration and two checkpoints to watch."""
+    (folder / "checkpoints").mkdir(parents=True)
+    for path in GOOD:
+        shutil.copy(path, folder / "checkpoints")
+    configure(folder, settings)
+    return folder
+
+
+def configure(folder: Path, settings: str = SMALL) -> None:
+    (folder / "nathlon.toml").write_text(settings)
+    (folder / "event.toml").write_text(EVENT)
+
+
+def outcome(folder: Path) -> dict[str, Any]:
+    """All that a store says, without when it was said."""
+    with Store.open(folder / "nathlon.sqlite") as store:
+        assert not store.verify()
+        runs = {}
+        for record in store.runs():
+            facts: Any = store.facts(record.name)
+            facts.pop("progress")
+            for stage in facts["summary"]["stages"]:
+                del stage["wall_s"]
+            runs[record.name] = {
+                "status": record.status,
+                "facts": facts,
+                "results": store.results_of_run(record.name).rows(),
+                "tables": {
+                    name: store.table(record.name, name).drop("source", strict=False).rows()
+                    for name in TABLES
+                },
+                "committee": [entry.entry for entry in store.log("committee", record.name)],
+            }
+        return {"runs": runs, "matches": store.results().height}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return watch_two(tmp_path_factory.mktemp("nights"))
+
+
+@pytest.fixture(scope="module")
+def nights(folder: Path) -> list[Night]:
+    """A night of two checkpoints, one with nothing new, and one of a third beside a broken file."""
+    nights = [run(folder), run(folder)]
+    shutil.copy(WEAK, folder / "checkpoints")
+    (folder / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
+    return [*nights, run(folder)]
+
+
+@pytest.fixture
+def store(folder: Path, nights: list[Night]) -> Iterator[Store]:
+    with Store.open(folder / "nathlon.sqlite") as store:
+        yield store
+
+
+def test_the_first_night_sends_somebody(folder: Path, nights: list[Night]) -> None:
+    night = nights[0]
+    assert (night.name, night.status, night.code) == ("night-0001", "done", OK)
+    assert night.selection is not None
+    sent = night.selection.summary.sent[0].name
+    assert sent in {path.stem for path in GOOD}
+    assert night.reason == f"{sent} is sent."
+    for path in ("report/index.html", "report/ranking.xlsx", "summary.json"):
+        assert (folder / "nights" / "night-0001" / path).stat().st_size > 100
+
+
+def test_every_race_of_the_final_stage_leaves_a_recording(folder: Path, store: Store) -> None:
+    for name in ("night-0001", "night-0002"):
+        raced = store.results_of_run(name, "tournament").select("match", "race").unique()
+        names = {recording_name(match, race) for match, race in raced.iter_rows()}
+        there = {path.name for path in (folder / "nights" / name / "races").iterdir()}
+        assert len(names) >= 4
+        assert there - {"final.mcap"} == names
+
+
+def test_a_night_without_anything_new_does_nothing(nights: list[Night]) -> None:
+    assert nights[1] == Night(None, "done", OK, "Nothing is new.", None)
+
+
+def test_only_what_is_new_is_judged_against_the_best_so_far(store: Store, nights: list[Night]) -> None:
+    assert nights[2].name == "night-0002"
+    best = store.table("night-0001", "pool").filter(~pl.col("entrant").str.starts_with("driver"))
+    best = best.sort("rank", "points_per_race", descending=[False, True])["entrant"][0]
+    entrants = store.table("night-0002", "entrants")
+    assert set(entrants["name"]) >= {WEAK.stem, "driver:pace=0.9"}
+    assert best in entrants["entrant"]
+    assert entrants.height == 3
+    assert best in store.table("night-0002", "ranking")["entrant"]
+
+
+def test_a_broken_file_is_set_aside_and_shown_once(folder: Path, nights: list[Night]) -> None:
+    night = nights[2]
+    assert night.selection is not None
+    [item] = night.selection.summary.excluded
+    assert item.source.endswith("broken.safetensors")
+    assert night.code == HEALTH
+    assert night.reason == "1 of 2 new files were set aside."
+    assert run(folder).reason == "Nothing is new."
+
+
+def test_the_pool_joins_the_nights(store: Store, nights: list[Night]) -> None:
+    first, second = (store.table(name, "pool") for name in ("night-0001", "night-0002"))
+    tonight = store.table("night-0002", "ranking")
+    assert set(second["entrant"]) == set(first["entrant"]) | set(tonight["entrant"])
+    pairs = dict(second.select("entrant", "pairs").iter_rows())
+    anchor = "driver:pace=0.9"
+    before, now = (table.filter(pl.col("entrant") == anchor)["pairs"][0] for table in (first, tonight))
+    assert pairs[anchor] == before + now
+
+
+def test_only_broken_files_are_bad_for_the_health(tmp_path: Path) -> None:
+    (tmp_path / "checkpoints").mkdir()
+    configure(tmp_path)
+    assert run(tmp_path).code == OK
+    (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
+    night = run(tmp_path)
+    assert (night.name, night.code) == (None, HEALTH)
+    assert "broken.safetensors" in night.reason
+
+
+def test_nights_have_seeds_of_their_own(store: Store, nights: list[Night]) -> None:
+    seeds = [set(store.results_of_run(name)["seed"]) for name in ("night-0001", "night-0002")]
+    marks = set(store.results_of_run("night-0001", "battery").filter(pl.col("entrant") == "driver")["seed"])
+    assert seeds[0] & seeds[1] <= marks
+
+
+def test_the_status_command(folder: Path, nights: list[Night]) -> None:
+    result = nathlon("status", "--verify", "--json", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    said = json.loads(result.stdout)
+    assert [record["status"] for record in said["runs"]] == ["done", "done"]
+    assert said["runs"][1]["facts"]["outcome"]["code"] == HEALTH
+    assert said["disagreements"] == []
+
+
+ASIDE, SENT = SetAside(source="a", reason="b"), (Sent(name="a", entrant="a"),)
+
+
+@pytest.mark.parametrize(
+    ("facts", "code"),
+    [
+        ({"faults": 1}, OK),
+        ({"faults": 11}, HEALTH),
+        ({"void": 11}, HEALTH),
+        ({"sent": ()}, GATE),
+        ({"sent": (), "faults": 50}, HEALTH),
+        ({"excluded": (ASIDE,) * 2}, HEALTH),
+        ({"excluded": (ASIDE,)}, OK),
+    ],
+)
+def test_the_exit_code(facts: dict[str, Any], code: int) -> None:
+    healthy = {
+        "faults": 0,
+        "void": 0,
+        "car_runs": 100,
+        "excluded": (),
+        "sent": SENT,
+    }
+    plain = build(np.random.default_rng(0)).summary
+    assert judge(plain.model_copy(update=healthy | facts), 10, 0.1)[0] == code
+
+
+def vote_for_the_first(folder: Path) -> str:
+    """Ann's vote in the latest decision for the one that stands first, who is returned."""
+    shown = nathlon("committee", "nathlon.sqlite", "show", "--json", cwd=folder)
+    first: str = json.loads(shown.stdout)[-1]["standings"][0]["name"]
+    said = ("--member", "ann", "--rank", first, "--reason", "I know it.")
+    voted = nathlon("committee", "nathlon.sqlite", "vote", *said, cwd=folder)
+    assert voted.returncode == 0, voted.stderr
+    return first
+
+
+def test_people_are_waited_for(tmp_path: Path) -> None:
+    settings = SMALL.replace("[committee]\n", '[committee]\nmembers = ["ann"]\nquorum = 1\n')
+    watch_two(tmp_path, settings)
+    assert (run(tmp_path).status, run(tmp_path).status) == ("waiting", "waiting")
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        assert store.table("night-0001", "ranking").is_empty()
+    vote_for_the_first(tmp_path)
+    assert run(tmp_path).status == "waiting"
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        assert not store.table("night-0001", "ranking").is_empty()
+    chosen = vote_for_the_first(tmp_path)
+    night = run(tmp_path)
+    assert (night.name, night.status, night.reason) == ("night-0001", "done", f"{chosen} is sent.")
+
+
+def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path) -> None:
+    waiting = SMALL.replace("[committee]\n", '[committee]\nmembers = ["ann"]\nquorum = 1\n')
+    watch_two(tmp_path, waiting)
+    assert run(tmp_path).status == "waiting"
+    configure(tmp_path)
+    assert run(tmp_path).name == "night-0002"
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        assert [record.status for record in store.runs()] == ["abandoned", "done"]
+
+
+KILLED = """
+import os, random, shutil, signal, sys
+from multiprocessing import forkserver
+from pathlib import Path
+import sqlalchemy
+from nathlon.arena.entrant import enter
+from nathlon.nightly import nightly
+from nathlon.selection.config import read_config
+
+# What all nights load is loaded once, and the workers of all come from one server.
+for driver in ("driver", "driver:pace=0.9"):
+    enter(driver, "lindenring", "gt3")
+forkserver.ensure_running()
+forkserver._forkserver.ensure_running = lambda: None
+
+folder, kills = Path(sys.argv[1]), int(sys.argv[2])
+rng = random.Random(1)
+nights = 1
+while kills:
+    night = folder / str(nights)
+    if not night.exists():
+        shutil.copytree(folder / "0", night)
+    config = read_config(night / "nathlon.toml")
+    left = int(10 ** rng.uniform(0.3, rng.choice([1.5, 1.5, 2.3])))
+    event = rng.choice(["before_cursor_execute", "commit"])
+    child = os.fork()
+    if child == 0:
+        def count(*_):
+            global left
+            left -= 1
+            if left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+        sqlalchemy.event.listen(sqlalchemy.Engine, event, count)
+        nightly(config, 1, lambda *_: None)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    if os.WIFSIGNALED(status):
+        kills -= 1
+    else:
+        nights += 1
+"""
+
+
+def test_a_night_killed_at_fifty_points_ends_as_if_nothing_had_happened(
+    tmp_path: Path, folder: Path, nights: list[Night]
+) -> None:
+    watch_two(tmp_path / "0")
+    subprocess.run([sys.executable, "-c", KILLED, tmp_path, "50"], check=True)
+    whole = outcome(folder)["runs"]["night-0001"]
+    killed = sorted(set(tmp_path.iterdir()) - {tmp_path / "0"})
+    for night in killed:
+        run(night)
+        assert outcome(night)["runs"]["night-0001"] == whole
+    assert killed
+
+
+def test_a_clock_that_jumps_changes_nothing(
+    tmp_path: Path, folder: Path, nights: list[Night], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch_two(tmp_path)
+    clock = Jumping(monkeypatch)
+    assert run(tmp_path).name == "night-0001"
+    assert run(tmp_path).reason == "Nothing is new."
+    assert clock.reads > 10
+    assert outcome(tmp_path)["runs"]["night-0001"] == outcome(folder)["runs"]["night-0001"]
+
+
+def test_two_at_once_share_a_night(tmp_path: Path, folder: Path, nights: list[Night]) -> None:
+    watch_two(tmp_path)
+    command = [str(Path(sys.executable).parent / "nathlon"), "nightly", "--workers", "1"]
+    both = [
+        subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) for _ in "ab"
+    ]
+    for process in both:
+        _, said = process.communicate(timeout=300)
+        assert process.returncode == 0, said.decode()
+    shared, alone = (outcome(each)["runs"]["night-0001"] for each in (tmp_path, folder))
+    # Both may have put the same ballots in.
+    assert shared | {"committee": None} == alone | {"committee": None}
+
+
+TELLING = """
+import os, signal, sys
+from nathlon.commands import nightly as command
+from nathlon.arena.store import Store
+
+def dies(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def dies_after(store, name, status, end=Store.end_run):
+    end(store, name, status)
+    dies()
+
+point = sys.argv[1]
+if point == "outcome stored":
+    Store.end_run = dies
+elif point == "run ended":
+    Store.end_run = dies_after
+elif point == "printed":
+    command.told = dies
+command.nightly(command.Path("nathlon.toml"), 1, False)
+"""
+
+
+def test_a_night_killed_before_it_was_told_is_told_by_the_next(tmp_path: Path) -> None:
+    watch_two(tmp_path)
+    (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
+    for point in ("outcome stored", "run ended", "printed"):
+        killed = subprocess.run([sys.executable, "-c", TELLING, point], cwd=tmp_path, capture_output=True)
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+    newcomer = Path(shutil.copy(WEAK, tmp_path / "checkpoints"))
+    repeated = nathlon("nightly", "--workers", "1", "--json", cwd=tmp_path)
+    night = json.loads(repeated.stdout)
+    assert (repeated.returncode, night["code"], night["name"]) == (HEALTH, HEALTH, "night-0001")
+    assert night["reason"] == "1 of 3 new files were set aside."
+    assert len(night["summary"]["excluded"]) == 1
+    newcomer.unlink()
+    later = nathlon("nightly", "--workers", "1", cwd=tmp_path)
+    assert (later.returncode, later.stdout.splitlines()[-1]) == (OK, "Outcome      Nothing is new.")
+
+
+def test_a_night_of_an_older_version_counts_as_told(
+    folder: Path, nights: list[Night], tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "older")
+    with Store.open(tmp_path / "older" / "nathlon.sqlite") as store:
+        for record in store.runs():
+            outcome: Any = store.facts(record.name)["outcome"]
+            assert outcome.pop("told") is True
+            store.put_fact(record.name, "outcome", outcome)
+    assert run(tmp_path / "older").reason == "Nothing is new."
+
+
+def test_init_writes_what_is_the_standard(tmp_path: Path) -> None:
+    result = nathlon("init", cwd=tmp_path)
+    assert result.returncode == 0
+    assert (tmp_path / "nathlon.toml").read_bytes() == TEMPLATE.read_bytes()
+    paths = {"checkpoints", "store", "out"}
+    written = read_config(tmp_path / "nathlon.toml").model_dump(exclude=paths)
+    assert written == Config().model_dump(exclude=paths)
+    refused(nathlon("init", cwd=tmp_path), "nathlon.toml", "exists already")
+
+
+def test_bad_configurations_are_one_sentence(tmp_path: Path) -> None:
+    refused(nathlon("nightly", cwd=tmp_path), "nathlon.toml", "cannot read the configuration file")
+    (tmp_path / "nathlon.toml").write_text("[tournament]\nformats = 3\n")
+    refused(nathlon("nightly", cwd=tmp_path), "nathlon.toml", "tournament.formats")
+    (tmp_path / "nathlon.toml").write_text('checkpoints = ["nowhere"]\n')
+    refused(nathlon("nightly", cwd=tmp_path), "nowhere: no such file or folder")

@@ -1,0 +1,293 @@
+"""Polishing: what groups drive and earn, where it leads, and going on after a stop."""
+
+from __future__ import annotations
+
+import json
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors import safe_open
+from safetensors.numpy import load_file, save_file
+
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import load_checkpoint, read_card
+from nathlon.policies.training import polish, trial
+from nathlon.policies.training.advantage import advantages
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.lapses import Lapse, Lapses
+from nathlon.policies.training.polish import Polish
+from nathlon.policies.training.rewards import Reward
+from nathlon.policies.training.trial import Driven, Trial, lasting
+from nathlon.publishing.curves import find_curves
+from nathlon.sim.errors import InputError
+from tests.command_line import nathlon, refused
+from tests.refusals import refusal
+
+CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
+COMMON = {
+    "circuit": "lindenring",
+    "car": "gt3",
+    "updates": 1,
+    "updates_per_step": 1,
+    "warm_up": 1,
+    "replay": 1,
+}
+
+
+def config(*rollouts: dict, **more: object) -> TrainingConfig:
+    return TrainingConfig.model_validate({**COMMON, "checkpoint_every": 1, "rollouts": rollouts, **more})
+
+
+ALONE = config({"scenario": "1v0", "races": 1, "learners": 1})
+TRAFFIC = config({"scenario": "1v1", "races": 1, "learners": 1, "opponents": ["driver", "self", "past"]})
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Little is driven."""
+    for name, value in {"GROUP": 4, "HORIZON_S": 3.0, "UNTOLD_S": 1.0}.items():
+        monkeypatch.setattr(trial, name, value)
+    for name, value in {"STARTS": 2, "CHECKPOINT_EVERY": 2}.items():
+        monkeypatch.setattr(polish, name, value)
+
+
+def polished(folder: Path, rounds: int, stop_after: int | None = None) -> None:
+    work = Polish(CHECKPOINT, ALONE, folder, rounds, seed=3)
+
+    def on_round(done: polish.Round) -> None:
+        if done.rounds == stop_after:
+            raise KeyboardInterrupt
+
+    work.run(on_round)
+
+
+def drive(settings: TrainingConfig, seed: int = 5) -> tuple[Driven, float]:
+    network = load_checkpoint(CHECKPOINT).network
+    races = Trial(settings, settings.rollouts[0], 2, CHECKPOINT, threads=1)
+    drive = races.drive(network, np.random.default_rng(seed))
+    assert len(drive.driven) == 1
+    return drive.driven[0], drive.reward
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize("settings", [ALONE, TRAFFIC], ids=["alone", "traffic"])
+def test_a_group_leaves_the_same_start(settings: TrainingConfig) -> None:
+    driven, _ = drive(settings)
+    assert len(driven.seen) == len(driven.advantage) == 20 * 8  # steps that are told, cars
+    first, later = (driven.seen[8 * step : 8 * step + 8].reshape(4, 2, -1) for step in (0, 10))
+    assert np.array_equal(first, np.tile(first[:1], (4, 1, 1)))
+    assert not np.array_equal(first[0, 0], first[0, 1])
+    assert not np.array_equal(later[0], later[1])
+    np.testing.assert_allclose(load_checkpoint(CHECKPOINT).network(driven.seen), driven.means, atol=1e-5)
+    assert abs(driven.noise.std() - 1.0) < 0.1
+    assert driven.advantage.std() == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize("settings", [ALONE, TRAFFIC], ids=["alone", "traffic"])
+def test_who_drives_alike_earns_alike(settings: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "DEVIATION", np.zeros(2, np.float32))
+    driven, reward = drive(settings)
+    assert np.array_equal(driven.advantage, np.zeros(len(driven.advantage)))
+    again, the_same = drive(settings)
+    assert np.array_equal(again.seen, driven.seen)
+    assert the_same == reward
+    assert drive(settings, seed=6)[1] != reward
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize("settings", [ALONE, TRAFFIC], ids=["alone", "traffic"])
+def test_what_went_wrong_is_driven_again(settings: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a group of its own, from the same moment, against the same opponents, with bolder noise."""
+    monkeypatch.setattr(trial, "AGAIN_S", 11.0)
+    asked, moments = [], []
+
+    def draw(self: Lapses, count: int) -> list[Lapse]:
+        asked.append(count)
+        moments.append(races._episodes.moment().of(5))
+        return [Lapse(5, moments[0])] * count
+
+    monkeypatch.setattr(Lapses, "draw", draw)
+    rollouts = settings.rollouts[0].model_copy(update={"mistakes": 0.5})
+    races = Trial(settings, rollouts, 2, CHECKPOINT, threads=1)
+    network = load_checkpoint(CHECKPOINT).network
+    done = races.drive(network, np.random.default_rng(5))
+    first, again = done.driven
+    assert asked == [1]  # half of two starts
+    assert done.steps == 30 * 8 + 110 * 4
+    assert len(first.seen) == 20 * 8
+    assert len(again.seen) == 100 * 4
+    begun = again.seen[:4]
+    assert np.array_equal(begun, np.tile(begun[:1], (4, 1)))
+    assert not np.array_equal(again.seen[4], again.seen[5])
+    episodes = races._episodes
+    episodes.start([0], [np.random.default_rng(0)], {0: moments[0]})
+    assert np.array_equal(races._heat.seen[0], begun[0])
+    if settings is TRAFFIC:
+        assert np.array_equal(races._heat.seated([0, 2, 4, 6]), races._heat.seated([5] * 4))
+    noise = again.noise.reshape(100, 8)
+    assert noise.std() == pytest.approx(1.0 / trial.BOLDNESS, rel=0.2)
+    assert np.corrcoef(noise[1:].ravel(), noise[:-1].ravel())[0, 1] == pytest.approx(trial.KEPT, abs=0.15)
+    assert again.advantage.std() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_noise_that_lasts_is_no_larger() -> None:
+    drawn = np.random.default_rng(0).standard_normal((20_000, 3)).astype(np.float32)
+    lasts = lasting(drawn, 0.8)
+    assert lasts.dtype == np.float32
+    assert lasts.std() == pytest.approx(1.0, rel=0.02)
+    for lag in (1, 3):
+        assert np.corrcoef(lasts[lag:, 0], lasts[:-lag, 0])[0, 1] == pytest.approx(0.8**lag, abs=0.02)
+    assert np.array_equal(lasting(drawn, 0.0), drawn)
+
+
+@pytest.mark.usefixtures("few")
+@pytest.mark.parametrize(("component", "discount"), [("progress", 0.985), ("unsporting", 0.95)])
+def test_a_charge_is_laid_to_what_led_there(
+    component: str, discount: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The longer ago an action was, the less counts for it what a car is charged: least of a contact."""
+    components, laid, step = Reward.components, [], count()
+
+    def charged(self: Reward, before: np.ndarray, after: np.ndarray, *rest: np.ndarray) -> dict:
+        found = {name: np.zeros(after.shape) for name in components(self, before, after, *rest)}
+        found[component][0, 0] = -1.0 if next(step) == 15 else 0.0
+        return found
+
+    def told(returns: np.ndarray, charges: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        laid.append(returns + charges)
+        return advantages(returns, charges, motion)
+
+    monkeypatch.setattr(Reward, "components", charged)
+    monkeypatch.setattr(trial, "advantages", told)
+    drive(config({"scenario": "1v0", "races": 1, "learners": 1}, reward={component: 2.0}))
+    (values,) = laid
+    assert values.shape == (20, 2, 4)  # steps that are told, starts, group
+    np.testing.assert_allclose(values[:16, 0, 0], -2.0 * discount ** np.arange(15, -1, -1))
+    assert not values[16:].any()
+    values[:, 0, 0] = 0.0
+    assert not values.any()
+
+
+def test_reward_is_what_the_configuration_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "GROUP", 2)
+    rollouts = {"scenario": "1v0", "races": 1, "learners": 1}
+    earned = [
+        drive(config(rollouts, reward={"progress": weight, "off_course": 0.0, "steering": price}))[1]
+        for weight, price in ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0))
+    ]
+    assert earned[0] == pytest.approx(2.0 * earned[1])
+    assert earned[2] == earned[0]
+
+
+def test_who_brakes_less_than_its_group_before_a_straight_has_the_advantage(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of the steps in which all are at full throttle, noise on the pedals can but slow."""
+    monkeypatch.setattr(trial, "GROUP", 16)
+    driven, _ = drive(ALONE)
+    full = driven.means[:, 0] > 0.99
+    assert full.sum() > 1000
+    slowed = np.minimum(driven.noise[full, 0], 0.0)
+    assert np.corrcoef(slowed, driven.advantage[full])[0, 1] > 0.05
+
+
+def test_a_polished_policy_laps_faster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "HORIZON_S", 40.0)
+    monkeypatch.setattr(polish, "STARTS", 8)
+    Polish(CHECKPOINT, ALONE, tmp_path, 4, seed=1).run(lambda _: None)
+    found = tmp_path / "checkpoints" / "round-00004.safetensors"
+    laps = []
+    for path in (CHECKPOINT, found):
+        policy = load_checkpoint(path)
+        laps.append(evaluate_laps("lindenring", "gt3", policy.observation_spec, policy.network, seed=7))
+    assert laps[1].lap_s < laps[0].lap_s - 0.05
+    assert laps[1].off_course_share == 0.0
+    card, before = read_card(found), read_card(CHECKPOINT)
+    assert card.algorithm == "QR-SAC, polished"
+    assert card.scenarios == tuple(dict.fromkeys((*before.scenarios, "1v0")))
+    assert card.transitions == before.transitions + 4 * 8 * 32 * 400
+    assert card.step == before.step + 4 * (8 * 32 * 270 // 8192)
+    assert (card.seed, card.hidden) == (before.seed, before.hidden)
+    assert find_curves([str(found)])["updates"].to_list() == [card.step]
+    tensors, old = load_file(found), load_file(CHECKPOINT)
+    for name, tensor in old.items():
+        assert not np.array_equal(tensors[name], tensor)
+    assert np.array_equal(tensors["2.weight"][:, 2:], old["2.weight"][:, 2:])
+
+
+@pytest.mark.usefixtures("few")
+def test_going_on_after_a_stop_comes_to_the_same(tmp_path: Path) -> None:
+    polished(tmp_path / "whole", 5)
+    with pytest.raises(KeyboardInterrupt):
+        polished(tmp_path / "halves", 5, stop_after=3)
+    polished(tmp_path / "halves", 5)
+    names = sorted(str(path.relative_to(tmp_path / "whole")) for path in (tmp_path / "whole").rglob("*.*"))
+    assert names == [
+        "checkpoints/round-00002.safetensors",
+        "checkpoints/round-00004.safetensors",
+        "checkpoints/round-00005.safetensors",
+        "curve.csv",
+        "state.safetensors",
+    ]
+    for name in names[:-1]:
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "halves" / name).read_bytes()
+    lines = (tmp_path / "whole" / "curve.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["rounds", "2", "4", "5"]
+
+
+@pytest.mark.usefixtures("few")
+def test_what_is_polished_can_be_polished_further(tmp_path: Path) -> None:
+    polished(tmp_path / "once", 2)
+    once = tmp_path / "once" / "checkpoints" / "round-00002.safetensors"
+    Polish(once, ALONE, tmp_path / "twice", 2, seed=3).run(lambda _: None)
+    card, before = read_card(tmp_path / "twice" / "checkpoints" / once.name), read_card(once)
+    assert card.algorithm == before.algorithm == "QR-SAC, polished"
+    assert card.transitions - before.transitions == before.transitions - read_card(CHECKPOINT).transitions
+
+
+@pytest.mark.usefixtures("few")
+def test_another_polishing_is_refused(tmp_path: Path) -> None:
+    polished(tmp_path, 2)
+    state = tmp_path / "state.safetensors"
+    with refusal(state, "another seed"):
+        Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=4)
+    with refusal(state, "another rounds"):
+        Polish(CHECKPOINT, ALONE, tmp_path, 3, seed=3)
+    with refusal(state, "another configuration"):
+        Polish(CHECKPOINT, TRAFFIC, tmp_path, 2, seed=3)
+    with refusal(state, "another checkpoint"):
+        Polish(CHECKPOINT.with_name("lindenring-grid-044k.safetensors"), ALONE, tmp_path, 2, seed=3)
+    with safe_open(state, framework="np") as file:
+        facts = file.metadata()
+    counts = np.array([2, 6])  # as states had them that did not count transitions
+    save_file({**load_file(state), "counts": counts}, state, facts)
+    with refusal(state, "counts has 2 numbers, expected rounds, updates, transitions"):
+        Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
+    state.write_bytes(state.read_bytes()[:100])
+    with refusal(state, "not the state of a polishing"):
+        Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_checkpoint_of_another_circuit_is_refused(tmp_path: Path) -> None:
+    elsewhere = BUNDLED / "porto-sereno" / "porto-sereno-cup-044k.safetensors"
+    with refusal(elsewhere, "circuit is porto-sereno, expected lindenring"):
+        Polish(elsewhere, ALONE, tmp_path / "out", 2, seed=3)
+    assert not (tmp_path / "out").exists()
+    shown = config({**ALONE.rollouts[0].model_dump(), "demonstrators": ["driver"]})
+    with pytest.raises(InputError, match=r"all rollouts .* are demonstrations"):
+        Polish(CHECKPOINT, shown, tmp_path / "out", 2, seed=3)
+
+
+@pytest.mark.usefixtures("few")
+def test_the_command(tmp_path: Path) -> None:
+    done = nathlon("polish", CHECKPOINT, "--rounds", "2", "--out", "p", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == {"rounds": 2, "checkpoints": "p/checkpoints"}
+    load_checkpoint(tmp_path / "p" / "checkpoints" / "round-00002.safetensors")
+    refused(nathlon("polish", "none.safetensors", cwd=tmp_path), "none.safetensors", "no such file")
+    refused(nathlon("polish", CHECKPOINT, "--config", "fast", cwd=tmp_path), "fast")

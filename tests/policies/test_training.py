@@ -1,0 +1,324 @@
+"""Training runs: what they leave, going on after a stop, ends and cuts of episodes."""
+
+from __future__ import annotations
+
+import csv
+import resource
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+import torch
+
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.qrsac.networks import Perceptron
+from nathlon.policies.training import rewards
+from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
+from nathlon.policies.training.log import CURVE_FILE, Status
+from nathlon.policies.training.rollout import Rollout
+from nathlon.policies.training.state import RunState, load_state, save_state
+from nathlon.policies.training.trainer import Trainer
+from nathlon.policies.training.worker import News
+from nathlon.policies.training.worker_pool import ProcessCrew
+from nathlon.sim.errors import InputError
+from nathlon.sim.state import CAR_STATE
+
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
+SMALL = TrainingConfig.model_validate(
+    {
+        "circuit": "lindenring",
+        "car": "gt3",
+        "updates": 8,
+        "updates_per_step": 2,
+        "warm_up": 60,
+        "replay": 500,
+        "checkpoint_every": 8,
+        "rollouts": [
+            {"scenario": "1v0", "races": 3, "learners": 1},
+            {"scenario": "1v3", "races": 1, "learners": 2, "opponents": ["driver:pace=0.9"]},
+        ],
+        "observation": {"course_points": 3, "cars_ahead": 1, "cars_behind": 1},
+        "qrsac": {"hidden": [8, 8], "quantiles": 4, "batch": 16, "n_step": 3},
+    }
+)
+
+
+def train(trainer: Trainer) -> list[Status]:
+    seen: list[Status] = []
+    trainer.run(seen.append)
+    return seen
+
+
+def test_a_run_with_compiled_updates_leaves_checkpoints_that_drive_and_a_curve(tmp_path: Path) -> None:
+    with torch.compiler.set_stance("default"):
+        assert train(Trainer.start(tmp_path / "run", changed(checkpoint_every=4), seed=3))
+    paths = sorted((tmp_path / "run" / "checkpoints").iterdir())
+    assert [load_checkpoint(path).card.step for path in paths] == [4, 8]
+    policy = load_checkpoint(paths[0])
+    assert policy.card.seed == 3
+    assert policy.card.scenarios == ("1v0", "1v3")
+    assert policy.observation_spec == SMALL.observation.spec()
+    rows = list(csv.DictReader((tmp_path / "run" / CURVE_FILE).open()))
+    assert [int(row["updates"]) for row in rows] == [4, 8]
+    assert list((tmp_path / "run" / "tensorboard").glob("events*"))
+
+
+def test_the_same_seed_gives_the_same_checkpoints(tmp_path: Path) -> None:
+    contents = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        train(Trainer.start(tmp_path / name, SMALL, seed))
+        contents.append((tmp_path / name / "checkpoints" / "step-0000008.safetensors").read_bytes())
+    assert contents[0] == contents[1]
+    assert contents[0] != contents[2]
+
+
+def test_updates_in_a_row_are_those_made_one_by_one(tmp_path: Path) -> None:
+    """No step of the rollouts comes between them, so that nothing depends on how often it is asked."""
+    ends = []
+    for every in (1, 3, 4):
+        config = changed(updates=40, updates_per_step=4, refresh_every=every)
+        trainer = Trainer.start(tmp_path / str(every), config, 1)
+        train(trainer)
+        ends.append(trainer.learner.policy_parameters)
+    assert ends[0].equal(ends[2])
+    assert not ends[0].equal(ends[1])
+
+
+def test_a_device_that_is_not_there_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(InputError, match="found no GPU that PyTorch can use for 'cuda', expected 'cpu'"):
+        Trainer.start(tmp_path / "run", SMALL, 1, device="cuda")
+    assert not (tmp_path / "run").exists()
+
+
+def test_resume_goes_on_from_the_stop(tmp_path: Path) -> None:
+    trainer = Trainer.start(tmp_path, SMALL, seed=1)
+
+    def stop(status: Status) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        trainer.run(stop)
+    stopped = trainer.learner.state_dict()
+    again = Trainer.resume(tmp_path)
+    assert again.updates == trainer.updates > 0
+    assert again.transitions == trainer.transitions
+    for name, tensor in again.learner.state_dict().items():
+        assert tensor.equal(stopped[name]), name
+    train(again)
+    assert again.updates == SMALL.updates
+
+
+def test_a_run_may_start_from_the_networks_of_another(tmp_path: Path) -> None:
+    first = Trainer.start(tmp_path / "first", SMALL, seed=1)
+    train(first)
+    Trainer.start(tmp_path / "second", SMALL, seed=2, origin=tmp_path / "first")
+    second = Trainer.resume(tmp_path / "second")
+    theirs, ours = first.learner.state_dict(), second.learner.state_dict()
+    for name in ("policy", "critic", "target", "average"):
+        assert ours[name].equal(theirs[name]), name
+    assert second.updates == ours["step"] == 0
+    assert not ours["critic_square"].any()
+
+
+def test_a_run_cannot_start_from_networks_of_another_shape(tmp_path: Path) -> None:
+    train(Trainer.start(tmp_path / "first", SMALL, seed=1))
+    wider = changed(qrsac=SMALL.qrsac.model_dump() | {"hidden": [8, 9]})
+    with pytest.raises(InputError, match=r"first: cannot be started from: training state: tensor"):
+        Trainer.start(tmp_path / "second", wider, seed=1, origin=tmp_path / "first")
+    assert not (tmp_path / "second").exists()
+
+
+def changed(**changes: object) -> TrainingConfig:
+    return TrainingConfig.model_validate(SMALL.model_dump() | changes)
+
+
+def test_rates_that_fall_end_with_the_run(tmp_path: Path) -> None:
+    """Updates after the middle of the run move the critics less than with constant rates."""
+    moved = []
+    for final in (1.0, 0.01):
+        qrsac = SMALL.qrsac.model_dump() | {"final_rates": final, "critic_rate": 1e-3}
+        trainer = Trainer.start(tmp_path / str(final), changed(qrsac=qrsac, updates_per_step=1), seed=1)
+        train(trainer)
+        state = trainer.learner.state_dict()
+        trainer.learner.update(trainer.replay.sample(np.random.default_rng(0)))
+        moved.append(float((trainer.learner.state_dict()["critic"] - state["critic"]).abs().max()))
+    assert moved[1] < 0.05 * moved[0]
+
+
+def test_a_kept_replay_is_there_after_a_stop(tmp_path: Path) -> None:
+    trainer = Trainer.start(tmp_path, changed(keep_replay=True), seed=1)
+    train(trainer)
+    again = Trainer.resume(tmp_path)
+    assert len(again.replay) == len(trainer.replay) > 0
+    theirs, mine = (np.random.default_rng(5) for _ in range(2))
+    for one, other in zip(trainer.replay.sample(theirs), again.replay.sample(mine), strict=True):
+        assert one.equal(other)
+
+
+def test_the_state_of_another_run_is_refused(tmp_path: Path) -> None:
+    for name, hidden in (("a", [8, 8]), ("b", [8, 9])):
+        train(Trainer.start(tmp_path / name, changed(qrsac=SMALL.qrsac.model_dump() | {"hidden": hidden}), 1))
+    (tmp_path / "b" / "state.safetensors").replace(tmp_path / "a" / "state.safetensors")
+    with pytest.raises(InputError, match="of another run: training state: tensor 'policy"):
+        Trainer.resume(tmp_path / "a")
+
+
+def test_a_state_that_does_not_fit_on_the_disk_leaves_the_old_one(tmp_path: Path) -> None:
+    rng = dict(np.random.default_rng(1).bit_generator.state)
+    save_state(tmp_path, RunState(3, 30, 1.0, {"x": torch.ones(1)}, rng))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(InputError, match=r"state\.safetensors: cannot be written"):
+            save_state(tmp_path, RunState(4, 40, 2.0, {"x": torch.ones(10_000)}, rng))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert load_state(tmp_path).updates == 3
+    assert [path.name for path in tmp_path.iterdir()] == ["state.safetensors"]
+
+
+def test_a_run_that_diverges_stops_and_keeps_its_last_checkpoint(tmp_path: Path) -> None:
+    train(Trainer.start(tmp_path, SMALL, seed=1))
+    good = {path.name: path.read_bytes() for path in (tmp_path / "checkpoints").iterdir()}
+    state = (tmp_path / "state.safetensors").read_bytes()
+    facts = (tmp_path / "run.json").read_text()
+    (tmp_path / "run.json").write_text(
+        facts.replace('"progress": 0.2', '"progress": 1e39').replace('"updates": 8', '"updates": 16')
+    )
+    with pytest.raises(InputError, match=r"diverged by update \d+.* last good checkpoint is step-0000008"):
+        train(Trainer.resume(tmp_path))
+    assert {path.name: path.read_bytes() for path in (tmp_path / "checkpoints").iterdir()} == good
+    assert (tmp_path / "state.safetensors").read_bytes() == state
+
+
+def test_workers_in_processes_of_their_own_gather_for_all_tables(tmp_path: Path) -> None:
+    trainer = Trainer.start(tmp_path, changed(workers=2, refresh_every=2), seed=1)
+    train(trainer)
+    assert trainer.updates == SMALL.updates
+    assert [table.gathered > 0 for table in trainer.replay.tables] == [True] * 4
+    assert len(list((tmp_path / "checkpoints").iterdir())) == 1
+
+
+def test_messages_that_no_pipe_holds_pass_both_ways() -> None:
+    rollouts = [{"scenario": "1v0", "races": 1000, "learners": 1}]
+    config = changed(workers=1, rollouts=rollouts)
+    network = Perceptron((config.observation.spec().size, 512, 512, 4))
+    news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
+    crew = ProcessCrew(config, network, news, np.random.SeedSequence(1))
+    taken: list[int] = []
+
+    def exchange() -> None:
+        for _ in range(5):
+            crew.tell(news)
+            taken.extend(worker for worker, _ in crew.take(wait_for_one=True))
+
+    exchanging = Thread(target=exchange, daemon=True)
+    exchanging.start()
+    exchanging.join(120)
+    crew.close()
+    assert taken == [0] * 5
+
+
+def test_a_worker_says_what_it_cannot_do(tmp_path: Path) -> None:
+    rollouts = [{"scenario": "1v0", "races": 1, "learners": 2}]
+    trainer = Trainer.start(tmp_path, changed(workers=1, rollouts=rollouts), seed=1)
+    with pytest.raises(InputError, match="rollouts 1v0: learners is 2"):
+        train(trainer)
+
+
+def test_one_table_takes_the_experience_of_all_rollouts(tmp_path: Path) -> None:
+    trainer = Trainer.start(tmp_path, changed(tables="one"), seed=1)
+    train(trainer)
+    (table,) = trainer.replay.tables
+    assert len(table) > SMALL.warm_up
+
+
+def test_demonstrators_drive_in_the_learners_place() -> None:
+    shown = Rollouts(scenario="time_trial", races=2, learners=1, demonstrators=("driver",))
+    rollout = Rollout(SMALL, shown, np.random.default_rng(0))
+    for _ in range(300):
+        step, _ = rollout.step(np.full((2, 2), -1.0, np.float32))
+    assert (step.action != -1.0).all()
+    state = rollout.episodes.world.state
+    assert (state["progress"] > 600.0).all()
+    assert (state["off_course_s"] < 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("", "no training run to resume"),
+        ("{", "expected the JSON of a training run"),
+        ('{"seed": 1, "config": {"circuit": 3}}', "circuit"),
+    ],
+)
+def test_a_folder_that_holds_no_run_cannot_be_resumed(tmp_path: Path, change: str, said: str) -> None:
+    if change:
+        (tmp_path / "run.json").write_text(change)
+    with pytest.raises(InputError, match=said):
+        Trainer.resume(tmp_path)
+
+
+def test_a_folder_with_a_run_is_not_overwritten(tmp_path: Path) -> None:
+    Trainer.start(tmp_path, SMALL, seed=1)
+    with pytest.raises(InputError, match="already"):
+        Trainer.start(tmp_path, SMALL, seed=1)
+
+
+def test_a_stuck_car_terminates_and_a_time_limit_truncates() -> None:
+    rollout = Rollout(SMALL, Rollouts(scenario="1v0", races=2, learners=1), np.random.default_rng(0))
+    braking = np.array([[-1.0, 0.0]] * 2, np.float32)
+    ends = []
+    for _ in range(120):
+        step, _ = rollout.step(braking)
+        assert not (step.terminated & step.truncated).any()
+        ends.append((step.terminated.copy(), step.valid.copy()))
+        if step.terminated.any():
+            break
+    assert ends[-1][0].any()
+    # 5 s at rest after braking: within 12 s, and never before 5 s.
+    assert len(ends) > 50
+    rollout.episodes.limit_s[:] = 0.05
+    step, _ = rollout.step(braking)
+    assert step.truncated.all()
+    assert not step.terminated.any()
+    assert (rollout.episodes.world.time == 0.0).all()
+
+
+def test_the_final_observation_is_the_one_before_the_reset() -> None:
+    rollout = Rollout(SMALL, Rollouts(scenario="1v0", races=1, learners=1), np.random.default_rng(0))
+    rollout.episodes.limit_s[:] = 0.05
+    step, _ = rollout.step(np.zeros((1, 2), np.float32))
+    assert step.truncated.all()
+    assert not np.array_equal(step.next_observation, rollout.observation)
+
+
+def test_steering_costs_the_square_of_its_change() -> None:
+    before, after = np.zeros((2, 1, 2), CAR_STATE)
+    before["steering"], after["steering"] = [[0.1, -0.1]], [[0.1, 0.2]]
+    np.testing.assert_allclose(rewards.steering(before, after), [[0.0, -0.09]])
+
+
+def test_every_shipped_configuration_reads() -> None:
+    folder = Path(read_config.__code__.co_filename).parent / "configs"
+    for path in folder.glob("*.toml"):
+        assert read_config(path).rollouts
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("circuit = 1", "circuit"),
+        ("[", "not a TOML file"),
+        ("wheels = 4", "circuit: Field required"),
+    ],
+)
+def test_a_wrong_configuration_names_file_and_field(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said) as error:
+        read_config(path)
+    assert str(path) in str(error.value)

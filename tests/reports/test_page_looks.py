@@ -1,0 +1,198 @@
+"""How the page looks and feels: in light and dark, on a phone, on paper, by keyboard."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import polars as pl
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser
+
+from nathlon.arena.results import SKILLS
+from nathlon.n_athlon.skill import SKILLS_FOLDER
+from nathlon.reports.selection import Selection
+from tests.opened_page import Opened, full_night, key, views
+
+SHEET_PX = 1032
+"""Width of what is printed on A4 in landscape with margins of 12 mm."""
+
+
+@pytest.fixture(scope="module")
+def full() -> Selection:
+    return full_night()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_view_is_quiet_and_accessible(
+    browser: Browser, tmp_path: Path, full: Selection, scheme: str
+) -> None:
+    opened = Opened(browser, full, tmp_path, color_scheme=scheme)
+    axe = Axe()
+    titles = set()
+    for address in views(full):
+        opened.go(address)
+        titles.add(opened.page.title())
+        found = axe.run(opened.page).response["violations"]
+        serious = [
+            (fault["id"], fault["nodes"][0]["html"])
+            for fault in found
+            if fault["impact"] in ("serious", "critical")
+        ]
+        assert serious == [], address
+        opened.picture(f"{scheme} {address}")
+    assert len(titles) == len(views(full)) - 1  # contacts and points are one view
+    opened.assert_quiet()
+
+
+def test_no_view_is_wider_than_a_phone(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, viewport={"width": 390, "height": 800})
+    for address in views(full):
+        opened.go(address)
+        assert opened.page.evaluate("document.documentElement.scrollWidth") == 390, address
+        opened.picture(f"phone {address}")
+    opened.assert_quiet()
+
+
+SUMS = {"points": 10_250.0, "points_low": 10_150.0, "points_high": 10_350.0}
+
+
+def with_shipped_tests(selection: Selection) -> Selection:
+    """The selection with points in all shipped tests, of four digits in some, and sums of five."""
+    tests = sorted(file.stem for file in SKILLS_FOLDER.glob("*.toml"))
+    battery = selection.tables["battery"].with_columns(
+        *(pl.lit(value).alias(name) for name, value in SUMS.items())
+    )
+    rows = [
+        dict.fromkeys(SKILLS, 1.0)
+        | {"entrant": entrant, "test": test, "unit": "s", "points": points, "runs": 24}
+        for place, entrant in enumerate(battery["entrant"])
+        for test, points in zip(tests, range(1090 - 40 * place, 0, -25), strict=False)
+    ]
+    tables = {**selection.tables, "battery": battery, "skills": pl.DataFrame(rows, schema=SKILLS)}
+    return replace(selection, tables=tables)
+
+
+HIDDEN = "document.querySelector('.scroll').scrollWidth - document.querySelector('.scroll').clientWidth"
+HEADS = "[...document.querySelectorAll('#n-athlon thead .test button')]"
+
+
+def test_widest_tables_fit_a_window(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(
+        browser, with_shipped_tests(full), tmp_path, "#/n-athlon", viewport={"width": 1400, "height": 900}
+    )
+    assert len(opened.page.evaluate(f"{HEADS}.map(e => e.textContent)")) == 14
+    assert opened.page.evaluate(HIDDEN) == 0
+    boxes = opened.page.evaluate(f"{HEADS}.map(e => e.getBoundingClientRect()).map(e => [e.left, e.right])")
+    assert all(right <= left for (_, right), (left, _) in itertools.pairwise(boxes))
+    opened.picture("all shipped tests")
+    opened.go("#/leaderboard")
+    assert opened.page.evaluate(HIDDEN) == 0
+    opened.assert_quiet()
+
+
+@pytest.mark.parametrize(("width", "name"), [(1400, "a-name-as-long-as-it-is-shown-at-most"), (390, "e")])
+def test_names_stay_where_a_wide_table_scrolls(
+    browser: Browser, tmp_path: Path, full: Selection, width: int, name: str
+) -> None:
+    selection = with_shipped_tests(full)
+    entrants = selection.tables["entrants"].with_columns(
+        name=pl.format("{}-{}", pl.lit(name), pl.int_range(pl.len()))
+    )
+    wide = replace(selection, tables={**selection.tables, "entrants": entrants})
+    opened = Opened(browser, wide, tmp_path, "#/n-athlon", viewport={"width": width, "height": 900})
+    assert opened.page.evaluate(HIDDEN) > 0
+    opened.page.evaluate("document.querySelector('.scroll').scrollLeft = 1e4")
+    # The last test's points are in sight, and the name lies before whatever else is where it is.
+    row = "document.querySelector('#n-athlon tbody tr')"
+    last, box, link = (
+        opened.page.evaluate(f"(e => [e.left, e.right, e.top])({place}.getBoundingClientRect())")
+        for place in (
+            f"{row}.lastChild",
+            "document.querySelector('.scroll')",
+            f"{row}.querySelector('.name a')",
+        )
+    )
+    assert last[1] <= box[1] + 1
+    assert box[0] <= link[0] < link[1] <= last[0]
+    on_top = f"document.elementFromPoint({link[0] + 3}, {link[2] + 8}) === {row}.querySelector('.name a')"
+    assert opened.page.evaluate(on_top)
+    opened.picture(f"scrolled n-athlon {width}")
+    opened.assert_quiet()
+
+
+def test_paper_is_light_and_holds_everything(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, color_scheme="dark", viewport={"width": SHEET_PX, "height": 730})
+    opened.page.emulate_media(media="print")
+    for address in views(full):
+        opened.go(address)
+        opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert opened.page.evaluate("document.documentElement.scrollWidth") == SHEET_PX, address
+        cut = "[...document.querySelectorAll('.scroll')].some(box => box.scrollWidth > box.clientWidth + 1)"
+        assert not opened.page.evaluate(cut), address
+        opened.picture(f"paper {address}")
+    assert _luminance(opened.page.evaluate("getComputedStyle(document.body).color")) < 0.05
+    opened.go("#/pareto")
+    opened.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert len(opened.column("pareto", 1)) == full.tables["pareto"].height
+    opened.assert_quiet()
+
+
+def test_the_button_changes_the_colours_until_they_are_the_systems(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    opened = Opened(browser, full, tmp_path, color_scheme="light")
+    paper = "getComputedStyle(document.body).backgroundColor"
+    light = opened.page.evaluate(paper)
+    opened.page.get_by_role("button", name="Dark colours").click()
+    dark = opened.page.evaluate(paper)
+    assert _luminance(dark) < 0.05 < _luminance(light)
+    opened.page.reload()
+    assert opened.page.evaluate(paper) == dark
+    opened.page.get_by_role("button", name="Light colours").click()
+    assert opened.page.evaluate(paper) == light
+    opened.page.emulate_media(color_scheme="dark")
+    opened.until(f"{paper} === '{dark}'")
+    opened.assert_quiet()
+
+
+def test_arrow_keys_walk_through_tables(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = Opened(browser, full, tmp_path, "#/matchups")
+    focused = "document.activeElement.closest('td, th')"
+    opened.page.locator("#matchups tbody tr").nth(1).locator(".cell a").first.focus()
+    walked = []
+    for arrow in ("ArrowRight", "ArrowDown", "ArrowLeft", "ArrowLeft", "ArrowUp", "ArrowUp"):
+        opened.page.keyboard.press(arrow)
+        walked.append(opened.page.evaluate(f"[{focused}.parentElement.rowIndex, {focused}.cellIndex]"))
+    # From the cell (2, 1); the diagonal has nothing to stand on, and above the first row there is nothing.
+    assert walked == [[2, 3], [4, 3], [4, 2], [4, 1], [3, 1], [2, 1]]
+    opened.page.keyboard.press("Enter")
+    opened.page.wait_for_url(f"**#/matchup/{key(full, 1)}/{key(full, 0)}")
+    opened.assert_quiet()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_heat_map_is_legible(browser: Browser, tmp_path: Path, full: Selection, scheme: str) -> None:
+    """Text on every shade has the contrast of WCAG 2 level AA."""
+    opened = Opened(browser, full, tmp_path, "#/matchups", color_scheme=scheme)
+    pairs = opened.page.evaluate(
+        "[...document.querySelectorAll('.cell')].map(e => {"
+        " const own = getComputedStyle(e); return [own.color, own.backgroundColor]})"
+    )
+    assert len(pairs) == 30
+    assert min(_contrast(text, ground) for text, ground in {tuple(pair) for pair in pairs}) >= 4.5
+    opened.assert_quiet()
+
+
+def _contrast(text: str, ground: str) -> float:
+    light, dark = sorted((_luminance(text), _luminance(ground)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def _luminance(colour: str) -> float:
+    channels = [int(value) / 255 for value in re.findall(r"\d+", colour)[:3]]
+    red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue

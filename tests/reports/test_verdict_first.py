@@ -1,0 +1,82 @@
+"""The verdict comes before report and recordings, and what is stopped after it goes on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+from nathlon.arena.store import Store
+from nathlon.reports.summary import read_summary
+from nathlon.selection.run import DONE
+from tests.checkpoints import BUNDLED
+
+CONFIG = """\
+seed = 5
+recordings = "all"
+[pareto]
+races = 1
+most_races = 1
+[battery]
+tests = ["hot_lap", "start_back"]
+runs = 2
+[committee]
+shortlist = 2
+[tournament]
+pairs = 3
+"""
+CHOSEN = ("lindenring-aggressive-004k", "lindenring-s1-008k", "lindenring-wake-028k")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends signals")
+def test_ctrl_c_after_the_verdict_loses_nothing(tmp_path: Path) -> None:
+    config, out = tmp_path / "config.toml", tmp_path / "out"
+    config.write_text(CONFIG)
+    script = Path(sys.executable).parent / "nathlon"
+    checkpoints = [path for path in BUNDLED if path.stem in CHOSEN]
+    command = [str(part) for part in (script, "evaluate", *checkpoints, "--config", config, "--out", out)]
+    command += ["--workers", "2"]
+
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        assert process.stderr
+        verdict = _verdict(process.stdout)
+        assert not (out / "report" / "index.html").exists()
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read()
+    assert process.returncode == 130
+    assert "Stopped. The same command goes on" in said
+    assert "Traceback" not in said
+    status, raced = _stored(out)
+    assert status != DONE
+
+    again = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert _verdict(again.stdout.splitlines()) == verdict
+    assert _stored(out) == (DONE, raced)
+    summary = read_summary(out / "summary.json")
+    assert (out / "report" / "index.html").exists()
+    assert summary.sent[0].name in verdict[-1]
+    races = sum(stage.races for stage in summary.stages if stage.name == "tournament")
+    assert len([path for path in (out / "races").glob("*.mcap") if path.stem != "final"]) == races > 0
+
+
+def _verdict(lines: Iterable[str]) -> list[str]:
+    """What is printed up to who is sent."""
+    said = []
+    for line in lines:
+        said.append(line.rstrip())
+        if line.startswith("Sent"):
+            return said
+    raise AssertionError(said)
+
+
+def _stored(out: Path) -> tuple[str, list[str]]:
+    """Status of the run in a folder, and the matches that are stored."""
+    with Store.open(out / "store.sqlite") as store:
+        [record] = store.runs()
+        return record.status, sorted(store.results()["match"].unique())
