@@ -13,25 +13,10 @@ from nathlon.arena.pool import Pool
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-LONGEST = (
-    "test_nightly",  # compiles the world's functions, which the others then load
-    "test_page_looks",
-    "test_mcap_readers",
-    "test_training",
-    "test_pipeline",
-    "test_qrsac",
-    "test_replays",
-    "test_pool",
-    "test_faults",
-    "test_ablation",
-    "test_wheel",
-)
-"""Files that take longest: they begin first, so that no test process waits for another at the end."""
-
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    order = {name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: order.get(item.path.stem, len(order)))
+    """Begin with the modules that take long, so that no test process waits for another at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("takes_long") is None)
 
 
 @pytest.fixture(scope="module")

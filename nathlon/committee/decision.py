@@ -84,7 +84,8 @@ class Decision:
         """What would follow now.
 
         A candidate is fit if half of the ballots or more approve it. The fit ones are ordered by
-        `nathlon.committee.ballots.order`, and the first of them chosen; a seat for which none is left stays empty.
+        `nathlon.committee.ballots.order`, and the first of them chosen; a seat for which none is left stays
+        empty.
         """
         ballots = self.ballots().values()
         candidates = list(self.opened.candidates)

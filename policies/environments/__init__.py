@@ -10,7 +10,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "nathlon/TimeTrial-v0": {"scenario": "1v0", "opponents": ()},
     "nathlon/Race-v0": {},
 }
-"""Names and the arguments in which they differ from `nathlon.policies.environments.race_gym_env.RaceGymEnv`."""
+"""Names, and the arguments in which they differ from `RaceGymEnv`."""
 
 
 def register_environments() -> None:

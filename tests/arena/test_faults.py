@@ -26,6 +26,8 @@ from nathlon.sim.world import World
 from tests.checkpoints import BUNDLED
 from tests.policies.test_plugin import install
 
+pytestmark = pytest.mark.takes_long
+
 CODE = '''
 import os
 import time

@@ -17,6 +17,8 @@ from nathlon.arena.race_log import CAR_SAMPLE, RaceLog
 from nathlon.arena.recording import write_recording
 from tests.race_logs import oval_race
 
+pytestmark = pytest.mark.takes_long
+
 SOURCES = Path(__file__).parent.parent / "readers"
 SCHEMAS = {
     "/race": "nathlon.Race",

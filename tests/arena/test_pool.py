@@ -28,6 +28,8 @@ from nathlon.selection.trials import against
 from nathlon.sim.track import load_track
 from tests.checkpoints import BUNDLED
 
+pytestmark = pytest.mark.takes_long
+
 SLOW = "driver:pace=0.85"
 EARLY = "driver:early=30"
 

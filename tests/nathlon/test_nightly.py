@@ -26,6 +26,8 @@ from tests.clocks import Jumping
 from tests.command_line import nathlon, refused
 from tests.selections import build
 
+pytestmark = pytest.mark.takes_long
+
 GOOD = [path for path in BUNDLED if path.stem in ("lindenring-s1-032k", "lindenring-s1-040k")]
 WEAK = next(path for path in BUNDLED if path.stem == "lindenring-s1-008k")
 

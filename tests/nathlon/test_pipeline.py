@@ -28,6 +28,8 @@ from nathlon.selection.round_robin import TournamentSettings, tournament_matches
 from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED, save_faulty
 
+pytestmark = pytest.mark.takes_long
+
 CHOSEN = ("lindenring-aggressive-004k", "lindenring-s1-008k", "lindenring-wake-028k")
 """Of whom the filter leaves enough for the stages that follow."""
 CONFIG = Config(

@@ -26,6 +26,8 @@ from nathlon.publishing.replays import record_replays, record_stored_race
 from nathlon.sim.errors import InputError
 from tests.race_logs import oval_race
 
+pytestmark = pytest.mark.takes_long
+
 SCENARIO = """
 name = "sprint"
 description = ""

@@ -23,6 +23,8 @@ from nathlon.policies.replay_buffer.table import Batch
 from nathlon.sim.errors import InputError
 from tests.qrsac import ACTION, OBSERVATION, batches, config, learner
 
+pytestmark = pytest.mark.takes_long
+
 
 def test_bfloat16_stays_near_float32() -> None:
     """Both learners move from the same start by nearly the same way; parameters stay float32.

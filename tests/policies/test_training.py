@@ -24,7 +24,7 @@ from nathlon.policies.training.worker_pool import ProcessCrew
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
 
-pytestmark = pytest.mark.usefixtures("uncompiled")
+pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
 
 SMALL = TrainingConfig.model_validate(
     {

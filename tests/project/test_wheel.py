@@ -16,6 +16,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+pytestmark = pytest.mark.takes_long
+
 ROOT = Path(__file__).parent.parent.parent
 ROOMS = ("sim", "policies", "arena", "tournament", "reports")
 

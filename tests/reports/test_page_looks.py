@@ -17,6 +17,8 @@ from nathlon.n_athlon.skill import SKILLS_FOLDER
 from nathlon.reports.selection import Selection
 from tests.opened_page import Opened, full_night, key, views
 
+pytestmark = pytest.mark.takes_long
+
 SHEET_PX = 1032
 """Width of what is printed on A4 in landscape with margins of 12 mm."""
 
