@@ -11,7 +11,7 @@ from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from nathlon.sim.physics.course import CourseParameters, on_other_level
 from nathlon.sim.sharing import Tally, finish, take
-from nathlon.sim.simd import load, minus, plus, store, times
+from nathlon.sim.simd import add, load, multiply, store, subtract
 from nathlon.sim.state import CarRecord
 
 BLOCK = 8
@@ -174,16 +174,16 @@ def see_course(
         if high == rows:
             high = 0
         here, there = course.edges[low], course.edges[high]
-        dx = minus(between(here, there, 0, share), x)
-        dy = minus(between(here, there, 4, share), y)
-        dz = minus(between(here, there, 8, share), z)
-        ahead = plus(times(dx, cos_yaw), times(dy, sin_yaw))
-        aside = minus(times(dy, cos_yaw), times(dx, sin_yaw))
-        above = minus(minus(dz, times(slope_x, ahead)), times(slope_y, aside))
+        dx = subtract(between(here, there, 0, share), x)
+        dy = subtract(between(here, there, 4, share), y)
+        dz = subtract(between(here, there, 8, share), z)
+        ahead = add(multiply(dx, cos_yaw), multiply(dy, sin_yaw))
+        aside = subtract(multiply(dy, cos_yaw), multiply(dx, sin_yaw))
+        above = subtract(subtract(dz, multiply(slope_x, ahead)), multiply(slope_y, aside))
         # The fourth number of a vector is no line's, and gives way to the next vector's first.
         k = 9 * point
-        store(values, k, times(ahead, load(scale, k)))
-        store(values, k + 3, times(aside, load(scale, k + 3)))
+        store(values, k, multiply(ahead, load(scale, k)))
+        store(values, k + 3, multiply(aside, load(scale, k + 3)))
         for line in range(3):
             values[k + 6 + line] = above[line] * scale[k + 6 + line]
         at += gap
@@ -206,7 +206,7 @@ def between(here: np.ndarray, there: np.ndarray, axis: int, share: Numbers) -> N
         share: of the way, from 0 to 1.
     """
     first = load(here, axis)
-    return plus(first, times(share, minus(load(there, axis), first)))
+    return add(first, multiply(share, subtract(load(there, axis), first)))
 
 
 @lean_inlined

@@ -130,7 +130,7 @@ def _bits(builder: Any, vector: Any) -> tuple[Any, Any]:
     return builder.bitcast(vector, whole), sign
 
 
-def _size(_context: Any, a: Any) -> Any:
+def _absolute(_context: Any, a: Any) -> Any:
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         vector = _pack(builder, arguments[0])
         bits, sign = _bits(builder, vector)
@@ -139,7 +139,7 @@ def _size(_context: Any, a: Any) -> Any:
     return a(a), build
 
 
-def _signed(_context: Any, a: Any, b: Any) -> Any:
+def _copysign(_context: Any, a: Any, b: Any) -> Any:
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         vector, like = (_pack(builder, each) for each in arguments)
         bits, sign = _bits(builder, vector)
@@ -150,7 +150,7 @@ def _signed(_context: Any, a: Any, b: Any) -> Any:
     return _tuple(_kind(a, b))(a, b), build
 
 
-def _negative(_context: Any, a: Any) -> Any:
+def _negate(_context: Any, a: Any) -> Any:
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         vector = _pack(builder, arguments[0])
         # The compiler for CUDA has no negation.
@@ -159,7 +159,7 @@ def _negative(_context: Any, a: Any) -> Any:
     return a(a), build
 
 
-def _choose(_context: Any, where: Any, a: Any, b: Any) -> Any:
+def _select(_context: Any, where: Any, a: Any, b: Any) -> Any:
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return _unpack(builder, builder.select(*(_pack(builder, each) for each in arguments)))
 
@@ -171,19 +171,19 @@ load: Any = intrinsic(_load)
 """`load(row, at)`: the four numbers of a contiguous row, (n,), from index `at` on; unchecked."""
 store: Any = intrinsic(_store)
 """`store(row, at, vector)`: set the four numbers of a row from index `at` on; unchecked."""
-plus: Any = intrinsic(_operation("fadd"))
-minus: Any = intrinsic(_operation("fsub"))
-times: Any = intrinsic(_operation("fmul"))
-over: Any = intrinsic(_operation("fdiv"))
-above: Any = intrinsic(_operation("fcmp_ordered", ">"))
+add: Any = intrinsic(_operation("fadd"))
+subtract: Any = intrinsic(_operation("fsub"))
+multiply: Any = intrinsic(_operation("fmul"))
+divide: Any = intrinsic(_operation("fdiv"))
+greater: Any = intrinsic(_operation("fcmp_ordered", ">"))
 """`above(a, b)`: where a is above b, four booleans."""
-either: Any = intrinsic(_operation("or_"))
-choose: Any = intrinsic(_choose)
+logical_or: Any = intrinsic(_operation("or_"))
+select: Any = intrinsic(_select)
 """`choose(where, a, b)`: a where that is true, b elsewhere."""
-madd: Any = intrinsic(_function("fma", 3))
+fma: Any = intrinsic(_function("fma", 3))
 """`madd(a, b, c)`: a * b + c, rounded once."""
-negative: Any = intrinsic(_negative)
-size: Any = intrinsic(_size)
-root: Any = intrinsic(_function("sqrt", 1))
-signed: Any = intrinsic(_signed)
+negate: Any = intrinsic(_negate)
+absolute: Any = intrinsic(_absolute)
+sqrt: Any = intrinsic(_function("sqrt", 1))
+copysign: Any = intrinsic(_copysign)
 """`signed(a, b)`: a with the sign of b."""

@@ -13,7 +13,7 @@ from nathlon.committee import ask as put
 from nathlon.committee import vote
 from nathlon.committee.ballots import Ballot
 from nathlon.committee.decision import Decision
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.committee.rules import CommitteeSettings
 from tests.race_results import rows
 
@@ -57,13 +57,13 @@ def results(**columns: Sequence[Any]) -> pl.DataFrame:
     return rows({"entrant": [entrant_id(n) for n in NAMES], "race": range(4), **columns}, 4)
 
 
-def ask(minutes: Minutes, settings: CommitteeSettings, **columns: Sequence[Any]) -> Decision:
-    return put(minutes, "shortlist", entrants(), {"battery": battery()}, results(**columns), settings)
+def ask(event_log: EventLog, settings: CommitteeSettings, **columns: Sequence[Any]) -> Decision:
+    return put(event_log, "shortlist", entrants(), {"battery": battery()}, results(**columns), settings)
 
 
-def cast(minutes: Minutes, member: str, approve: str, rank: str = "") -> None:
-    decision = minutes.decisions()["shortlist"]
-    vote(minutes, decision, member, Ballot(ids(approve), ids(rank)), f"as {member} saw it")
+def cast(event_log: EventLog, member: str, approve: str, rank: str = "") -> None:
+    decision = event_log.decisions()["shortlist"]
+    vote(event_log, decision, member, Ballot(ids(approve), ids(rank)), f"as {member} saw it")
 
 
 def chosen(decision: Decision) -> str:

@@ -14,7 +14,7 @@ from nathlon.arena.store import Store
 from nathlon.commands.place import Place
 from nathlon.committee.ballots import Ballot
 from nathlon.committee.decision import Decision, describe
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.committee.events import Compared, Entry, Opened, Reopened, Voted
 from nathlon.committee.rules import Question
 from nathlon.sim.errors import InputError
@@ -25,8 +25,8 @@ SHORTEST_ID = 6
 
 def show(place: Place, as_json: bool) -> None:
     """Print the last decision on each question."""
-    with _minutes(place) as minutes:
-        decisions = minutes.decisions().values()
+    with _event_log(place) as event_log:
+        decisions = event_log.decisions().values()
     if as_json:
         print_json([describe(decision).model_dump(mode="json") for decision in decisions])
         return
@@ -46,44 +46,44 @@ def vote(
     as_json: bool,
 ) -> None:
     """Cast a ballot; without `approve`, those that it ranks are approved."""
-    with _minutes(place) as minutes:
-        decision = _pick(minutes, question, closed=False)
+    with _event_log(place) as event_log:
+        decision = _pick(event_log, question, closed=False)
         ranked = _entrants(decision, rank)
         approved = ranked if approve is None else _entrants(decision, approve)
-        committee.vote(minutes, decision, member, Ballot(approved, ranked), reason)
-        _report(minutes, decision, as_json)
+        committee.vote(event_log, decision, member, Ballot(approved, ranked), reason)
+        _report(event_log, decision, as_json)
 
 
 def compare(
     place: Place, question: Question | None, member: str, better: str, worse: str, reason: str, as_json: bool
 ) -> None:
     """Note an answer to "A or B?"."""
-    with _minutes(place) as minutes:
-        decision = _pick(minutes, question, closed=False)
+    with _event_log(place) as event_log:
+        decision = _pick(event_log, question, closed=False)
         first, second = (_entrant(decision.opened.candidates, name) for name in (better, worse))
-        committee.compare(minutes, decision, member, first, second, reason)
-        _report(minutes, decision, as_json)
+        committee.compare(event_log, decision, member, first, second, reason)
+        _report(event_log, decision, as_json)
 
 
 def decide(place: Place, question: Question | None, as_json: bool) -> None:
     """Close a decision."""
-    with _minutes(place) as minutes:
-        decision = committee.close(minutes, _pick(minutes, question, closed=False))
-        _report(minutes, decision, as_json)
+    with _event_log(place) as event_log:
+        decision = committee.close(event_log, _pick(event_log, question, closed=False))
+        _report(event_log, decision, as_json)
 
 
 def reopen(place: Place, question: Question | None, reason: str, as_json: bool) -> None:
     """Put a closed decision again."""
-    with _minutes(place) as minutes:
-        decision = _pick(minutes, question, closed=True)
-        committee.reopen(minutes, decision, reason)
-        _report(minutes, decision, as_json)
+    with _event_log(place) as event_log:
+        decision = _pick(event_log, question, closed=True)
+        committee.reopen(event_log, decision, reason)
+        _report(event_log, decision, as_json)
 
 
 def log(place: Place, as_json: bool) -> None:
     """Print all entries."""
-    with _minutes(place) as minutes:
-        entries = minutes.entries()
+    with _event_log(place) as event_log:
+        entries = event_log.entries()
     if as_json:
         print_json([entry.describe() for entry in entries])
         return
@@ -98,19 +98,19 @@ def log(place: Place, as_json: bool) -> None:
 
 
 @contextmanager
-def _minutes(place: Place) -> Iterator[Minutes]:
+def _event_log(place: Place) -> Iterator[EventLog]:
     with Store.open(place.store) as store:
         runs = [record.name for record in store.runs()]
         if not runs:
             raise InputError(f"{store.name}: holds no run, expected one that the committee can judge")
         if place.run is not None and place.run not in runs:
             raise InputError(f"{store.name}: no run {place.run!r}, the last is {runs[-1]!r}")
-        yield Minutes(store, place.run or runs[-1])
+        yield EventLog(store, place.run or runs[-1])
 
 
-def _pick(minutes: Minutes, question: Question | None, closed: bool) -> Decision:
+def _pick(event_log: EventLog, question: Question | None, closed: bool) -> Decision:
     """The decision on a question, or else the one that is open or closed, as wanted."""
-    decisions = minutes.decisions()
+    decisions = event_log.decisions()
     if question is not None:
         if question not in decisions:
             raise InputError(f"the committee has not been asked for the {question}")
@@ -141,9 +141,9 @@ def _entrant(candidates: Mapping[str, str], name: str) -> str:
     return found[0]
 
 
-def _report(minutes: Minutes, decision: Decision, as_json: bool) -> None:
+def _report(event_log: EventLog, decision: Decision, as_json: bool) -> None:
     """Print the decision as it stands now."""
-    now = minutes.decisions()[decision.opened.question]
+    now = event_log.decisions()[decision.opened.question]
     if as_json:
         print_json(describe(now).model_dump(mode="json"))
     else:

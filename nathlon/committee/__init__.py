@@ -13,14 +13,14 @@ import polars as pl
 from nathlon.arena.entrant import Entrant
 from nathlon.committee.ballots import Ballot
 from nathlon.committee.decision import Decision
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.committee.events import Closed, Compared, Opened, Reopened, Voted
 from nathlon.committee.rules import SOURCES, CommitteeSettings, Question, gather
 from nathlon.sim.errors import InputError
 
 
 def ask(
-    minutes: Minutes,
+    event_log: EventLog,
     question: Question,
     entrants: Sequence[Entrant],
     tables: Mapping[str, pl.DataFrame],
@@ -29,10 +29,10 @@ def ask(
 ) -> Decision:
     """Ask who reaches the round robin (`shortlist`), or who is sent (`selection`).
 
-    A question that is in the minutes already, on the same evidence, is not put again.
+    A question that is in the log already, on the same evidence, is not put again.
 
     Args:
-        minutes: of the run.
+        event_log: of the run.
         question: what is asked.
         entrants: the candidates: the battery's field, or the finalists.
         tables: of the stages so far, with `battery` or `ranking`.
@@ -44,18 +44,18 @@ def ask(
     """
     evidence = gather(question, entrants, tables, results)
     opened = Opened(question=question, seats=settings.seats(question), settings=settings, evidence=evidence)
-    decision = minutes.decisions().get(question)
+    decision = event_log.decisions().get(question)
     if decision is None or decision.opened != opened:
-        minutes.add(opened)
-        decision = minutes.decisions()[question]
+        event_log.add(opened)
+        decision = event_log.decisions()[question]
     for rule in settings.rule:
         if rule.by == SOURCES[question] and rule.member not in decision.said:
             ballot, reason = rule.vote(evidence)
-            minutes.add(_voted(decision, rule.member, ballot, reason))
-    decision = minutes.decisions()[question]
+            event_log.add(_voted(decision, rule.member, ballot, reason))
+    decision = event_log.decisions()[question]
     # Whoever put the question again wants to be heard: it is for people to decide it.
     if decision.result is None and not decision.waits_for and not decision.reopened:
-        return close(minutes, decision)
+        return close(event_log, decision)
     return decision
 
 
@@ -70,11 +70,11 @@ def _voted(decision: Decision, member: str, ballot: Ballot, reason: str) -> Vote
     )
 
 
-def vote(minutes: Minutes, decision: Decision, member: str, ballot: Ballot, reason: str) -> None:
+def vote(event_log: EventLog, decision: Decision, member: str, ballot: Ballot, reason: str) -> None:
     """Cast a member's ballot.
 
     Args:
-        minutes: the committee's record.
+        event_log: the committee's record.
         decision: on what.
         member: one of the people on the committee.
         ballot: of entrant ids.
@@ -93,10 +93,12 @@ def vote(minutes: Minutes, decision: Decision, member: str, ballot: Ballot, reas
         names = decision.opened.candidates
         lower = ballot.rank[approval.index(False)]
         raise InputError(f"rank puts {names[lower]} before an approved entrant, but it is not approved")
-    minutes.add(_voted(decision, member, ballot, reason))
+    event_log.add(_voted(decision, member, ballot, reason))
 
 
-def compare(minutes: Minutes, decision: Decision, member: str, better: str, worse: str, reason: str) -> None:
+def compare(
+    event_log: EventLog, decision: Decision, member: str, better: str, worse: str, reason: str
+) -> None:
     """Note which of two entrants (ids) a member prefers.
 
     Raises:
@@ -107,7 +109,7 @@ def compare(minutes: Minutes, decision: Decision, member: str, better: str, wors
         raise InputError(
             f"{decision.opened.candidates[better]} is compared with itself, expected two entrants"
         )
-    minutes.add(
+    event_log.add(
         Compared(
             decision=decision.name,
             member=member,
@@ -119,7 +121,7 @@ def compare(minutes: Minutes, decision: Decision, member: str, better: str, wors
     )
 
 
-def close(minutes: Minutes, decision: Decision) -> Decision:
+def close(event_log: EventLog, decision: Decision) -> Decision:
     """Decide by what has been said.
 
     Raises:
@@ -131,11 +133,11 @@ def close(minutes: Minutes, decision: Decision) -> Decision:
             f"{decision.name} waits for {decision.waits_for} more of its members, "
             f"expected {decision.opened.settings.quorum} to have voted"
         )
-    minutes.add(Closed(decision=decision.name, result=decision.tally()))
-    return minutes.decisions()[decision.opened.question]
+    event_log.add(Closed(decision=decision.name, result=decision.tally()))
+    return event_log.decisions()[decision.opened.question]
 
 
-def reopen(minutes: Minutes, decision: Decision, reason: str) -> None:
+def reopen(event_log: EventLog, decision: Decision, reason: str) -> None:
     """Put a decided question again.
 
     Raises:
@@ -144,7 +146,7 @@ def reopen(minutes: Minutes, decision: Decision, reason: str) -> None:
     if decision.result is None:
         raise InputError(f"{decision.name} is open, expected a decision that is closed")
     _check_reason(reason)
-    minutes.add(Reopened(decision=decision.name, reason=reason))
+    event_log.add(Reopened(decision=decision.name, reason=reason))
 
 
 def _check(decision: Decision, member: str, reason: str) -> None:

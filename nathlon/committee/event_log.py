@@ -1,4 +1,4 @@
-"""The minutes: all that is ever said in a committee, append-only. Its decisions are a fold over them."""
+"""The event log: all that is ever said in a committee, append-only. Its decisions are a fold over them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ LOG = "committee"
 """The kind of its entries in the store's log."""
 
 
-class Minutes:
-    """The minutes of a run; entries are added and never changed."""
+class EventLog:
+    """The event log of a run; entries are added and never changed."""
 
     def __init__(self, store: Store, run: str) -> None:
         self._store, self._run = store, run

@@ -10,7 +10,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
 from nathlon.arena.store import RunRecord, Store
 from nathlon.committee.decision import describe
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.publishing.curves import keep_curves
 from nathlon.publishing.laps import keep_laps, lap_limit
 from nathlon.publishing.output import POLICY_LOG, SUMMARY, OutputFolder
@@ -63,7 +63,7 @@ def _summary(
 ) -> tuple[Summary, str | None]:
     """The run's summary, and how far it has come if it has not ended."""
     known: Any = store.facts(run)
-    decisions = Minutes(store, run).decisions().values()
+    decisions = EventLog(store, run).decisions().values()
     found = known.get("summary")
     summary = Summary.model_validate(found) if found else _so_far(store, run, tables, results)
     summary = summary.model_copy(update={"committee": tuple(map(describe, decisions))})

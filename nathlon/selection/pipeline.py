@@ -17,7 +17,7 @@ from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.committee import ask
 from nathlon.committee.decision import Decision
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.pareto.filter import run_filter
 from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
@@ -40,7 +40,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
         what it came to, still without replays; None where the committee waits for people.
     """
     compile_kernels(run.pool, config.circuit, config.car)
-    minutes = Minutes(run.store, run.name)
+    event_log = EventLog(run.store, run.name)
     tables = {"entrants": entrants_table(field.entrants)}
     run.keep(tables)
 
@@ -50,7 +50,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     tested = run_battery(run, _together(survivors, field.incumbents), config.battery)
     tables |= filtered.tables | tested.tables
     began = time.perf_counter()
-    listed = ask(minutes, "shortlist", survivors, tested.tables, tested.results, config.committee)
+    listed = ask(event_log, "shortlist", survivors, tested.tables, tested.results, config.committee)
     tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
     run.keep(tables)
     if listed.result is None:
@@ -63,7 +63,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     run.keep(tables)
     anchors = {entrant.id for entrant in field.anchors}
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
-    sent = ask(minutes, "selection", candidates, raced.tables, raced.results, config.committee)
+    sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
     summary = _summary(run, field, config, tables, tested, raced, sent)
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary

@@ -30,7 +30,7 @@ from nathlon.policies.training.state import (
     write_tensors,
 )
 from nathlon.policies.training.worker import Experience, Gathered, News, RolloutWorker
-from nathlon.policies.training.worker_pool import Crew, LocalCrew, ProcessCrew
+from nathlon.policies.training.worker_pool import LocalWorkers, ProcessWorkers, WorkerPool
 from nathlon.sim.errors import InputError
 from nathlon.sim.text_file import read_text
 from nathlon.sim.validation import first_fault
@@ -165,21 +165,21 @@ class Trainer:
             InputError: if training diverges, a rollout cannot be made or the disk is full; the last
                 checkpoint and the last state are left as they are.
         """
-        log, crew = TrainingLog(self.folder), self._crew()
+        log, workers = TrainingLog(self.folder), self._worker_pool()
         began, first = time.perf_counter() - self._wall_s, self.updates
         started, next_log = time.perf_counter(), self.updates
         try:
             while self.updates < self.config.updates:
-                self._gather(crew, log)
+                self._gather(workers, log)
                 self._wall_s = time.perf_counter() - began
                 if self._owed < 1:
                     continue
                 self._update()
                 if self.updates % self.config.refresh_every == 0:
-                    crew.tell(self._news())
+                    workers.tell(self._news())
                 if self.updates % self.config.checkpoint_every == 0:
                     self._checkpoint(log)
-                    crew.tell(self._news())
+                    workers.tell(self._news())
                 if self.updates >= next_log:
                     next_log = self.updates + LOG_EVERY
                     self._check_metrics()
@@ -190,24 +190,24 @@ class Trainer:
             self._save()
             raise
         finally:
-            crew.close()
+            workers.close()
             log.close()
 
-    def _crew(self) -> Crew:
+    def _worker_pool(self) -> WorkerPool:
         # Episodes to come must not repeat those before a stop.
         seed = np.random.SeedSequence([self.seed, self.updates])
         network, news = self.learner.policy_network, self._news()
         if self.config.workers:
-            return ProcessCrew(self.config, network, news, seed)
-        return LocalCrew(RolloutWorker(self.config, network, news, seed))
+            return ProcessWorkers(self.config, network, news, seed)
+        return LocalWorkers(RolloutWorker(self.config, network, news, seed))
 
     def _news(self) -> News:
         past = tuple(sorted((self.folder / CHECKPOINTS).glob("*.safetensors")))
         return News(self.learner.policy_parameters.numpy(), past)
 
-    def _gather(self, crew: Crew, log: TrainingLog) -> None:
+    def _gather(self, workers: WorkerPool, log: TrainingLog) -> None:
         """Take in the steps that are done; wait for one if all updates that they earn are made."""
-        for worker, gathered in crew.take(wait_for_one=self._owed < 1):
+        for worker, gathered in workers.take(wait_for_one=self._owed < 1):
             self._remember(worker, gathered)
             log.note(gathered.tally)
             if self.replay.ready(self.config.warm_up):

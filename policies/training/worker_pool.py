@@ -1,4 +1,4 @@
-"""The crew: rollout workers, in the learner's process or in processes of their own."""
+"""Rollout workers, in the learner's process or in processes of their own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEPS_AHEAD = 2
 Take = list[tuple[int, Gathered]]
 
 
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Rollout workers."""
 
     def take(self, wait_for_one: bool) -> Take:
@@ -42,7 +42,7 @@ class Crew(Protocol):
         """End the workers."""
 
 
-class LocalCrew:
+class LocalWorkers:
     """One worker in this process, which steps whenever it is waited for."""
 
     def __init__(self, worker: RolloutWorker) -> None:
@@ -58,7 +58,7 @@ class LocalCrew:
         pass
 
 
-class ProcessCrew:
+class ProcessWorkers:
     """Workers in processes of their own, which go on stepping until they are `STEPS_AHEAD`."""
 
     def __init__(

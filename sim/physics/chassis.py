@@ -23,7 +23,7 @@ from nathlon.sim.physics.body import set_body_velocity, turn
 from nathlon.sim.physics.powertrain import drive_torque, shift
 from nathlon.sim.physics.tyre import Four
 from nathlon.sim.physics.wheels import step_wheels
-from nathlon.sim.simd import load, store, times
+from nathlon.sim.simd import load, multiply, store
 from nathlon.sim.state import CarRecord
 
 GRAVITY = 9.81
@@ -67,7 +67,7 @@ def set_loads(car: CarRecord, steepness: float, shake: np.ndarray, p: CarParamet
     roll_rear = min(max(roll_rear, -0.5 * rear), 0.5 * rear)
     front, rear = 0.5 * front, 0.5 * rear
     steady = (front - roll_front, front + roll_front, rear - roll_rear, rear + roll_rear)
-    loads = times(steady, load(shake, 0))
+    loads = multiply(steady, load(shake, 0))
     store(car.load, 0, loads)
     return loads
 

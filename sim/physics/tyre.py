@@ -10,7 +10,7 @@ import numpy as np
 
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import lean_inlined
-from nathlon.sim.simd import above, choose, load, madd, minus, negative, over, plus, root, times
+from nathlon.sim.simd import add, divide, fma, greater, load, multiply, negate, select, sqrt, subtract
 from nathlon.sim.tyre_curve import CELLS
 
 WORN_GRIP = 0.12
@@ -32,26 +32,26 @@ def four(number: float) -> Four:
 @lean_inlined
 def highest(a: Four, b: Four) -> Four:
     """The higher of two numbers of each wheel."""
-    return choose(above(b, a), b, a)
+    return select(greater(b, a), b, a)
 
 
 @lean_inlined
 def lowest(a: Four, b: Four) -> Four:
     """The lower of two numbers of each wheel."""
-    return choose(above(a, b), b, a)
+    return select(greater(a, b), b, a)
 
 
 @lean_inlined
 def curve_shape(combined: Four, curve: np.ndarray) -> Four:
     """The magic formula over the combined slip, of the table that `nathlon.sim.tyre_curve` makes."""
-    at = times(over(combined, plus(combined, 1.0)), float(CELLS))
+    at = multiply(divide(combined, add(combined, 1.0)), float(CELLS))
     a, b = min(int(at[0]), CELLS - 1), min(int(at[1]), CELLS - 1)
     c, d = min(int(at[2]), CELLS - 1), min(int(at[3]), CELLS - 1)
-    at = minus(at, (float(a), float(b), float(c), float(d)))
+    at = subtract(at, (float(a), float(b), float(c), float(d)))
     of_a, of_b, of_c, of_d = load(curve[a], 0), load(curve[b], 0), load(curve[c], 0), load(curve[d], 0)
-    shape = madd(at, (of_a[3], of_b[3], of_c[3], of_d[3]), (of_a[2], of_b[2], of_c[2], of_d[2]))
-    shape = madd(at, shape, (of_a[1], of_b[1], of_c[1], of_d[1]))
-    return madd(at, shape, (of_a[0], of_b[0], of_c[0], of_d[0]))
+    shape = fma(at, (of_a[3], of_b[3], of_c[3], of_d[3]), (of_a[2], of_b[2], of_c[2], of_d[2]))
+    shape = fma(at, shape, (of_a[1], of_b[1], of_c[1], of_d[1]))
+    return fma(at, shape, (of_a[0], of_b[0], of_c[0], of_d[0]))
 
 
 @lean_inlined
@@ -72,18 +72,18 @@ def tyre_force(
         (N per unit of slip ratio, never negative), and the square of the largest longitudinal force
         (N^2) that friction leaves beside the lateral one.
     """
-    beyond = minus(lowest(loads, four(3.0 * p.load_low + 6000.0)), p.load_low)
-    per_peak_x = over(1.0, madd(p.peak_x_slope, beyond, p.peak_x))
-    x = times(slip_ratio, per_peak_x)
-    y = over(slip_angle, madd(p.peak_y_slope, beyond, p.peak_y))
-    shape = curve_shape(root(madd(x, x, times(y, y))), p.curve)
-    most_x = times(times(madd(p.friction_x_slope, beyond, p.friction_x), grip), loads)
-    most_y = times(times(madd(p.friction_y_slope, beyond, p.friction_y), grip), loads)
-    share_y = times(y, shape)
-    left = madd(negative(share_y), share_y, four(1.0))
-    left = times(times(most_x, most_x), highest(left, four(0.0)))
-    stiffness = times(times(most_x, shape), per_peak_x)
-    return times(stiffness, slip_ratio), times(most_y, share_y), stiffness, left
+    beyond = subtract(lowest(loads, four(3.0 * p.load_low + 6000.0)), p.load_low)
+    per_peak_x = divide(1.0, fma(p.peak_x_slope, beyond, p.peak_x))
+    x = multiply(slip_ratio, per_peak_x)
+    y = divide(slip_angle, fma(p.peak_y_slope, beyond, p.peak_y))
+    shape = curve_shape(sqrt(fma(x, x, multiply(y, y))), p.curve)
+    most_x = multiply(multiply(fma(p.friction_x_slope, beyond, p.friction_x), grip), loads)
+    most_y = multiply(multiply(fma(p.friction_y_slope, beyond, p.friction_y), grip), loads)
+    share_y = multiply(y, shape)
+    left = fma(negate(share_y), share_y, four(1.0))
+    left = multiply(multiply(most_x, most_x), highest(left, four(0.0)))
+    stiffness = multiply(multiply(most_x, shape), per_peak_x)
+    return multiply(stiffness, slip_ratio), multiply(most_y, share_y), stiffness, left
 
 
 @lean_inlined

@@ -16,20 +16,20 @@ from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.body import small_sin_cos
 from nathlon.sim.physics.tyre import Four, four, highest, lowest, tyre_force
 from nathlon.sim.simd import (
-    above,
-    choose,
-    either,
+    absolute,
+    add,
+    copysign,
+    divide,
+    fma,
+    greater,
     load,
-    madd,
-    minus,
-    negative,
-    over,
-    plus,
-    root,
-    signed,
-    size,
+    logical_or,
+    multiply,
+    negate,
+    select,
+    sqrt,
     store,
-    times,
+    subtract,
 )
 from nathlon.sim.state import CarRecord
 
@@ -54,20 +54,20 @@ def beside(numbers: Four) -> Four:
 @lean_inlined
 def within(force: Four, most_squared: Four, most: Four) -> Four:
     """Forces cut to the largest ones, which are given with their squares."""
-    return choose(above(times(force, force), most_squared), signed(most, force), force)
+    return select(greater(multiply(force, force), most_squared), copysign(most, force), force)
 
 
 @lean_inlined
 def less_pull(torque: Four, pull: Four, radius: float) -> Four:
     """Torque less that of a tyre's pull; the product is rounded on the right and not on the left."""
-    return choose(LEFT, madd(negative(four(radius)), pull, torque), minus(torque, times(radius, pull)))
+    return select(LEFT, fma(negate(four(radius)), pull, torque), subtract(torque, multiply(radius, pull)))
 
 
 @lean_inlined
 def brake_torque(spin: Four, limit: Four, rest: Four) -> Four:
     """Torque of brakes that can apply `limit` N m: against the spin, or holding a locked wheel."""
-    holding = negative(lowest(highest(rest, negative(limit)), limit))
-    return choose(above(size(spin), LOCKED), signed(limit, negative(spin)), holding)
+    holding = negate(lowest(highest(rest, negate(limit)), limit))
+    return select(greater(absolute(spin), LOCKED), copysign(limit, negate(spin)), holding)
 
 
 @lean_inlined
@@ -81,12 +81,12 @@ def solve_axles(torque: Four, own: Four, twist: Four, coupling: Four, dt: float)
         coupling: what the differential adds to the inertia of each wheel of the axle, kg m^2.
         dt: s.
     """
-    impulse = madd(torque, dt, negative(twist))
-    own = plus(own, coupling)
-    determinant = madd(own, beside(own), negative(times(coupling, coupling)))
-    left = madd(impulse, beside(own), times(coupling, beside(impulse)))
-    right = madd(coupling, beside(impulse), times(beside(own), impulse))
-    return times(choose(LEFT, left, right), over(1.0, determinant))
+    impulse = fma(torque, dt, negate(twist))
+    own = add(own, coupling)
+    determinant = fma(own, beside(own), negate(multiply(coupling, coupling)))
+    left = fma(impulse, beside(own), multiply(coupling, beside(impulse)))
+    right = fma(coupling, beside(impulse), multiply(beside(own), impulse))
+    return multiply(select(LEFT, left, right), divide(1.0, determinant))
 
 
 @lean_inlined
@@ -103,16 +103,16 @@ def controlled(
         own: inertia with the tyre's resistance, kg m^2.
         dt: s.
     """
-    braking, driving = above(brake, 0.0), above(drive, 0.0)
-    slip = choose(braking, four(-p.abs_slip), four(p.traction_slip))
-    limit = madd(madd(slip, highest(size(along), four(SLOWEST)), along), 1.0 / p.radius, negative(spin))
-    eased = plus(change, over(times(choose(braking, brake, negative(drive)), dt), own))
-    slowing = choose(above(change, limit), change, lowest(limit, eased))
-    pulling = choose(above(limit, change), change, highest(limit, eased))
-    change = choose(braking, slowing, choose(driving, pulling, change))
+    braking, driving = greater(brake, 0.0), greater(drive, 0.0)
+    slip = select(braking, four(-p.abs_slip), four(p.traction_slip))
+    limit = fma(fma(slip, highest(absolute(along), four(SLOWEST)), along), 1.0 / p.radius, negate(spin))
+    eased = add(change, divide(multiply(select(braking, brake, negate(drive)), dt), own))
+    slowing = select(greater(change, limit), change, lowest(limit, eased))
+    pulling = select(greater(limit, change), change, highest(limit, eased))
+    change = select(braking, slowing, select(driving, pulling, change))
     # A brake stops a wheel, it does not turn it the other way.
-    turned = above(0.0, times(plus(spin, change), spin))
-    return choose(braking, choose(turned, negative(spin), change), change)
+    turned = greater(0.0, multiply(add(spin, change), spin))
+    return select(braking, select(turned, negate(spin), change), change)
 
 
 @lean_inlined
@@ -146,58 +146,58 @@ def step_wheels(
     sine, cosine = small_sin_cos(car.steering)
     sines, cosines = by_axle(sine, 0.0), by_axle(cosine, 1.0)
     wide = by_axle(p.half_front_track, p.half_rear_track)
-    side = times(r, wide)
-    point_x = plus(u, choose(LEFT, negative(side), side))
-    point_y = madd(by_axle(p.a, -p.b), r, four(v))
-    along = madd(cosines, point_x, times(sines, point_y))
-    across = madd(negative(sines), point_x, times(cosines, point_y))
+    side = multiply(r, wide)
+    point_x = add(u, select(LEFT, negate(side), side))
+    point_y = fma(by_axle(p.a, -p.b), r, four(v))
+    along = fma(cosines, point_x, multiply(sines, point_y))
+    across = fma(negate(sines), point_x, multiply(cosines, point_y))
     # The last step's acceleration foretells the road speed, but would set a car at rest swinging.
-    gain_speed = times(cosines, dt * fused(v, r, car.acceleration_x))
-    after = plus(along, choose(above(size(four(u)), SLOWEST), gain_speed, four(0.0)))
+    gain_speed = multiply(cosines, dt * fused(v, r, car.acceleration_x))
+    after = add(along, select(greater(absolute(four(u)), SLOWEST), gain_speed, four(0.0)))
 
     share = by_axle(p.drive_front, 1.0 - p.drive_front)
-    inertia = madd(share, 0.5 * engine_inertia, four(p.wheel_inertia))
-    drive = times(share, 0.5 * torque)
+    inertia = fma(share, 0.5 * engine_inertia, four(p.wheel_inertia))
+    drive = multiply(share, 0.5 * torque)
     brake = by_axle(car.brake * p.brake_torque_front, car.brake * p.brake_torque_rear)
-    coupling = choose(above(share, 0.0), four(dt * p.differential), four(0.0))
+    coupling = select(greater(share, 0.0), four(dt * p.differential), four(0.0))
 
     spin = load(car.spin, 0)
-    rolling = times(spin, p.radius)
-    sliding = minus(rolling, along)
-    per_reference = over(1.0, highest(size(along), four(SLOWEST)))
-    slip_ratio = times(sliding, per_reference)
-    slip_angle = times(negative(across), per_reference)
+    rolling = multiply(spin, p.radius)
+    sliding = subtract(rolling, along)
+    per_reference = divide(1.0, highest(absolute(along), four(SLOWEST)))
+    slip_ratio = multiply(sliding, per_reference)
+    slip_angle = multiply(negate(across), per_reference)
     store(car.slip_ratio, 0, slip_ratio)
     store(car.slip_angle, 0, slip_angle)
     _, fy, stiffness, most_squared = tyre_force(slip_ratio, slip_angle, loads, load(grip, 0), p)
-    most = root(most_squared)
-    per_speed = over(stiffness, highest(size(after), four(SLOWEST)))
-    gain = times(per_speed, p.radius)
-    fx = within(times(per_speed, minus(rolling, after)), most_squared, most)
-    applied = plus(drive, brake_torque(spin, brake, less_pull(drive, fx, p.radius)))
+    most = sqrt(most_squared)
+    per_speed = divide(stiffness, highest(absolute(after), four(SLOWEST)))
+    gain = multiply(per_speed, p.radius)
+    fx = within(multiply(per_speed, subtract(rolling, after)), most_squared, most)
+    applied = add(drive, brake_torque(spin, brake, less_pull(drive, fx, p.radius)))
 
-    twist = times(coupling, minus(spin, beside(spin)))
-    own = madd(dt * p.radius, gain, inertia)
+    twist = multiply(coupling, subtract(spin, beside(spin)))
+    own = fma(dt * p.radius, gain, inertia)
     change = solve_axles(less_pull(applied, fx, p.radius), own, twist, coupling, dt)
     # The secant overshoots the peak: a saturated tyre pulls with its friction, whatever the spin.
-    pull = madd(gain, change, fx)
-    beyond = above(times(pull, pull), most_squared)
-    held = choose(beyond, signed(most, pull), fx)
-    held_own = choose(beyond, inertia, own)
-    again = solve_axles(madd(-p.radius, held, applied), held_own, twist, coupling, dt)
-    held_axle = either(beyond, beside(beyond))
-    change, own = choose(held_axle, again, change), choose(held_axle, held_own, own)
+    pull = fma(gain, change, fx)
+    beyond = greater(multiply(pull, pull), most_squared)
+    held = select(beyond, copysign(most, pull), fx)
+    held_own = select(beyond, inertia, own)
+    again = solve_axles(fma(-p.radius, held, applied), held_own, twist, coupling, dt)
+    held_axle = logical_or(beyond, beside(beyond))
+    change, own = select(held_axle, again, change), select(held_axle, held_own, own)
     change = controlled(change, spin, after, brake, drive, own, dt, p)
 
-    pull = within(madd(gain, change, fx), most_squared, most)
-    store(car.spin, 0, plus(spin, change))
+    pull = within(fma(gain, change, fx), most_squared, most)
+    store(car.spin, 0, add(spin, change))
     if wear_rate > 0.0:
-        slide = plus(size(times(pull, sliding)), size(times(fy, across)))
-        store(car.wear, 0, madd(wear_rate * p.wear_per_joule * dt, slide, load(car.wear, 0)))
-    rolled = times(times(load(drag, 0), loads), along)
-    pull = minus(pull, over(rolled, plus(size(along), ROLLING_SPEED)))
-    x = madd(cosines, pull, times(negative(sines), fy))
-    y = madd(cosines, fy, times(sines, pull))
+        slide = add(absolute(multiply(pull, sliding)), absolute(multiply(fy, across)))
+        store(car.wear, 0, fma(wear_rate * p.wear_per_joule * dt, slide, load(car.wear, 0)))
+    rolled = multiply(multiply(load(drag, 0), loads), along)
+    pull = subtract(pull, divide(rolled, add(absolute(along), ROLLING_SPEED)))
+    x = fma(cosines, pull, multiply(negate(sines), fy))
+    y = fma(cosines, fy, multiply(sines, pull))
     front_x, front_y, rear_x, rear_y = x[0] + x[1], y[0] + y[1], x[2] + x[3], y[2] + y[3]
     front_turn = fused(p.a, front_y, p.half_front_track * (x[1] - x[0]))
     rear_turn = fused(p.half_rear_track, x[3] - x[2], -(p.b * rear_y))

@@ -16,7 +16,7 @@ from nathlon.arena.store import Store
 from nathlon.committee import ask as put
 from nathlon.committee import close, compare, reopen, vote
 from nathlon.committee.ballots import Ballot
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.committee.events import Closed, Opened, Voted
 from nathlon.committee.rules import CommitteeSettings, Gates, Rule, conduct, gather
 from nathlon.sim.errors import InputError
@@ -54,8 +54,8 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 @pytest.fixture
-def minutes(store: Store) -> Minutes:
-    return Minutes(store, RUN)
+def event_log(store: Store) -> EventLog:
+    return EventLog(store, RUN)
 
 
 def test_conduct_is_counted_over_all_races_that_are_not_void() -> None:
@@ -78,8 +78,8 @@ def test_conduct_is_counted_over_all_races_that_are_not_void() -> None:
     assert c == ("c", 0.0, None, None, None, 1)
 
 
-def test_without_people_the_points_decide_at_once(minutes: Minutes) -> None:
-    decision = ask(minutes, ALONE)
+def test_without_people_the_points_decide_at_once(event_log: EventLog) -> None:
+    decision = ask(event_log, ALONE)
     assert chosen(decision) == "ba"
     assert list(decision.said) == ["rule:battery"]
     assert decision.result is not None
@@ -87,13 +87,13 @@ def test_without_people_the_points_decide_at_once(minutes: Minutes) -> None:
     assert decision.result.agreement is None
 
 
-def test_gates_leave_out_the_ill_behaved_and_say_why(minutes: Minutes) -> None:
+def test_gates_leave_out_the_ill_behaved_and_say_why(event_log: EventLog) -> None:
     gates = Gates(contacts_per_km=1.0, at_fault_per_km=0.2, off_course_share=0.1)
     settings = CommitteeSettings(
         shortlist=3, rule=(Rule(name="clean", by="battery", gates=gates), Rule(name="r", by="ranking"))
     )
     decision = ask(
-        minutes,
+        event_log,
         settings,
         contacts=[10, 11, 0, 0],
         contacts_at_fault=[2, 2, 3, 0],
@@ -108,71 +108,71 @@ def test_gates_leave_out_the_ill_behaved_and_say_why(minutes: Minutes) -> None:
     )
 
 
-def test_a_policy_that_fails_by_its_own_fault_is_not_shortlisted(minutes: Minutes) -> None:
+def test_a_policy_that_fails_by_its_own_fault_is_not_shortlisted(event_log: EventLog) -> None:
     endings = ["finished", "policy_raised", "finished", "time_up"]
-    assert chosen(ask(minutes, ALONE, ending=endings)) == "ac"
+    assert chosen(ask(event_log, ALONE, ending=endings)) == "ac"
 
 
-def test_the_selection_is_the_first_of_the_ranking_that_is_not_barred(minutes: Minutes) -> None:
+def test_the_selection_is_the_first_of_the_ranking_that_is_not_barred(event_log: EventLog) -> None:
     table = ranking({"amber": 21.0, "birch": 22.0, "cedar": 20.0}, barred=["birch"])
     decision = put(
-        minutes, "selection", entrants(NAMES[:3]), {"ranking": table}, results(), CommitteeSettings()
+        event_log, "selection", entrants(NAMES[:3]), {"ranking": table}, results(), CommitteeSettings()
     )
     assert chosen(decision) == "a"
     assert "birch (barred from the ranking)" in decision.ballots()["rule:ranking"].reason
 
 
 @pytest.mark.parametrize(("left", "expected"), [((), ""), (("cedar",), "c")])
-def test_few_finalists_are_no_trouble(minutes: Minutes, left: tuple[str, ...], expected: str) -> None:
+def test_few_finalists_are_no_trouble(event_log: EventLog, left: tuple[str, ...], expected: str) -> None:
     decision = put(
-        minutes, "selection", entrants(left), {"ranking": ranking({})}, results(), CommitteeSettings()
+        event_log, "selection", entrants(left), {"ranking": ranking({})}, results(), CommitteeSettings()
     )
     assert chosen(decision) == expected
 
 
-def test_a_question_is_put_once(minutes: Minutes) -> None:
-    first = ask(minutes, ALONE)
-    entries = minutes.entries()
-    assert ask(minutes, ALONE) == first
-    assert minutes.entries() == entries
+def test_a_question_is_put_once(event_log: EventLog) -> None:
+    first = ask(event_log, ALONE)
+    entries = event_log.entries()
+    assert ask(event_log, ALONE) == first
+    assert event_log.entries() == entries
 
 
-def test_a_run_that_was_cut_off_anywhere_decides_the_same(minutes: Minutes, tmp_path: Path) -> None:
+def test_a_run_that_was_cut_off_anywhere_decides_the_same(event_log: EventLog, tmp_path: Path) -> None:
     settings = CommitteeSettings(
         shortlist=3, rule=(Rule(name="x", by="battery"), Rule(name="y", by="battery"), *ALONE.rule)
     )
-    expected = chosen(ask(minutes, settings))
-    entries = minutes.entries()
+    expected = chosen(ask(event_log, settings))
+    entries = event_log.entries()
     assert len(entries) == 5
     for cut in range(5):
         with Store(tmp_path / f"cut-{cut}.sqlite") as store:
             store.begin_run(RUN, {})
-            other = Minutes(store, RUN)
+            other = EventLog(store, RUN)
             for entry in entries[:cut]:
                 other.add(entry.event)
             assert chosen(ask(other, settings)) == expected
             assert [entry.event for entry in other.entries()] == [entry.event for entry in entries]
 
 
-def test_people_are_waited_for(minutes: Minutes) -> None:
-    assert ask(minutes, PEOPLE).result is None
-    cast(minutes, "ann", "cd", "cd")
-    decision = ask(minutes, PEOPLE)
+def test_people_are_waited_for(event_log: EventLog) -> None:
+    assert ask(event_log, PEOPLE).result is None
+    cast(event_log, "ann", "cd", "cd")
+    decision = ask(event_log, PEOPLE)
     assert (decision.result, decision.waits_for) == (None, 1)
     with pytest.raises(InputError, match=r"^shortlist-\w+ waits for 1 more of its members, expected 2 to"):
-        close(minutes, decision)
-    compare(minutes, decision, "bob", ids("d")[0], ids("c")[0], "delta is calmer")
+        close(event_log, decision)
+    compare(event_log, decision, "bob", ids("d")[0], ids("c")[0], "delta is calmer")
     # The rule says b a c d and Ann c d before a and b, and half of the ballots or more approve each. Nothing
     # beats b and c; b has one answer to none against a, c only two to one against d.
-    assert chosen(ask(minutes, PEOPLE)) == "bc"
+    assert chosen(ask(event_log, PEOPLE)) == "bc"
 
 
-def test_most_ballots_must_approve(minutes: Minutes) -> None:
-    ask(minutes, PEOPLE)
-    cast(minutes, "ann", "acd", "acd")
-    cast(minutes, "bob", "ad", "ad")
-    cast(minutes, "cy", "d", "d")
-    decision = close(minutes, minutes.decisions()["shortlist"])
+def test_most_ballots_must_approve(event_log: EventLog) -> None:
+    ask(event_log, PEOPLE)
+    cast(event_log, "ann", "acd", "acd")
+    cast(event_log, "bob", "ad", "ad")
+    cast(event_log, "cy", "d", "d")
+    decision = close(event_log, event_log.decisions()["shortlist"])
     assert decision.result is not None
     standings = {standing.entrant[0]: standing for standing in decision.result.standings}
     assert {letter: standing.approved_by for letter, standing in standings.items()} == {
@@ -188,44 +188,44 @@ def test_most_ballots_must_approve(minutes: Minutes) -> None:
     assert decision.result.ballots == 4
 
 
-def test_a_new_ballot_replaces_all_and_a_comparison_one_answer(minutes: Minutes) -> None:
-    ask(minutes, PEOPLE)
-    cast(minutes, "ann", "abcd", "abcd")
-    compare(minutes, minutes.decisions()["shortlist"], "ann", ids("d")[0], ids("a")[0], "seen on video")
-    stated = minutes.decisions()["shortlist"].preferences()["ann"]
-    a, b, c, d = (list(minutes.decisions()["shortlist"].opened.candidates).index(i) for i in ids("abcd"))
+def test_a_new_ballot_replaces_all_and_a_comparison_one_answer(event_log: EventLog) -> None:
+    ask(event_log, PEOPLE)
+    cast(event_log, "ann", "abcd", "abcd")
+    compare(event_log, event_log.decisions()["shortlist"], "ann", ids("d")[0], ids("a")[0], "seen on video")
+    stated = event_log.decisions()["shortlist"].preferences()["ann"]
+    a, b, c, d = (list(event_log.decisions()["shortlist"].opened.candidates).index(i) for i in ids("abcd"))
     assert stated[a, [a, b, c, d]].tolist() == [0, 1, 1, -1]
     assert stated[d, [a, b, c, d]].tolist() == [1, -1, -1, 0]
-    cast(minutes, "ann", "d")
-    stated = minutes.decisions()["shortlist"].preferences()["ann"]
+    cast(event_log, "ann", "d")
+    stated = event_log.decisions()["shortlist"].preferences()["ann"]
     assert stated[d, [a, b, c, d]].tolist() == [1, 1, 1, 0]
     assert not stated[a, [b, c]].any()
 
 
-def test_a_closed_decision_is_reopened_never_rewritten(minutes: Minutes) -> None:
+def test_a_closed_decision_is_reopened_never_rewritten(event_log: EventLog) -> None:
     settings = CommitteeSettings(members=("ann", "bob"), shortlist=2)
-    decision = ask(minutes, settings)
-    before = minutes.entries()
+    decision = ask(event_log, settings)
+    before = event_log.entries()
     with pytest.raises(InputError, match=r"^shortlist-\w+ is closed; reopen it first$"):
-        cast(minutes, "ann", "cd", "cd")
-    reopen(minutes, decision, "nobody had watched the videos")
-    cast(minutes, "ann", "cd", "cd")
-    cast(minutes, "bob", "cd", "cd")
-    again = ask(minutes, settings)
+        cast(event_log, "ann", "cd", "cd")
+    reopen(event_log, decision, "nobody had watched the videos")
+    cast(event_log, "ann", "cd", "cd")
+    cast(event_log, "bob", "cd", "cd")
+    again = ask(event_log, settings)
     assert again.result is None  # it is for those who reopened it to decide
-    assert chosen(close(minutes, again)) == "cd"
-    assert chosen(ask(minutes, settings)) == "cd"
-    assert minutes.entries()[: len(before)] == before
-    closings = [e.event.result.chosen for e in minutes.entries() if isinstance(e.event, Closed)]
+    assert chosen(close(event_log, again)) == "cd"
+    assert chosen(ask(event_log, settings)) == "cd"
+    assert event_log.entries()[: len(before)] == before
+    closings = [e.event.result.chosen for e in event_log.entries() if isinstance(e.event, Closed)]
     assert closings == [ids("ba"), ids("cd")]
     with pytest.raises(InputError, match=r"is open, expected a decision that is closed"):
-        reopen(minutes, again, "once more")  # this caller still holds the open decision
+        reopen(event_log, again, "once more")  # this caller still holds the open decision
 
 
-def test_a_vote_that_came_too_late_is_kept_and_counts_after_reopening(minutes: Minutes) -> None:
+def test_a_vote_that_came_too_late_is_kept_and_counts_after_reopening(event_log: EventLog) -> None:
     settings = CommitteeSettings(members=("ann",), shortlist=2)
-    decision = ask(minutes, settings)
-    minutes.add(
+    decision = ask(event_log, settings)
+    event_log.add(
         Voted(
             decision=decision.name,
             member="ann",
@@ -235,55 +235,55 @@ def test_a_vote_that_came_too_late_is_kept_and_counts_after_reopening(minutes: M
             evidence=decision.opened.evidence.digest,
         )
     )
-    decision = minutes.decisions()["shortlist"]
+    decision = event_log.decisions()["shortlist"]
     assert chosen(decision) == "ba"
-    assert [entry.event for entry in decision.late] == [minutes.entries()[-1].event]
-    reopen(minutes, decision, "Ann's vote was late")
-    decision = minutes.decisions()["shortlist"]
+    assert [entry.event for entry in decision.late] == [event_log.entries()[-1].event]
+    reopen(event_log, decision, "Ann's vote was late")
+    decision = event_log.decisions()["shortlist"]
     assert decision.late == []
     assert set(decision.ballots()) == {"rule:battery", "ann"}
 
 
-def test_of_two_who_close_at_once_the_first_counts(minutes: Minutes) -> None:
+def test_of_two_who_close_at_once_the_first_counts(event_log: EventLog) -> None:
     settings = CommitteeSettings(members=("ann",), shortlist=2)
-    reopen(minutes, ask(minutes, settings), "again")
-    decision = minutes.decisions()["shortlist"]
-    cast(minutes, "ann", "cd", "cd")
-    close(minutes, decision)  # has not seen Ann's ballot
-    minutes.add(Closed(decision=decision.name, result=minutes.decisions()["shortlist"].tally()))
-    decision = minutes.decisions()["shortlist"]
+    reopen(event_log, ask(event_log, settings), "again")
+    decision = event_log.decisions()["shortlist"]
+    cast(event_log, "ann", "cd", "cd")
+    close(event_log, decision)  # has not seen Ann's ballot
+    event_log.add(Closed(decision=decision.name, result=event_log.decisions()["shortlist"].tally()))
+    decision = event_log.decisions()["shortlist"]
     assert chosen(decision) == "ba"
     assert len(decision.late) == 1
 
 
-def test_votes_cast_at_the_same_time_are_all_kept(minutes: Minutes, tmp_path: Path) -> None:
-    ask(minutes, PEOPLE)
+def test_votes_cast_at_the_same_time_are_all_kept(event_log: EventLog, tmp_path: Path) -> None:
+    ask(event_log, PEOPLE)
 
     def insist(member: str) -> None:
         with Store.open(tmp_path / "store.sqlite") as own:
             for _ in range(8):
-                cast(Minutes(own, RUN), member, "ab", "ab")
+                cast(EventLog(own, RUN), member, "ab", "ab")
 
     with ThreadPoolExecutor(3) as pool:
         list(pool.map(insist, PEOPLE.members))
-    votes = [e.event.member for e in minutes.entries() if isinstance(e.event, Voted)]
+    votes = [e.event.member for e in event_log.entries() if isinstance(e.event, Voted)]
     assert {member: votes.count(member) for member in PEOPLE.members} == dict.fromkeys(PEOPLE.members, 8)
-    assert len({entry.id for entry in minutes.entries()}) == len(minutes.entries())
+    assert len({entry.id for entry in event_log.entries()}) == len(event_log.entries())
 
 
-def test_other_evidence_is_another_decision(minutes: Minutes) -> None:
-    first = ask(minutes, PEOPLE)
-    cast(minutes, "ann", "cd", "cd")
-    second = ask(minutes, PEOPLE, contacts=[1, 0, 0, 0])
+def test_other_evidence_is_another_decision(event_log: EventLog) -> None:
+    first = ask(event_log, PEOPLE)
+    cast(event_log, "ann", "cd", "cd")
+    second = ask(event_log, PEOPLE, contacts=[1, 0, 0, 0])
     assert second.name != first.name
     assert "ann" not in second.said
-    assert [e.event.question for e in minutes.entries() if isinstance(e.event, Opened)] == ["shortlist"] * 2
+    assert [e.event.question for e in event_log.entries() if isinstance(e.event, Opened)] == ["shortlist"] * 2
 
 
-def test_runs_have_committees_of_their_own(store: Store, minutes: Minutes) -> None:
+def test_runs_have_committees_of_their_own(store: Store, event_log: EventLog) -> None:
     store.begin_run("next", {})
-    ask(minutes, ALONE)
-    assert Minutes(store, "next").decisions() == {}
+    ask(event_log, ALONE)
+    assert EventLog(store, "next").decisions() == {}
 
 
 def test_the_digest_of_the_evidence_tells_any_change() -> None:
@@ -308,12 +308,12 @@ def test_the_digest_of_the_evidence_tells_any_change() -> None:
     ],
 )
 def test_a_wrong_ballot_is_one_sentence(
-    minutes: Minutes, member: str, approve: str, rank: str, reason: str, message: str
+    event_log: EventLog, member: str, approve: str, rank: str, reason: str, message: str
 ) -> None:
-    decision = ask(minutes, PEOPLE)
+    decision = ask(event_log, PEOPLE)
     with pytest.raises(InputError, match=message):
-        vote(minutes, decision, member, Ballot(ids(approve), ids(rank)), reason)
-    assert len(minutes.entries()) == 2
+        vote(event_log, decision, member, Ballot(ids(approve), ids(rank)), reason)
+    assert len(event_log.entries()) == 2
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from nathlon.arena.store import Store
 from nathlon.commands.committee_app import committee
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.sim.errors import InputError
 from tests.committees import PEOPLE, RUN, ask, ids
 
@@ -41,7 +41,7 @@ def terminal(tmp_path: Path) -> Terminal:
     path = tmp_path / "store.sqlite"
     with Store(path) as store:
         store.begin_run(RUN, {})
-        ask(Minutes(store, RUN), PEOPLE)
+        ask(EventLog(store, RUN), PEOPLE)
     return Terminal(path)
 
 

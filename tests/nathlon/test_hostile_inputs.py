@@ -12,7 +12,7 @@ import pytest
 from nathlon.api.selection import configured
 from nathlon.arena.recording import read_recording, recover_recording
 from nathlon.arena.store import Store
-from nathlon.committee.event_log import Minutes
+from nathlon.committee.event_log import EventLog
 from nathlon.n_athlon.skill import SKILLS_FOLDER, read_skill
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.composite import CompositeSource
@@ -302,7 +302,7 @@ def test_the_committee_takes_any_words(tmp_path: Path, name: str) -> None:
     store = tmp_path / "store.sqlite"
     with Store(store) as opened:
         opened.begin_run(RUN, {})
-        ask(Minutes(opened, RUN), PEOPLE)
+        ask(EventLog(opened, RUN), PEOPLE)
     cast = ("committee", store, "vote", "--rank", "amber")
     refused(nathlon(*cast, "--member", name, "--reason", "calm", cwd=tmp_path), "is not on the committee")
     unknown = nathlon(

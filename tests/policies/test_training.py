@@ -20,7 +20,7 @@ from nathlon.policies.training.rollout import Rollout
 from nathlon.policies.training.state import RunState, load_state, save_state
 from nathlon.policies.training.trainer import Trainer
 from nathlon.policies.training.worker import News
-from nathlon.policies.training.worker_pool import ProcessCrew
+from nathlon.policies.training.worker_pool import ProcessWorkers
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
 
@@ -207,18 +207,18 @@ def test_messages_that_no_pipe_holds_pass_both_ways() -> None:
     config = changed(workers=1, rollouts=rollouts)
     network = Perceptron((config.observation.spec().size, 512, 512, 4))
     news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
-    crew = ProcessCrew(config, network, news, np.random.SeedSequence(1))
+    workers = ProcessWorkers(config, network, news, np.random.SeedSequence(1))
     taken: list[int] = []
 
     def exchange() -> None:
         for _ in range(5):
-            crew.tell(news)
-            taken.extend(worker for worker, _ in crew.take(wait_for_one=True))
+            workers.tell(news)
+            taken.extend(worker for worker, _ in workers.take(wait_for_one=True))
 
     exchanging = Thread(target=exchange, daemon=True)
     exchanging.start()
     exchanging.join(120)
-    crew.close()
+    workers.close()
     assert taken == [0] * 5
 
 

@@ -11,20 +11,20 @@ from hypothesis.extra.numpy import arrays
 from nathlon.sim.kernel import lean_kernel
 from nathlon.sim.simd import (
     LANES,
-    above,
-    choose,
-    either,
+    absolute,
+    add,
+    copysign,
+    divide,
+    fma,
+    greater,
     load,
-    madd,
-    minus,
-    negative,
-    over,
-    plus,
-    root,
-    signed,
-    size,
+    logical_or,
+    multiply,
+    negate,
+    select,
+    sqrt,
     store,
-    times,
+    subtract,
 )
 
 ROW = 11
@@ -35,16 +35,16 @@ def combine(a: np.ndarray, b: np.ndarray, at: int, out: np.ndarray) -> None:
     x, y = load(a, at), load(b, at)
     for row, value in enumerate(
         (
-            plus(x, y),
-            minus(x, y),
-            times(x, y),
-            over(x, y),
-            negative(x),
-            size(x),
-            root(size(x)),
-            signed(x, y),
-            choose(above(x, y), x, y),
-            choose(either(above(x, y), above(y, x)), x, plus(y, y)),
+            add(x, y),
+            subtract(x, y),
+            multiply(x, y),
+            divide(x, y),
+            negate(x),
+            absolute(x),
+            sqrt(absolute(x)),
+            copysign(x, y),
+            select(greater(x, y), x, y),
+            select(logical_or(greater(x, y), greater(y, x)), x, add(y, y)),
         )
     ):
         store(out[row], at, value)
@@ -87,9 +87,9 @@ def test_four_numbers_from_anywhere_in_a_row_are_those_of_numpy(
 @lean_kernel
 def remainder(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
     x, y = load(a, 0), load(b, 0)
-    product = times(x, y)
+    product = multiply(x, y)
     store(out[0], 0, product)
-    store(out[1], 0, madd(x, y, negative(product)))
+    store(out[1], 0, fma(x, y, negate(product)))
 
 
 def test_a_product_and_a_sum_are_rounded_once() -> None:
@@ -102,8 +102,8 @@ def test_a_product_and_a_sum_are_rounded_once() -> None:
 
 @lean_kernel
 def with_one(a: np.ndarray, one: float, out: np.ndarray) -> None:
-    store(out[0], 0, over(one, load(a, 0)))
-    store(out[1], 0, choose(above(load(a, 0), one), one, load(a, 0)))
+    store(out[0], 0, divide(one, load(a, 0)))
+    store(out[1], 0, select(greater(load(a, 0), one), one, load(a, 0)))
 
 
 def test_one_number_stands_for_four() -> None:
