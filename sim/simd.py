@@ -3,7 +3,7 @@
 Numba makes vectors of loops only. Here a vector is a tuple of four numbers of one kind, float32 or float64,
 which the compiler keeps in registers from `load` to `store`. One number stands for four of it. As with single
 numbers, the compiler joins a product that is used once with the sum it is used in and rounds them once;
-`madd` says so outright.
+`fma` says so outright.
 """
 
 from __future__ import annotations
@@ -176,14 +176,14 @@ subtract: Any = intrinsic(_operation("fsub"))
 multiply: Any = intrinsic(_operation("fmul"))
 divide: Any = intrinsic(_operation("fdiv"))
 greater: Any = intrinsic(_operation("fcmp_ordered", ">"))
-"""`above(a, b)`: where a is above b, four booleans."""
+"""`greater(a, b)`: where a is above b, four booleans."""
 logical_or: Any = intrinsic(_operation("or_"))
 select: Any = intrinsic(_select)
-"""`choose(where, a, b)`: a where that is true, b elsewhere."""
+"""`select(where, a, b)`: a where that is true, b elsewhere."""
 fma: Any = intrinsic(_function("fma", 3))
-"""`madd(a, b, c)`: a * b + c, rounded once."""
+"""`fma(a, b, c)`: a * b + c, rounded once."""
 negate: Any = intrinsic(_negate)
 absolute: Any = intrinsic(_absolute)
 sqrt: Any = intrinsic(_function("sqrt", 1))
 copysign: Any = intrinsic(_copysign)
-"""`signed(a, b)`: a with the sign of b."""
+"""`copysign(a, b)`: a with the sign of b."""
