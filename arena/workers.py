@@ -30,10 +30,16 @@ def start_server() -> None:
     """Have what all workers need loaded while this process does something else.
 
     The process that they are forked from begins with it at once, and not when the first worker starts.
+    To be called from the main thread.
     """
     if _CONTEXT.get_start_method() == "forkserver":
-        with _one_blas_thread():
-            forkserver.ensure_running()
+        # Ctrl-C is for this process to answer; that one would print where it was interrupted.
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            with _one_blas_thread():
+                forkserver.ensure_running()
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 def new_output_log() -> OutputLog:

@@ -264,6 +264,40 @@ def test_a_signal_ends_the_workers_too(sent: signal.Signals, tmp_path: Path) -> 
     assert not any(map(alive, workers))
 
 
+INTERRUPTED = """
+import os, signal, sys, time
+from nathlon.arena.workers import start_server
+
+if __name__ == "__main__":
+    start_server()
+    try:
+        os.killpg(0, signal.SIGINT)
+        time.sleep(60.0)
+    except KeyboardInterrupt:
+        from nathlon.arena.entrance import enter_all
+        from nathlon.arena.pool import Pool
+
+        with Pool(1) as pool:
+            print(enter_all(pool, sys.argv[1:], "lindenring", "gt3")[0].name)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends signals")
+def test_ctrl_c_while_the_workers_libraries_load_is_answered_by_the_command_alone(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(INTERRUPTED)
+    done = subprocess.run(
+        [sys.executable, script, BUNDLED[0]],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)},
+        start_new_session=True,
+    )
+    assert done.stdout.split() == [BUNDLED[0].stem]
+    assert not done.stderr
+
+
 def alive(process: int) -> bool:
     """Whether a process is there and no zombie."""
     try:
