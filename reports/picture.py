@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from nathlon.sim.names import printable
 
-WIDTH_IN, ROW_IN, FRAME_IN, DPI = 7.2, 0.29, 1.15, 120
+WIDTH_IN, ROW_IN, FRAME_IN, DPI = 7.2, 0.29, 0.85, 120
 MOST_ROWS = 40
 MOST_LETTERS = 40
 FIRST, OTHER, INK = "#1f6fb4", "#6b727b", "#22262b"
@@ -73,12 +73,12 @@ def draw_ranking(ranking: pl.DataFrame) -> Figure:
     tied = shown.filter(pl.col("rank") == 1)
     first = "statistically tied for first" if tied.height > 1 else "alone in rank 1"
     rest = f"; best {shown.height} of {ordered.height}" if ordered.height > shown.height else ""
-    axes.set_title(f"Points a race, 95 % intervals. Filled: {first}{rest}", loc="left", fontsize=10)
+    title = f"Points a race, 95 % intervals. Filled: {first}{rest}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10)  # the axes may be narrower
     for place, row in enumerate(shown.iter_rows(named=True)):
         _draw_row(axes, place, row)
     axes.set_yticks(range(shown.height), [_label(row) for row in shown.iter_rows(named=True)])
     axes.set_ylim(shown.height - 0.4, -0.6)
-    axes.set_xlabel("points a race")
     axes.grid(axis="x", linewidth=0.5, color="#e2e4e5")
     axes.set_axisbelow(True)
     return figure

@@ -175,7 +175,7 @@ def _read_only_url(path: Path) -> sa.URL:
     If nobody has it open and all writes are in it, it is taken as one that does not change, for which SQLite
     needs no files beside it; else it uses those that are there. See https://sqlite.org/wal.html#read_only_databases.
     """
-    in_use = _left_beside(path) or path.with_name(f"{path.name}-shm").exists()
+    in_use = _left_beside(path) or all(path.with_name(path.name + end).exists() for end in ("-wal", "-shm"))
     return sa.URL.create(
         "sqlite",
         database=f"file:{quote(str(path.absolute()))}",

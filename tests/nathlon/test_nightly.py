@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -348,58 +347,6 @@ def test_two_at_once_share_a_night(tmp_path: Path, folder: Path, nights: list[Ni
     shared, alone = (outcome(each)["runs"]["night-0001"] for each in (tmp_path, folder))
     # Both may have put the same ballots in.
     assert shared | {"committee": None} == alone | {"committee": None}
-
-
-TELLING = """
-import os, signal, sys
-from nathlon.commands import nightly as command
-from nathlon.arena.store import Store
-
-def dies(*_):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-def dies_after(store, name, status, end=Store.end_run):
-    end(store, name, status)
-    dies()
-
-point = sys.argv[1]
-if point == "outcome stored":
-    Store.end_run = dies
-elif point == "run ended":
-    Store.end_run = dies_after
-elif point == "printed":
-    command.told = dies
-command.nightly(command.Path("nathlon.toml"), 1, False)
-"""
-
-
-def test_a_night_killed_before_it_was_told_is_told_by_the_next(tmp_path: Path) -> None:
-    watch_two(tmp_path)
-    (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
-    for point in ("outcome stored", "run ended", "printed"):
-        killed = subprocess.run([sys.executable, "-c", TELLING, point], cwd=tmp_path, capture_output=True)
-        assert killed.returncode == -signal.SIGKILL, killed.stderr
-    newcomer = Path(shutil.copy(WEAK, tmp_path / "checkpoints"))
-    repeated = nathlon("nightly", "--workers", "1", "--json", cwd=tmp_path)
-    night = json.loads(repeated.stdout)
-    assert (repeated.returncode, night["code"], night["name"]) == (HEALTH, HEALTH, "night-0001")
-    assert night["reason"] == "1 of 3 new files were set aside."
-    assert len(night["summary"]["excluded"]) == 1
-    newcomer.unlink()
-    later = nathlon("nightly", "--workers", "1", cwd=tmp_path)
-    assert (later.returncode, later.stdout.splitlines()[-1]) == (OK, "Outcome      Nothing is new.")
-
-
-def test_a_night_of_an_older_version_counts_as_told(
-    folder: Path, nights: list[Night], tmp_path: Path
-) -> None:
-    shutil.copytree(folder, tmp_path / "older")
-    with Store.open(tmp_path / "older" / "nathlon.sqlite") as store:
-        for record in store.runs():
-            outcome: Any = store.facts(record.name)["outcome"]
-            assert outcome.pop("told") is True
-            store.put_fact(record.name, "outcome", outcome)
-    assert run(tmp_path / "older").reason == "Nothing is new."
 
 
 def test_init_writes_what_is_the_standard(tmp_path: Path) -> None:

@@ -90,6 +90,14 @@ def test_odd_paths_of_read_only_stores(locked: Path) -> None:
     assert runs(locked) == ["night-0001"]
 
 
+@pytest.mark.parametrize("left", [("-shm",), ("-wal",), ("-wal", "-shm")])
+def test_empty_files_beside_a_read_only_store_are_no_obstacle(locked: Path, left: tuple[str, ...]) -> None:
+    for end in left:
+        (locked / f"nathlon.sqlite{end}").touch()
+    lock(locked)
+    assert runs(locked) == ["night-0001"]
+
+
 def with_writes_beside(locked: Path, shared_memory: bool) -> None:
     """The store as one leaves it who is killed: a second night is in the file beside it only."""
     source = locked.parent / "open"

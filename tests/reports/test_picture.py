@@ -55,7 +55,8 @@ def test_best_stand_above_with_their_intervals() -> None:
         entrant("b", 1, 19.0),
         entrant("a", 1, 20.0),
     )
-    [axes] = draw_ranking(ranking).axes
+    figure = draw_ranking(ranking)
+    [axes] = figure.axes
     assert names(axes) == ["a", "b", "c (barred)", "unraced"]
     assert axes.yaxis_inverted()
     drawn = {
@@ -65,12 +66,12 @@ def test_best_stand_above_with_their_intervals() -> None:
     assert set(drawn) == {(0, 20.0), (0, 19.2, 20.8), (1, 19.0), (1, 18.2, 19.8), (2, 15.0), (2, 14.2, 15.8)}
     fills = [to_hex(drawn[dot].get_markerfacecolor()) for dot in [(0, 20.0), (1, 19.0), (2, 15.0)]]
     assert fills == [FIRST, FIRST, "#ffffff"]
-    assert "statistically tied for first" in axes.get_title(loc="left")
+    assert "statistically tied for first" in figure.get_suptitle()
 
 
 def test_a_lone_first_is_not_called_tied() -> None:
-    [axes] = draw_ranking(table(entrant("a", 1, 20.0), entrant("b", 2, 15.0))).axes
-    assert "alone in rank 1" in axes.get_title(loc="left")
+    figure = draw_ranking(table(entrant("a", 1, 20.0), entrant("b", 2, 15.0)))
+    assert "alone in rank 1" in figure.get_suptitle()
 
 
 @pytest.mark.parametrize("rows", [[], [entrant("a", None, None)]], ids=["nobody", "no points"])
@@ -93,9 +94,10 @@ def test_hostile_names_are_shown_as_they_stand() -> None:
 
 def test_a_large_field_is_cut() -> None:
     ranking = table(*(entrant(f"e{place}", place + 1, -float(place)) for place in range(200)))
-    [axes] = draw_ranking(ranking).axes
+    figure = draw_ranking(ranking)
+    [axes] = figure.axes
     assert names(axes) == [f"e{place}" for place in range(MOST_ROWS)]
-    assert f"best {MOST_ROWS} of 200" in axes.get_title(loc="left")
+    assert f"best {MOST_ROWS} of 200" in figure.get_suptitle()
     assert image(ranking).height < 2000
 
 
