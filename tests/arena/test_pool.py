@@ -291,7 +291,7 @@ def test_ctrl_c_while_the_workers_libraries_load_is_answered_by_the_command_alon
         capture_output=True,
         text=True,
         check=True,
-        env=os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)},
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent.parent)},
         start_new_session=True,
     )
     assert done.stdout.split() == [BUNDLED[0].stem]
