@@ -57,7 +57,8 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
     told: list[Summary] = []
 
     def on_verdict(verdict: Summary) -> None:
-        assert not [path for path in folder.rglob("*") if path.is_file() and "store" not in path.name]
+        there = {path.name.partition("-")[0] for path in folder.rglob("*") if path.is_file()}
+        assert there == {"store.sqlite", "policies.log"}
         told.append(verdict)
 
     with Pool(2) as pool:
