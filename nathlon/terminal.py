@@ -27,9 +27,12 @@ class Terminal(Console):
         """Print a table; one that is wider than the terminal goes on beyond its edge, and nothing is cut."""
         for column in table.columns:
             column.no_wrap, column.overflow = True, "ignore"
-        options = self.options.update(max_width=WIDEST)
-        needed = Measurement.get(self, options, table).maximum
-        self.print(table, width=max(needed, 1), soft_wrap=True, crop=False)
+        needed = Measurement.get(self, self.options.update(max_width=WIDEST), table).maximum
+        own, self.width = self.width, max(self.width, needed)
+        try:
+            self.print(table)
+        finally:
+            self.width = own
 
     def render_str(self, text: str, **options: Any) -> Text:
         """See `Console.render_str`."""

@@ -75,7 +75,7 @@ def train(
     folder = Path(out)
     logging.basicConfig(format="%(message)s")
     if resume and origin is not None:
-        raise InputError("from: expected for a new run, not with resume")
+        raise InputError("origin: expected for a new run, not with resume")
     if resume:
         trainer = Trainer.resume(folder, device)
     else:

@@ -10,6 +10,7 @@ import typer
 from nathlon.bounds import MOST_WORKERS
 from nathlon.commands.options import AsJson, Out, Seed
 from nathlon.commands.selection import stoppable
+from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.terminal import tell
 
@@ -37,6 +38,8 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
+    if resume and origin is not None:
+        raise InputError("--from: expected for a new run, not with --resume")
     need("torch", "train", "training")
     import nathlon
 

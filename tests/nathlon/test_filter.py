@@ -206,14 +206,11 @@ def test_scenarios_must_fit(field: str, name: str, folder: Path, pool: Pool, ent
 
 
 def test_the_command_writes_the_table_and_prints_the_front(
-    folder: Path,
-    config: Config,
-    entrants: list[Entrant],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    entrants: list[Entrant], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    short(tmp_path)
     once = tmp_path / "once.toml"
-    once.write_text((folder / "nathlon.toml").read_text().replace("most_races = 6", "most_races = 2"))
+    once.write_text((tmp_path / "nathlon.toml").read_text().replace("most_races = 6", "most_races = 2"))
     sources = [entrant.source for entrant in entrants[:3]]
     pareto_command(sources, tmp_path, once, as_json=True)
     summary = json.loads(capsys.readouterr().out)

@@ -138,7 +138,7 @@ def test_the_console_prints_names_as_they_are(
 def test_progress_shows_names_as_they_are(capsys: pytest.CaptureFixture[str], name: str) -> None:
     with progress_bars() as bars:
         bars.add_task(name, total=1, note=f"note {name}", completed=1)
-    said = capsys.readouterr().out
+    said = capsys.readouterr().err
     assert f"{name:<12}" in said
     assert f"note {name}" in said
 

@@ -17,6 +17,7 @@ from tests.nathlon.test_nightly import WEAK, run, watch_two
 
 TELLING = """
 import os, signal, sys
+import nathlon.nightly
 from nathlon.commands import nightly as command
 from nathlon.arena.store import Store
 
@@ -33,7 +34,7 @@ if point == "outcome stored":
 elif point == "run ended":
     Store.end_run = dies_after
 elif point == "printed":
-    command.told = dies
+    nathlon.nightly.told = dies
 command.nightly(command.Path("nathlon.toml"), 1, False)
 """
 

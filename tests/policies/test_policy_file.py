@@ -147,9 +147,6 @@ def test_too_little_memory_is_told(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     said = done.stdout.splitlines()
-    assert said[:2] == [
-        f"{path}: needs more memory than opening a policy may take" for path in (wide, packed)
+    assert said == [
+        f"{path}: needs more memory than opening a policy may take" for path in (wide, packed, eater)
     ]
-    assert said[2].startswith(f"{eater}: ")
-    assert "Failed to allocate memory" in said[2]
-    assert len(said) == 3

@@ -21,6 +21,7 @@ CARRIERS = {
     "sim/names.py",
     "sim/process.py",
     "sim/text_file.py",
+    "sim/validation.py",
     "sim/whole_file.py",
 }
 """What decisive modules import that only carries text and files."""
