@@ -14,7 +14,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from nathlon.policies.environments.registration import register_with_gymnasium
+from nathlon.policies.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from nathlon.api.racing import RaceResult, race

@@ -26,7 +26,7 @@ class Terminal(Console):
     def table(self, table: Table) -> None:
         """Print a table; one that is wider than the terminal goes on beyond its edge, and nothing is cut."""
         for column in table.columns:
-            column.no_wrap, column.overflow = True, "ignore"
+            column.no_wrap = True
         needed = Measurement.get(self, self.options.update(max_width=WIDEST), table).maximum
         own, self.width = self.width, max(self.width, needed)
         try:

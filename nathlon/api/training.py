@@ -95,4 +95,4 @@ def train(
             bars.update(task, completed=status.updates, note=note)
 
         trainer.run(on_status)
-    return TrainingResult(folder, trainer.updates)
+    return TrainingResult(folder.absolute(), trainer.updates)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+from types import CodeType, FunctionType
 
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import OBJECT
@@ -44,7 +45,7 @@ def handed_over(source: str) -> Policy:
 
 
 def object_id(policy: Policy, name: str) -> str:
-    """The id of a policy's file where it comes from one, or the SHA-256 of what it consists of.
+    """The id of a policy's file where it comes from one, or the SHA-256 of its methods and its state.
 
     Raises:
         InputError: if it cannot be written down.
@@ -52,11 +53,22 @@ def object_id(policy: Policy, name: str) -> str:
     known = getattr(policy, "id", None)
     if isinstance(known, str):
         return known
+    digest = hashlib.sha256(type(policy).__qualname__.encode())
+    for kind in type(policy).__mro__:
+        for attribute, value in sorted(vars(kind).items()):
+            if isinstance(value, FunctionType):
+                digest.update(f"{attribute}{_instructions(value.__code__)}".encode())
     try:
-        content = pickle.dumps(policy)
+        digest.update(pickle.dumps(policy.__getstate__()))
     # Any attribute of a stranger's object may refuse.
     except Exception as error:
         raise InputError(
             f"policy {name!r}: cannot be pickled ({error}), expected so, or a text as its attribute id"
         ) from None
-    return hashlib.sha256(content).hexdigest()
+    return digest.hexdigest()
+
+
+def _instructions(code: CodeType) -> str:
+    """What a function does, wherever it is written."""
+    constants = [_instructions(one) if isinstance(one, CodeType) else repr(one) for one in code.co_consts]
+    return f"{code.co_code.hex()}{code.co_names}{constants}"
