@@ -58,7 +58,7 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
     def on_verdict(verdict: Summary) -> None:
         there = {path.name.partition("-")[0] for path in folder.rglob("*") if path.is_file()}
-        assert there == {"store.sqlite", "policies.log"}
+        assert there - {"policies.log"} == {"store.sqlite"}, "what policies print may come at any time"
         told.append(verdict)
 
     with Pool(2) as pool:
