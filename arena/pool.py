@@ -20,8 +20,9 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.serving import came_otherwise, do, serve
-from nathlon.arena.watch import ANSWER_S, FIRST_ANSWER_S, LOOK_S, MATCH_S, Watch
+from nathlon.arena.watch import LOOK_S, MATCH_S, Watch
 from nathlon.arena.workers import Worker, new_output_log
+from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.sources import OBJECT
 from nathlon.sim.errors import InputError
 

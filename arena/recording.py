@@ -34,8 +34,8 @@ from nathlon.arena.foxglove_scene import scene
 from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
 from nathlon.arena.recorded_race import check_race
 from nathlon.sim.errors import InputError
-from nathlon.sim.text_file import read_bytes
 from nathlon.sim.track import SURFACES
+from nathlon.sim.untrusted_file import read_bytes
 from nathlon.sim.whole_file import whole_file
 
 OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from multiprocessing import connection, parent_process
 from typing import Any
 
-from nathlon.arena.isolation import preserved
 from nathlon.arena.job import Answer, Job, Opening, Racing, Wanted
 from nathlon.arena.match import Match
 from nathlon.arena.match_policies import match_policy
@@ -23,6 +22,7 @@ from nathlon.arena.runner import LineUp, run_together
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.workers import NO_MEMORY, READY
+from nathlon.policies.isolation import preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.errors import InputError

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.isolation import Apart
 from nathlon.arena.watch import Watch
 from nathlon.policies.checkpoint import NetworkPolicy
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
+from nathlon.policies.isolation import Apart
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources.onnx import OnnxPolicy
 from nathlon.policies.sources.sb3 import Sb3Policy

@@ -8,14 +8,11 @@ from collections import defaultdict
 from collections.abc import MutableSequence
 from typing import NamedTuple
 
+from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.sources.memory_limit import data_bytes
 
-ANSWER_S = 10.0
-"""A policy that has not answered for so long has timed out: a hundred times what is between two ticks."""
-FIRST_ANSWER_S = 120.0
-"""Its first answer may take longer, and so may its loading: libraries start and compile."""
 MATCH_S = 300.0
-"""All its answers in a match may take so long together, the first one apart."""
+"""All answers of a policy in a match may take so long together, the first one apart."""
 WORK_S = 600.0
 """What the simulator may take for a tick; the first one may have to compile it."""
 LOOK_S = 1.0

@@ -12,8 +12,8 @@ from typing import Any
 
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.watch import TOLD, Patience, Watch
+from nathlon.policies.patience import BLAS_THREADS
 
-BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 NO_MEMORY = 71
 """With what a worker exits that has run out of memory."""
 READY = "ready"

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.result import write_result
-from nathlon.arena.isolation import Apart
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.runner import run_match
 from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.isolation import Apart
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources.identity import policy_id
 

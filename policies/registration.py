@@ -8,8 +8,14 @@ from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
+from typing import Any
 
 GYMNASIUM = "gymnasium"
+ENVIRONMENTS: dict[str, dict[str, Any]] = {
+    "nathlon/TimeTrial-v0": {"scenario": "1v0", "opponents": ()},
+    "nathlon/Race-v0": {},
+}
+"""Names, and the arguments in which they differ from `RaceGymEnv`."""
 
 
 class _AfterGymnasium(MetaPathFinder):
@@ -35,9 +41,15 @@ class _AfterGymnasium(MetaPathFinder):
 
 def register() -> None:
     """Make the environments known to Gymnasium, which this loads."""
-    from nathlon.policies.environments import register_environments
+    import gymnasium
 
-    register_environments()
+    for name, arguments in ENVIRONMENTS.items():
+        gymnasium.register(
+            name,
+            entry_point="nathlon.policies.environments.race_gym_env:RaceGymEnv",
+            vector_entry_point="nathlon.policies.environments.race_vector_env:RaceVectorEnv",
+            kwargs=arguments,
+        )
 
 
 def register_with_gymnasium() -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.text_file import read_text
+from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
 
 DATA = Path(__file__).parent / "data"

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.load import load_policy
+from nathlon.policies.apart import load_guest
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.episode import Episodes, Moment, View
 from nathlon.sim.errors import InputError
@@ -155,13 +155,13 @@ def _seats(races: Indices, cars: Indices) -> tuple[Indices, Indices]:
 
 
 def load_opponents(opponents: Sequence[str | Policy], circuit: str, car: str) -> list[Policy]:
-    """Policies, of which some are given by name; see `nathlon.policies.load.load_policy`.
+    """Policies, of which some are given by name; see `nathlon.policies.apart.load_guest`.
 
     Raises:
         InputError: if a name is not that of a policy.
     """
     return [
-        load_policy(opponent, circuit, car) if isinstance(opponent, str) else opponent
+        load_guest(opponent, circuit, car) if isinstance(opponent, str) else opponent
         for opponent in opponents
     ]
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import BinaryIO
 
 from nathlon.policies.sources.memory_limit import OutOfMemoryError
 from nathlon.sim.errors import InputError
+from nathlon.sim.untrusted_file import open_regular
 
 MOST_BYTES = 1 << 29
 """Size of a file, and of all that is packed in it."""
@@ -40,25 +40,11 @@ def read_policy_file(path: Path) -> bytes:
 def open_policy_file(path: Path) -> Iterator[tuple[BinaryIO, int]]:
     """A file and its size in bytes, to read no more of it than is needed.
 
-    Never waits for what a pipe or device might bring.
-
     Raises:
         InputError: as `read_policy_file`.
     """
-    try:
-        opened = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 - closed below
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file, expected a policy") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: not a file, expected a policy") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except ValueError:
-        raise InputError(f"{str(path)!r}: no name of a file, expected that of a policy") from None
-    with opened as file:
+    with open_regular(path, "policy") as file:
         found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode):
-            raise InputError(f"{path}: not a file, expected a policy")
         if found.st_size == 0:
             raise InputError(f"{path}: the file is empty, expected a policy")
         if found.st_size > MOST_BYTES:
@@ -67,10 +53,6 @@ def open_policy_file(path: Path) -> Iterator[tuple[BinaryIO, int]]:
             yield file, found.st_size
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-
-
-def _without_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def content_id(content: bytes) -> str:

@@ -17,7 +17,7 @@ from nathlon.policies.training.log import CURVE_FILE
 from nathlon.policies.training.state import STATE_FILE, load_state
 from nathlon.policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
 from nathlon.sim.errors import InputError
-from nathlon.sim.text_file import read_text
+from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
 

@@ -16,7 +16,7 @@ from torch import Tensor
 from nathlon.policies.training.log import CURVE_FILE
 from nathlon.policies.training.state import STATE_FILE, write_tensors
 from nathlon.sim.errors import InputError
-from nathlon.sim.text_file import open_regular
+from nathlon.sim.untrusted_file import open_regular
 from nathlon.sim.whole_file import whole_file
 
 CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")

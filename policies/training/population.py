@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.policies.apart import load_guest
 from nathlon.policies.checkpoint import load_checkpoint
-from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import PAST, SELF, Opponent
 
@@ -30,7 +30,7 @@ class Population:
             InputError: if one is not known or cannot be read.
         """
         self._names = [opponent.policy for opponent in opponents]
-        loaded = {name: load_policy(name, circuit, car) for name in self._names if name not in (SELF, PAST)}
+        loaded = {name: load_guest(name, circuit, car) for name in self._names if name not in (SELF, PAST)}
         self.policies: list[Policy] = [loaded.get(name, next(iter(loaded.values()))) for name in self._names]
         weights = np.array([opponent.weight for opponent in opponents])
         self._chances = weights / weights.sum()

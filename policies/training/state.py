@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.text_file import open_regular
+from nathlon.sim.untrusted_file import open_regular
 from nathlon.sim.whole_file import whole_file
 
 STATE_FILE = "state.safetensors"

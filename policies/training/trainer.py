@@ -32,7 +32,7 @@ from nathlon.policies.training.state import (
 from nathlon.policies.training.worker import Experience, Gathered, News, RolloutWorker
 from nathlon.policies.training.worker_pool import LocalWorkers, ProcessWorkers, WorkerPool
 from nathlon.sim.errors import InputError
-from nathlon.sim.text_file import read_text
+from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
 

@@ -26,8 +26,8 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.rules import Rules, rule_parameters
 from nathlon.sim.scenario import Scenario, load_scenario
-from nathlon.sim.text_file import open_regular
 from nathlon.sim.track import load_track
+from nathlon.sim.untrusted_file import open_regular
 from nathlon.tournament.event import load_event
 from tests.command_line import nathlon, refused
 from tests.committees import PEOPLE, RUN, ask

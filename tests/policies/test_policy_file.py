@@ -44,15 +44,15 @@ def test_what_is_no_file_is_refused_unread(
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(str(plug))
         for path, said in [
-            (pipe, "not a file"),
-            (folder, "not a file"),
-            (zeros, "not a file"),
-            (plug, "cannot be read"),
-            (astray, "no such file"),
-            (loop, "cannot be read"),
-            (tmp_path / ("g" * 300 + suffix), "cannot be read"),
+            (pipe, "a pipe or a device"),
+            (folder, "Is a directory"),
+            (zeros, "a pipe or a device"),
+            (plug, "No such device"),
+            (astray, "No such file"),
+            (loop, "Too many levels"),
+            (tmp_path / ("g" * 300 + suffix), "File name too long"),
         ]:
-            with refusal(path, said):
+            with refusal(path, f"cannot read the policy: {said}"):
                 read(path)
     with pytest.raises(InputError, match=r"^'.*a\\x00b.*': no name of a file"):
         read(tmp_path / f"a\0b{suffix}")

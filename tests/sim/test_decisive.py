@@ -20,7 +20,7 @@ CARRIERS = {
     "sim/extras.py",
     "sim/names.py",
     "sim/process.py",
-    "sim/text_file.py",
+    "sim/untrusted_file.py",
     "sim/validation.py",
     "sim/whole_file.py",
 }

@@ -1,0 +1,146 @@
+"""Policies that are code, in processes of their own: one that hangs, exits or prints harms nobody."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import weakref
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nathlon.policies.load import load_policy
+from nathlon.policies.patience import ANSWER_S, BLAS_THREADS, FIRST_ANSWER_S
+from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sources import COMPOSITE, PLUGIN
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.wire import Arrays, pack, unpack
+
+LOOK_S = 1.0
+"""Between two looks at a process that does not answer."""
+
+
+def load_guest(name: str, circuit: str, car: str) -> Policy:
+    """The policy called `name` for a program that must outlive it; see `nathlon.policies.load.load_policy`.
+
+    Plugins, composites and ONNX graphs run in processes of their own, and raise an InputError when they do
+    not answer as they should; weights and built-in drivers can do no harm and run in this one.
+
+    Raises:
+        InputError: if there is no such policy or it cannot be read.
+    """
+    if name.partition(":")[0] == PLUGIN or name.endswith((COMPOSITE, ".onnx")):
+        return PolicyApart(name, circuit, car)
+    return load_policy(name, circuit, car)
+
+
+class PolicyApart:
+    """A policy in a process of its own, which ends with this object or with this process.
+
+    What it prints goes to this process's stderr.
+
+    Attributes:
+        process: the process.
+    """
+
+    observation_spec: ObservationSpec
+
+    def __init__(
+        self,
+        source: str,
+        circuit: str,
+        car: str,
+        answer_s: float = ANSWER_S,
+        first_answer_s: float = FIRST_ANSWER_S,
+    ) -> None:
+        """Open a policy.
+
+        Args:
+            source, circuit, car: as of `load_policy`.
+            answer_s: time that it has for an answer.
+            first_answer_s: time that it has to open, and for its first answer.
+
+        Raises:
+            InputError: if it cannot be opened, or not in time.
+        """
+        self._source, self._answer_s, self._limit_s = source, answer_s, first_answer_s
+        self._pipe, theirs = Pipe()
+        # Not a process of multiprocessing: those of daemons may have none, and some would start the
+        # user's script once more.
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "nathlon.policies.apart_host", str(theirs.fileno())],
+            stdin=subprocess.PIPE,  # is closed with this process, however that ends
+            stdout=sys.__stderr__,
+            env={**os.environ, **dict.fromkeys(BLAS_THREADS, "1")},
+            pass_fds=[theirs.fileno()],
+        )
+        theirs.close()
+        self._end = weakref.finalize(self, _end, self.process, self._pipe)
+        opened, _ = self._ask({"source": source, "circuit": circuit, "car": car, "path": sys.path})
+        self.observation_spec = ObservationSpec.from_dict(opened["observation_spec"])
+        self._limit_s = first_answer_s
+
+    def initial_memory(self, n: int) -> Batch:
+        """As of `nathlon.policies.policy.Policy`."""
+        return self._rows("memory", self._ask({"cars": n})[1], n)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """As of `nathlon.policies.policy.Policy`.
+
+        Raises:
+            InputError: if it raises, does not answer in time, or answers with something else.
+        """
+        _, arrays = self._ask({}, {"observations": observations, "memory": memory})
+        self._limit_s = self._answer_s
+        actions = self._rows("actions", arrays, len(observations))
+        if actions.shape != (len(observations), 2) or not np.isfinite(actions).all():
+            raise self._refused(
+                f"answers with {actions.shape}, expected ({len(observations)}, 2) finite numbers"
+            )
+        return actions, self._rows("memory", arrays, len(observations))
+
+    def _rows(self, name: str, arrays: Arrays, n: int) -> Batch:
+        array = arrays.get(name, np.zeros(0))
+        if array.ndim != 2 or len(array) != n:
+            raise self._refused(f"has {name} of shape {array.shape}, expected {n} rows")
+        return array.astype(np.float32)
+
+    def _refused(self, reason: str) -> InputError:
+        self._end()
+        return InputError(f"{self._source}: {reason}")
+
+    def _ask(
+        self, message: dict[str, Any], arrays: Arrays | None = None
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        try:
+            self._pipe.send_bytes(pack(message, arrays))
+            waited_s = 0.0
+            # Looks are counted, not seconds: both processes may have been stopped for a while.
+            while not self._pipe.poll(min(LOOK_S, self._limit_s)):
+                waited_s += LOOK_S
+                if waited_s >= self._limit_s:
+                    raise self._refused(f"has not answered in {self._limit_s:g} s")
+            answer, brought = unpack(self._pipe.recv_bytes())
+        except (EOFError, OSError):
+            raise self._refused("ended its process") from None
+        except ValueError as error:
+            raise self._refused(f"answers with no message ({error})") from None
+        if "refused" in answer:
+            self._end()
+            raise InputError(str(answer["refused"]))
+        if "raised" in answer:
+            raise self._refused(f"raised {answer['raised']}, expected actions")
+        return answer, brought
+
+
+def _end(process: subprocess.Popen[bytes], pipe: Connection) -> None:
+    process.kill()
+    process.wait()
+    assert process.stdin is not None
+    process.stdin.close()
+    pipe.close()

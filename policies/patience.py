@@ -1,0 +1,8 @@
+"""What a process in which policies run is granted."""
+
+ANSWER_S = 10.0
+"""A policy that has not answered for so long has timed out: a hundred times what is between two ticks."""
+FIRST_ANSWER_S = 120.0
+"""Its first answer may take longer, and so may its loading: libraries start and compile."""
+BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables of the environment that are 1 there."""
