@@ -16,6 +16,8 @@ import nathlon
 from nathlon.policies.apart import PolicyApart, load_guest
 from nathlon.policies.load import load_policy
 from nathlon.sim.errors import InputError
+from tests.command_line import nathlon as command
+from tests.command_line import refused
 from tests.policies.test_plugin import install
 from tests.trainings import TOML
 
@@ -226,28 +228,27 @@ def test_an_environment_survives_its_opponent() -> None:
         env.step(np.zeros(2, np.float32))
 
 
-def test_training_says_whose_fault_it_is_and_prints_json_only(tmp_path: Path, site: Path) -> None:
-    for opponent, code in [("plugin:exits", 2), ("plugin:prints", 0)]:
-        config = tmp_path / "run.toml"
-        config.write_text(TOML.replace('opponents = ["driver"]', f'opponents = ["{opponent}"]'))
-        command = [
-            str(Path(sys.executable).with_name("nathlon")),
-            "train",
-            str(config),
-            "--out",
-            str(tmp_path / opponent[7:]),
-            "--json",
-        ]
-        done = subprocess.run(
-            command,
-            env={**os.environ, "PYTHONPATH": str(site)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == code, done.stderr
-        if code:
-            assert done.stderr.strip() == "nathlon: plugin:exits: ended its process"
-        else:
-            assert done.stdout.startswith("{")
-            assert "noise" in done.stderr
+@pytest.mark.usefixtures("uncompiled")
+def test_training_says_whose_fault_it_is(tmp_path: Path) -> None:
+    config = tmp_path / "run.toml"
+    config.write_text(TOML.replace('opponents = ["driver"]', 'opponents = ["plugin:exits"]'))
+    done = command("train", config, "--out", tmp_path / "run", "--json", cwd=tmp_path)
+    refused(done, "nathlon: plugin:exits: ended its process")
+    assert done.stdout == ""
+
+
+def test_what_it_prints_is_no_output_of_ours(site: Path) -> None:
+    program = (
+        "import numpy as np; from nathlon.policies.apart import PolicyApart;"
+        "policy = PolicyApart('plugin:prints', 'lindenring', 'gt3');"
+        "seen = np.zeros((1, policy.observation_spec.size), np.float32);"
+        "policy.act(seen, policy.initial_memory(1))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (done.stdout, done.stderr) == ("", "noise")
