@@ -1,0 +1,1 @@
+"""Worlds: simulators whose policies can be selected among, ours and others."""

@@ -1,0 +1,142 @@
+"""What a simulator offers so that its policies can be selected among: one row a seat an episode comes of it.
+
+Everything above the arena works on these rows (`nathlon.arena.results.RESULTS`) and knows no simulator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+
+import polars as pl
+
+if TYPE_CHECKING:
+    from nathlon.arena.entrant import Entrant
+    from nathlon.arena.match import Match
+    from nathlon.arena.team import Absent
+    from nathlon.arena.watch import Watch
+
+Points = Literal["place", "score"]
+
+
+class Measure(NamedTuple):
+    """What a number of a row means.
+
+    Attributes:
+        unit: SI where there is one; "1" for shares and counts.
+        goal: whether less or more is better.
+    """
+
+    unit: str
+    goal: Literal["min", "max"]
+
+
+KNOWN: Mapping[str, Measure] = {
+    "score": Measure("1", "max"),
+    "laps": Measure("1", "max"),
+    "race_time_s": Measure("s", "min"),
+    "driven_s": Measure("s", "max"),
+    "distance_m": Measure("m", "max"),
+    "best_lap_s": Measure("s", "min"),
+    "off_course_s": Measure("s", "min"),
+    "wall_s": Measure("s", "min"),
+    "contacts": Measure("1", "min"),
+    "contacts_at_fault": Measure("1", "min"),
+    "penalties": Measure("1", "min"),
+}
+"""Measures that stages know by name: columns of RESULTS. A world may declare others of its own."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A scenario as those see it who plan matches.
+
+    Attributes:
+        seats: names of the seats, in the order of a row's `car`.
+        sides: indices of the seats of each side that entrants take; whoever enters for a side takes all its
+            seats. The baseline takes the seats of no side.
+        points: whether a row's points are those of its place (10 8 6 5 4 3 2 1, equal ones share), or its score.
+    """
+
+    seats: tuple[str, ...]
+    sides: tuple[tuple[int, ...], ...]
+    points: Points = "score"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How an episode went for a seat.
+
+    Attributes:
+        score: more is better; None where places alone count.
+        place: 1 is best, equal places are ties; None where it follows from the scores.
+        finished: whether the episode came to its own end, and not to its time limit.
+        measures: known ones (`KNOWN`) and the world's own, by name.
+    """
+
+    score: float | None = None
+    place: int | None = None
+    finished: bool = True
+    measures: Mapping[str, float] = field(default_factory=dict)
+
+
+class Player(Protocol):
+    """Who takes a seat in an episode."""
+
+    def act(self, observation: Any) -> Any:
+        """What it does, of the seat's action space, having seen an observation of its observation space.
+
+        A policy that fails is replaced by one that idles, so that the others can play on.
+        """
+        ...
+
+
+LineUp = tuple["Match", Sequence["Any | Absent"]]
+"""A match and a policy for each of its entrants."""
+
+
+class World(Protocol):
+    """A simulator.
+
+    Attributes:
+        scenarios: what can be played, by name; the first is what everybody plays in the filter.
+        measures: its own, by name; a name of `KNOWN` has its unit there.
+        baseline: source of the policy that takes the seats of no side, and sets the marks of tests.
+    """
+
+    scenarios: Mapping[str, Setup]
+    measures: Mapping[str, Measure]
+    baseline: str
+
+    def facts(self, scenario: str) -> dict[str, Any]:
+        """All that decides how a match of a scenario ends, as plain JSON values: files, versions, settings."""
+        ...
+
+    def enter(self, source: str) -> Entrant:
+        """The entrant that a user calls by a path or a name.
+
+        Raises:
+            InputError: if it cannot play here.
+        """
+        ...
+
+    def policy(self, source: str) -> Any:
+        """The policy of a source, for `run`.
+
+        Raises:
+            InputError: if it cannot be loaded.
+        """
+        ...
+
+    def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
+        """Play matches of one scenario.
+
+        Args:
+            line_ups: what to play, by numbers of the caller's.
+            watch: told who is asked, with the number of the match.
+
+        Yields:
+            the number of a match and its RESULTS, one row a seat an episode, as soon as it is over.
+        """
+        ...
