@@ -29,7 +29,7 @@ def open_regular(path: Path, what: str = "file") -> BinaryIO:
     except OSError as error:
         raise InputError(f"{path}: cannot read the {what}: {error.strerror}") from None
     except ValueError:
-        raise InputError(f"{str(path)!r}: no name of a file, expected that of a {what}") from None
+        raise InputError(f"{path}: cannot read the {what}: a name has no zero byte") from None
     mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
         os.close(descriptor)

@@ -195,7 +195,7 @@ def test_a_policy_that_is_another_one_by_now_is_refused_after_the_others_have_ru
         with pytest.raises(InputError, match="has changed since it was entered"):
             next(results)
     path.unlink()
-    with pytest.raises(InputError, match=r"latest\.safetensors: no such file"):
+    with pytest.raises(InputError, match=r"latest\.safetensors: cannot read the policy: No such file"):
         match_policies(matches[0])
 
 

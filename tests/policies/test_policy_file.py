@@ -54,7 +54,7 @@ def test_what_is_no_file_is_refused_unread(
         ]:
             with refusal(path, f"cannot read the policy: {said}"):
                 read(path)
-    with pytest.raises(InputError, match=r"^'.*a\\x00b.*': no name of a file"):
+    with pytest.raises(InputError, match=r"cannot read the policy: a name has no zero byte"):
         read(tmp_path / f"a\0b{suffix}")
 
 
