@@ -154,7 +154,7 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes, message: str) -
 
 def test_missing_files_and_directories_are_refused(tmp_path: Path) -> None:
     for reader in (read_card, load_checkpoint, checkpoint_id):
-        with pytest.raises(InputError, match=r"none\.safetensors: no such file"):
+        with pytest.raises(InputError, match=r"none\.safetensors: cannot read the policy: No such file"):
             reader(tmp_path / "none.safetensors")
         with pytest.raises(InputError, match=r": not a file"):
             reader(tmp_path)

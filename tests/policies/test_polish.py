@@ -289,5 +289,5 @@ def test_the_command(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == {"rounds": 2, "checkpoints": "p/checkpoints"}
     load_checkpoint(tmp_path / "p" / "checkpoints" / "round-00002.safetensors")
-    refused(nathlon("polish", "none.safetensors", cwd=tmp_path), "none.safetensors", "no such file")
+    refused(nathlon("polish", "none.safetensors", cwd=tmp_path), "none.safetensors", "No such file")
     refused(nathlon("polish", CHECKPOINT, "--config", "fast", cwd=tmp_path), "fast")

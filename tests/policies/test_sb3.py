@@ -285,7 +285,7 @@ def test_other_architectures_are_refused(
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "c.zip"
-    with pytest.raises(InputError, match=r"c\.zip: no such file"):
+    with pytest.raises(InputError, match=r"c\.zip: cannot read the policy: No such file"):
         Sb3Policy.load(path)
     path.write_bytes(b"a text")
     with pytest.raises(InputError, match=r"c\.zip: not a whole \.zip"):

@@ -28,7 +28,8 @@ files = Counter(
     for module in list(sys.modules.values())
     if (file := getattr(module, "__file__", None)) and getattr(module, "__spec__", None)
 )
-ours = {file: count for file, count in files.items() if file.is_relative_to(Path.cwd())}
+own = [Path.cwd() / room for room in ("nathlon", *sys.argv[1:])]
+ours = {file: count for file, count in files.items() if any(map(file.is_relative_to, own))}
 print(len(ours), [str(file) for file, count in ours.items() if count > 1])
 print(sorted({name.partition(".")[0] for name in sys.modules} & set(sys.argv[1:])))
 """
