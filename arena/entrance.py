@@ -5,30 +5,56 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once, weights
+from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, only_once, weights
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.policies.load import load_file
 from nathlon.sim.errors import InputError
 
 
-def enter_each(pool: Pool, sources: Sequence[str], circuit: str, car: str) -> list[Entrant | InputError]:
-    """The entrants that sources give, or why they give none; see `nathlon.arena.entrant.enter`."""
-    return pool.open([Opening(source, enter, (source, circuit, car)) for source in sources])
+def enter_each(
+    pool: Pool, sources: Sequence[str], circuit: str, car: str, world: str = RACING
+) -> list[Entrant | InputError]:
+    """The entrants that sources give, or why they give none; see `nathlon.arena.worlds.contract.World`."""
+    return pool.open([Opening(source, _enter, (source, world, circuit, car)) for source in sources])
 
 
-def enter_all(pool: Pool, sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:
+def _enter(source: str, world: str, circuit: str, car: str) -> Entrant:
+    return load_world(world, circuit, car).enter(source)
+
+
+def enter_all(
+    pool: Pool, sources: Sequence[str], circuit: str, car: str, world: str = RACING
+) -> list[Entrant]:
     """Entrants with unique names; of several with the same contents only the first is kept.
 
     Raises:
         InputError: if one cannot drive, or there is none.
     """
     entrants = []
-    for answer in enter_each(pool, list(dict.fromkeys(sources)), circuit, car):
+    for answer in enter_each(pool, list(dict.fromkeys(sources)), circuit, car, world):
         if isinstance(answer, InputError):
             raise answer
         entrants.append(answer)
     return only_once(entrants)
+
+
+def check_world(pool: Pool, name: str) -> None:
+    """Load a world in a watched process, before this one does.
+
+    Raises:
+        InputError: if it cannot be loaded there.
+    """
+    [answer] = pool.open([Opening(f"world {name!r}", _load, (name,))])
+    if isinstance(answer, InputError):
+        raise answer
+
+
+def _load(name: str) -> None:
+    world = load_world(name)
+    for scenario in world.scenarios:
+        world.setup(scenario)
 
 
 def trained_on(pool: Pool, sources: Iterable[str]) -> tuple[str, str]:
@@ -56,9 +82,10 @@ def home(path: Path) -> tuple[str | None, str | None]:
     return card.circuit, card.car
 
 
-def check_opponents(pool: Pool, sources: Iterable[str], circuit: str, car: str, field: str) -> None:
-    """Raise an InputError that names the field for an opponent that cannot drive, before anything runs."""
-    for answer in enter_each(pool, list(dict.fromkeys(sources)), circuit, car):
+def check_opponents(pool: Pool, sources: Iterable[str], beside: Entrant, field: str) -> None:
+    """Raise an InputError that names the field for an opponent that cannot play beside an entrant."""
+    once = list(dict.fromkeys(sources))
+    for answer in enter_each(pool, once, beside.circuit, beside.car, beside.world):
         if isinstance(answer, InputError):
             raise InputError(f"{field}: {answer}")
 
@@ -66,7 +93,7 @@ def check_opponents(pool: Pool, sources: Iterable[str], circuit: str, car: str, 
 def intact(pool: Pool, entrants: Sequence[Entrant]) -> list[bool]:
     """Which entrants can still be loaded, and are the same."""
     answers = pool.open(
-        [Opening(each.source, enter, (each.source, each.circuit, each.car)) for each in entrants]
+        [Opening(each.source, _enter, (each.source, each.world, each.circuit, each.car)) for each in entrants]
     )
     return [
         isinstance(answer, Entrant) and answer.id == entrant.id

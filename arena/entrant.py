@@ -10,6 +10,7 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.arena.results import ENTRANTS
+from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.load import load_file, load_policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN
 from nathlon.policies.sources.composite import CompositeSource
@@ -30,7 +31,9 @@ class Entrant:
             built-in driver's name with its settings.
         name: short, unique among the entrants of a run.
         source: path of the file, or the name of the driver or plugin.
+        circuit, car: what it drives; empty in a world that has none.
         step, seed: of the training; None where they are not known.
+        world: name of the simulator, see `nathlon.arena.worlds.registry`.
     """
 
     id: str
@@ -41,6 +44,7 @@ class Entrant:
     car: str
     step: int | None
     seed: int | None
+    world: str = RACING
 
 
 def enter(source: str, circuit: str, car: str) -> Entrant:

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 from nathlon.arena.match import Match
-from nathlon.sim.scenario import load_scenario
+from nathlon.arena.worlds.contract import Setup
+from nathlon.arena.worlds.registry import load_world
 
 CARS = 256
 """In a world: beyond it the work for each car is most of the work, and the networks of all their matches
@@ -22,29 +23,32 @@ ROUNDING = 1e-9
 
 
 def group(matches: Iterable[Match], workers: int) -> list[list[Match]]:
-    """Matches of the same scenario, circuit and car in groups, those that take longest first.
+    """Matches of the same scenario of the same world in groups, those that take longest first.
 
     Args:
         matches: what to run.
         workers: processes that will share the groups.
     """
-    alike: dict[tuple[str, str, str], list[Match]] = defaultdict(list)
+    alike: dict[tuple[str, str, str, str], list[Match]] = defaultdict(list)
     for match in matches:
-        alike[match.scenario, match.circuit, match.car].append(match)
+        alike[match.world, match.circuit, match.car, match.scenario].append(match)
     seconds = {kind: sum(map(_car_seconds, those)) for kind, those in alike.items()}
     share = sum(seconds.values()) / (GROUPS_A_WORKER * workers)
     groups = []
     for kind, those in alike.items():
-        scenario = load_scenario(kind[0])
-        most = min(share, CAR_SECONDS, CARS * scenario.time_s)
+        most = min(share, CAR_SECONDS, CARS * _setup(those[0]).time_s)
         groups += _split(those, math.ceil(seconds[kind] / most - ROUNDING))
     return sorted(groups, key=lambda those: -sum(map(_car_seconds, those)))
 
 
 def _car_seconds(match: Match) -> float:
     """Upper bound of what there is to simulate in a match."""
-    scenario = load_scenario(match.scenario)
-    return len(match.races) * scenario.cars * scenario.time_s
+    setup = _setup(match)
+    return len(match.races) * len(setup.seats) * setup.time_s
+
+
+def _setup(match: Match) -> Setup:
+    return load_world(match.world, match.circuit, match.car).setup(match.scenario)
 
 
 def _split(matches: list[Match], parts: int) -> list[list[Match]]:

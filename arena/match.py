@@ -12,20 +12,21 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from importlib.metadata import version
 from typing import Any
 
-from nathlon.sim.car import load_car
-from nathlon.sim.decisive import fingerprint
+from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.sim.errors import InputError
-from nathlon.sim.rules import load_rules
-from nathlon.sim.scenario import load_scenario
-from nathlon.sim.track import load_track
+
+NO_TEAM, TESTED, BACKGROUND = -1, 0, -2
 
 
 @dataclass(frozen=True)
 class Seat:
-    """A starting place taken: by which of the match's entrants, for which team (-1 for none)."""
+    """A starting place taken: by which of the match's entrants, for which team.
+
+    The team is -1 where there are none, `TESTED` where the match is a test of whoever sits there, and
+    `BACKGROUND` where that entrant only makes up the numbers.
+    """
 
     entrant: int
     team: int = -1
@@ -47,8 +48,10 @@ class Match:
     Attributes:
         stage: what it is for: pareto, battery, tournament, race.
         test: name by which the stage knows it.
+        circuit, car: where the world has several; empty where it has none.
         entrants: ids of the policies.
         sources: where to load them from; does not decide the outcome.
+        world: name of the simulator, see `nathlon.arena.worlds.registry`.
     """
 
     stage: str
@@ -59,6 +62,7 @@ class Match:
     entrants: tuple[str, ...]
     sources: tuple[str, ...]
     races: tuple[Race, ...]
+    world: str = RACING
 
     @classmethod
     def from_spec(cls, spec: Mapping[str, Any], sources: Mapping[str, str]) -> Match:
@@ -85,6 +89,7 @@ class Match:
             entrants,
             tuple(sources.get(entrant, entrant) for entrant in entrants),
             tuple(races),
+            spec["world"],
         )
         if json.dumps(match.spec(), sort_keys=True) != json.dumps(spec, sort_keys=True):
             raise InputError(
@@ -100,24 +105,6 @@ class Match:
 
     def spec(self) -> dict[str, Any]:
         """All that decides the outcome, as plain JSON values."""
-        facts = asdict(self) | surroundings(self.scenario, self.circuit, self.car)
+        facts = asdict(self) | load_world(self.world, self.circuit, self.car).facts(self.scenario)
         del facts["sources"]
-        facts["code"] = fingerprint()
-        facts["numpy"] = version("numpy")
-        facts["numba"] = version("numba")
-        facts["onnxruntime"] = version("onnxruntime")
         return facts
-
-
-def surroundings(scenario: str, circuit: str, car: str) -> dict[str, Any]:
-    """What the files of a scenario, a circuit and a car say, as plain JSON values.
-
-    Raises:
-        InputError: if one is unknown or its file is wrong.
-    """
-    return {
-        "scenario_file": load_scenario(scenario).model_dump(),
-        "rules_file": load_rules(load_scenario(scenario).rules).model_dump(),
-        "car_file": load_car(car).model_dump(),
-        "track": hashlib.sha256(load_track(circuit).table.tobytes()).hexdigest(),
-    }

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
-from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match
-from nathlon.policies.load import load_policy
-from nathlon.policies.policy import Policy
+from nathlon.arena.worlds.registry import load_world
 from nathlon.sim.errors import InputError
 
 
 @lru_cache(maxsize=256)
-def _policy(source: str, identity: str, circuit: str, car: str) -> Policy:
-    found = enter(source, circuit, car).id
+def _policy(source: str, identity: str, world: str, circuit: str, car: str) -> Any:
+    home = load_world(world, circuit, car)
+    found = home.enter(source).id
     if found != identity:
         raise InputError(
             f"{source}: has changed since it was entered: its id is {found}, expected {identity}"
         )
-    return load_policy(source, circuit, car)
+    return home.policy(source)
 
 
-def match_policies(match: Match) -> list[Policy]:
+def match_policies(match: Match) -> list[Any]:
     """The policies of a match, in the order of its entrants.
 
     Raises:
@@ -30,6 +30,6 @@ def match_policies(match: Match) -> list[Policy]:
     return [match_policy(match, entrant) for entrant in range(len(match.entrants))]
 
 
-def match_policy(match: Match, entrant: int) -> Policy:
+def match_policy(match: Match, entrant: int) -> Any:
     """The policy of one of its entrants; see `match_policies`."""
-    return _policy(match.sources[entrant], match.entrants[entrant], match.circuit, match.car)
+    return _policy(match.sources[entrant], match.entrants[entrant], match.world, match.circuit, match.car)

@@ -35,7 +35,7 @@ RESULTS = pl.Schema(
         "car": pl.Int64,  # index of the car in the race
         "slot": pl.Int64,  # starting place, 1 is pole
         "entrant": pl.String,  # entrant id
-        "team": pl.Int64,  # 0 or 1; -1 without teams
+        "team": pl.Int64,  # 0 or 1; -1 without teams; in tests 0 is who is tested; -2 makes up the numbers
         "place": pl.Int64,  # finishing place, 1 is first
         "points": pl.Float64,  # 10 8 6 5 4 3 2 1 by place
         "laps": pl.Int64,  # laps completed
@@ -50,8 +50,11 @@ RESULTS = pl.Schema(
         "contacts_faster_behind": pl.Int64,  # of these, while being behind and faster
         "contacts_at_fault": pl.Int64,  # of these, those that the stewards lay to this car
         "penalties": pl.Int64,
+        "score": pl.Float64,  # more is better; null where places alone count
+        "measures": pl.String,  # the world's own, a JSON object of numbers; null without any
     }
 )
+"""What a world does not measure is null."""
 
 ENTRANTS = pl.Schema(
     {

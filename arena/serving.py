@@ -18,10 +18,11 @@ from nathlon.arena.output_log import print_into
 from nathlon.arena.recorder import Recorded, record_races
 from nathlon.arena.recording import recording_name, write_recording
 from nathlon.arena.results import came_out_alike
-from nathlon.arena.runner import LineUp, run_together
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.workers import NO_MEMORY, READY
+from nathlon.arena.worlds.contract import LineUp
+from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.isolation import preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
@@ -89,7 +90,9 @@ def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
         else:
             line_ups[number] = job.match, policies
     if line_ups:
-        for number, results in run_together(line_ups, watch):
+        first, _ = next(iter(line_ups.values()))
+        world = load_world(first.world, first.circuit, first.car)
+        for number, results in world.run(line_ups, watch):
             yield number, Recorded(results, [])
 
 
@@ -130,7 +133,7 @@ def came_otherwise(match: Match) -> InputError:
     return InputError(f"match {match.key[:10]}: {OTHERWISE}")
 
 
-def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Policy | Absent:
+def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Any | Absent:
     """A policy of a match, watched while it is loaded."""
     if entrant in job.absent:
         return Absent(job.absent[entrant])

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from nathlon.api.racing import RaceResult, race
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
+    from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
     from nathlon.policies.load import load_policy
@@ -40,6 +41,9 @@ _FROM = {
     "SelectionResult": "nathlon.api.selection",
     "TrainingResult": "nathlon.api.training",
     "load_policy": "nathlon.policies.load",
+    "GymnasiumWorld": "nathlon.arena.worlds.environment",
+    "Declared": "nathlon.arena.worlds.environment",
+    "PettingZooWorld": "nathlon.arena.worlds.environment",
     "parallel_env": "nathlon.sim",
     "race": "nathlon.api.racing",
     "select": "nathlon.api.selection",
@@ -48,8 +52,11 @@ _FROM = {
 
 __all__ = [
     "Config",
+    "Declared",
+    "GymnasiumWorld",
     "InputError",
     "ObservationSpec",
+    "PettingZooWorld",
     "Policy",
     "RaceGymEnv",
     "RaceResult",

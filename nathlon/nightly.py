@@ -10,11 +10,13 @@ from typing import Any
 
 import polars as pl
 
-from nathlon.arena.entrance import enter_all, intact
+from nathlon.arena.entrance import check_world, enter_all, intact
 from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import BACKGROUND
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING
 from nathlon.arena.store import RunRecord, Store
+from nathlon.arena.worlds.registry import RACING
 from nathlon.publishing.output import POLICY_LOG, OutputFolder
 from nathlon.publishing.publish import publish
 from nathlon.publishing.recordings import record_tournament
@@ -73,6 +75,9 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         InputError: if a watched folder or the store cannot be used.
     """
     with Store(config.store) as store, Pool(workers) as pool:
+        if config.world != RACING:
+            check_world(pool, config.world)
+            config = config.suited
         untold = _untold(store)
         if untold:
             name, outcome = untold
@@ -93,7 +98,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
         run.keep({"pool": _pool(store, night, run)})
         selection = publish(store, night.name, output, pool)
-        if config.recordings == "all":
+        if config.recordings == "all" and config.world == RACING:
             record_tournament(store, night.name, output, pool, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
@@ -156,7 +161,9 @@ def _open(store: Store, config: Config, pool: Pool) -> tuple[RunRecord | None, S
     anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
     refused = {item.key for night in done for item in _field(night.config).excluded}
-    new, excluded = newcomers(pool, config.checkpoints, config.circuit, config.car, known, refused)
+    new, excluded = newcomers(
+        pool, config.checkpoints, config.circuit, config.car, known, refused, config.world
+    )
     if not new:
         return None, excluded
     incumbents = _incumbents(store, done, pool, config.nightly.incumbents, {anchor.id for anchor in anchors})
@@ -186,7 +193,7 @@ def _field(plan: Mapping[str, Any]) -> Field:
 def _anchors(pool: Pool, config: Config) -> tuple[Entrant, ...]:
     if not config.nightly.anchors:
         return ()
-    return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car))
+    return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car, config.world))
 
 
 def _incumbents(
@@ -216,6 +223,7 @@ def _pool(store: Store, night: RunRecord, run: Run) -> pl.DataFrame:
         if record.config["world"] == night.config["world"] and record.id <= night.id
     ]
     results = pl.concat([store.results_of_run(name, "tournament") for name in comparable])
+    results = results.filter(pl.col("team") != BACKGROUND)
     if results.is_empty():
         return pl.DataFrame(schema=RANKING)
     return rank(results, run.rng("tournament"), confidence=repeated(CONFIDENCE, len(comparable)))

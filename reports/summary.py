@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import polars as pl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from nathlon.arena.worlds.registry import RACING
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
@@ -166,7 +167,8 @@ class Summary(Part):
         ranking: of the round robin, best first.
         sent: whom the committee sends; empty where it sends nobody or has not decided.
         seed: of all randomness; None where the run has not come so far.
-        circuit, car: what was driven.
+        world: simulator in which everything was played.
+        circuit, car: what was driven; empty in another world.
         versions: of Python and packages.
         pair_correlation: of the two races of a mirrored pair; None where too few tell.
         confidence: of all intervals.
@@ -175,6 +177,7 @@ class Summary(Part):
         car_runs: cars times races.
         faults, void: of them ended by a policy's fault, and by one of the simulator.
         excluded: what was set aside before anything ran.
+        stages_set_aside: reasons by stage.
         committee: what it was asked.
         replays: races to look at, the deciding one first.
         recording, replay: of the deciding race; paths from the report's folder.
@@ -186,6 +189,7 @@ class Summary(Part):
     ranking: tuple[Ranked, ...]
     sent: tuple[Sent, ...]
     seed: int | None
+    world: str = RACING
     circuit: str
     car: str
     versions: dict[str, str]
@@ -197,6 +201,7 @@ class Summary(Part):
     faults: int
     void: int
     excluded: tuple[SetAside, ...]
+    stages_set_aside: dict[str, str] = {}
     committee: tuple[Decided, ...] = ()
     replays: tuple[Replay, ...] = ()
     recording: str | None = None

@@ -13,6 +13,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 from nathlon.tournament.formats import FORMATS, Format, FormatName
+from nathlon.tournament.sides import Sides
 
 
 class EventRace(Section):
@@ -36,14 +37,34 @@ class EventRace(Section):
     pairs: Annotated[int, Field(ge=2, le=10_000)] | None = None
 
     @property
-    def made(self) -> Format:
+    def made(self) -> Format | Sides:
         """Its format."""
         return FORMATS[self.format]
 
     @property
     def raced(self) -> str:
         """Its scenario."""
-        return self.scenario or self.made.scenario
+        return self.scenario or FORMATS[self.format].scenario
+
+
+class ScenarioRace(EventRace):
+    """A scenario of another world, played by its sides.
+
+    Attributes:
+        sides: how many it has.
+    """
+
+    sides: int
+
+    @property
+    def made(self) -> Sides:
+        """Its format."""
+        return Sides(self.sides)
+
+    @property
+    def raced(self) -> str:
+        """Its scenario, by whose name its results are known."""
+        return self.name
 
 
 class Event(Section):
@@ -77,9 +98,9 @@ def load_event(path: Path) -> Event:
         load_track(race.circuit)
         load_car(race.car)
         cars = load_scenario(race.raced).cars
-        if cars != race.made.cars:
+        if cars != FORMATS[race.format].cars:
             raise InputError(
                 f"{path}: race {race.name!r}: scenario {race.raced!r} has {cars} cars, "
-                f"expected {race.made.cars} for format {race.format}"
+                f"expected {FORMATS[race.format].cars} for format {race.format}"
             )
     return event

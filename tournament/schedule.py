@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from nathlon.tournament.formats import Format
+from nathlon.tournament.sides import Sides
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Meeting:
 
 
 def round_robin(
-    entrants: Sequence[str], made: Format, units: int, seeds: np.random.SeedSequence
+    entrants: Sequence[str], made: Format | Sides, units: int, seeds: np.random.SeedSequence
 ) -> list[Meeting]:
     """Every two entrants meet in `units` units of evidence, each with a seed of its own.
 

@@ -56,12 +56,17 @@ class Setup:
         seats: names of the seats, in the order of a row's `car`.
         sides: indices of the seats of each side that entrants take; whoever enters for a side takes all its
             seats. The baseline takes the seats of no side.
-        points: whether a row's points are those of its place (10 8 6 5 4 3 2 1, equal ones share), or its score.
+        points: whether a row's points are those of its place (10 8 6 5 4 3 2 1, equal ones share) or its
+            score.
+        time_s: of an episode, at most; by it matches that run together are made equally long.
+        ends: whether it has an end of its own, before the time is up.
     """
 
     seats: tuple[str, ...]
     sides: tuple[tuple[int, ...], ...]
     points: Points = "score"
+    time_s: float = 60.0
+    ends: bool = True
 
 
 @dataclass(frozen=True)
@@ -100,17 +105,35 @@ class World(Protocol):
     """A simulator.
 
     Attributes:
-        scenarios: what can be played, by name; the first is what everybody plays in the filter.
+        name: by which it was loaded, see `nathlon.arena.worlds.registry`.
+        scenarios: names of what can be played; the first is what everybody plays in the filter.
         measures: its own, by name; a name of `KNOWN` has its unit there.
         baseline: source of the policy that takes the seats of no side, and sets the marks of tests.
     """
 
-    scenarios: Mapping[str, Setup]
+    name: str
+    scenarios: tuple[str, ...]
     measures: Mapping[str, Measure]
     baseline: str
 
+    def setup(self, scenario: str) -> Setup:
+        """A scenario.
+
+        Raises:
+            InputError: if there is none of this name.
+        """
+        ...
+
+    def check(self, scenario: str) -> None:
+        """See whether a scenario can be played here.
+
+        Raises:
+            InputError: if it cannot.
+        """
+        ...
+
     def facts(self, scenario: str) -> dict[str, Any]:
-        """All that decides how a match of a scenario ends, as plain JSON values: files, versions, settings."""
+        """All that decides how a match of a scenario ends, as plain JSON values."""
         ...
 
     def enter(self, source: str) -> Entrant:

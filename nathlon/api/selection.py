@@ -9,9 +9,10 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrance import check_world, enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import find_sources
 from nathlon.policies.sources.handed_over import hand_over
@@ -153,6 +154,7 @@ def select(
     shortlist: int | None = None,
     pairs: int | None = None,
     workers: int | None = None,
+    world: str | None = None,
     progress: bool = True,
     on_verdict: OnVerdict | None = None,
 ) -> SelectionResult:
@@ -166,6 +168,8 @@ def select(
         config: how to select, or the path of a `nathlon.toml`; the standard way by default.
         seed, shortlist, pairs, workers: in place of the configuration's: of all randomness; entrants that
             reach the round robin; mirrored pairs of races for every two of them, at most; processes.
+        world: the simulator, in place of the configuration's: `MODULE:NAME`, `PATH.py:NAME`, or a name that a
+            package offers.
         progress: whether to show it, on standard error.
         on_verdict: told what was decided, before report and recordings are made.
 
@@ -174,6 +178,8 @@ def select(
     """
     sources = named_sources(checkpoints)
     settings = configured(config, seed, shortlist, pairs, workers)
+    if world is not None:
+        settings = settings.model_copy(update={"world": world})
     with Pool(worker_count(settings.workers)) as pool:
         entrants, settings = entered(pool, sources, settings)
         output = OutputFolder(Path(out))
@@ -234,10 +240,14 @@ def configured(
 
 
 def entered(pool: Pool, sources: list[str], config: Config) -> tuple[list[Entrant], Config]:
-    """The entrants of some sources, and the configuration for where they drive.
+    """The entrants of some sources, and the configuration for where they play.
 
     Raises:
         InputError: if one cannot drive, or there is none.
     """
+    if config.world != RACING:
+        check_world(pool, config.world)
+        config = config.suited
+        return enter_all(pool, sources, config.circuit, config.car, config.world), config
     circuit, car = trained_on(pool, sources)
     return enter_all(pool, sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})

@@ -15,6 +15,13 @@ Checkpoints = Annotated[
         help="Checkpoints (.safetensors, Stable-Baselines3 .zip, .onnx), folders of them, plugin:NAME."
     ),
 ]
+WorldName = Annotated[
+    str | None,
+    typer.Option(
+        "--world",
+        help="Simulator, if it is not nathlon's own: MODULE:NAME, PATH.py:NAME, or a package's.",
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
 Seed = Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
 ConfigSeed = Annotated[

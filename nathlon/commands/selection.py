@@ -20,6 +20,7 @@ from nathlon.commands.options import (
     Seed,
     Shortlist,
     Workers,
+    WorldName,
 )
 from nathlon.policies.sources import find_sources
 from nathlon.sim.errors import InputError
@@ -41,7 +42,7 @@ def demo(
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
     from nathlon.policies.bundled import BUNDLED
 
-    evaluate([str(BUNDLED / "lindenring")], out, None, seed, shortlist, pairs, workers, as_json)
+    evaluate([str(BUNDLED / "lindenring")], out, None, seed, shortlist, pairs, workers, None, as_json)
 
 
 def evaluate(
@@ -52,6 +53,7 @@ def evaluate(
     shortlist: Shortlist = None,
     pairs: Pairs = None,
     workers: Workers = None,
+    world: WorldName = None,
     as_json: AsJson = False,
 ) -> None:
     """Select the best of your own checkpoints, the same way as the demo."""
@@ -70,6 +72,7 @@ def evaluate(
             shortlist=shortlist,
             pairs=pairs,
             workers=workers,
+            world=world,
             progress=not as_json,
             on_verdict=None if as_json else _print_now,
         )

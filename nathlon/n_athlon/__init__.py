@@ -13,18 +13,19 @@ import polars as pl
 from pydantic import Field
 
 from nathlon.arena.entrance import check_opponents
-from nathlon.arena.entrant import Entrant, enter
+from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
+from nathlon.arena.worlds.contract import World
+from nathlon.arena.worlds.registry import home
 from nathlon.n_athlon.battery import MARKS, rank_battery, skills
-from nathlon.n_athlon.skill import Marks, Skill, load_skills
+from nathlon.n_athlon.measures import measured
+from nathlon.n_athlon.skill import Marks, Skill, load_skills, standing_tests
 from nathlon.policies.sources import DRIVER
 from nathlon.selection.run import Answer, Run
 from nathlon.selection.trials import against, draw_seeds
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
-from nathlon.sim.scenario import load_scenario
-from nathlon.sim.track import load_track
 
 DECATHLON = (
     "hot_lap",
@@ -52,11 +53,11 @@ class BatterySettings(Section):
     """The n-athlon.
 
     Attributes:
-        tests: shipped names, or paths of `.toml` files.
+        tests: shipped names, or paths of `.toml` files; with none, one for each of the world's scenarios.
         runs: of an entrant in every test, in place of the number that the test asks for.
     """
 
-    tests: Annotated[tuple[str, ...], Field(min_length=1)] = DECATHLON
+    tests: tuple[str, ...] = DECATHLON
     runs: Annotated[int, Field(ge=1, le=1000)] | None = None
 
 
@@ -74,7 +75,7 @@ class BatteryAnswer(Answer):
 
 
 def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings) -> BatteryAnswer:
-    """Test all entrants, all on one circuit, and put them in the order of their points.
+    """Test all entrants, all of one world, and put them in the order of their points.
 
     The built-in driver goes through the same tests, with seeds of its own, and sets the marks.
 
@@ -82,16 +83,18 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
         InputError: if a test is unknown or its file is wrong.
     """
     began = time.perf_counter()
-    tests = load_skills(settings.tests)
     if not entrants:
         run.note("battery", 0, 0, pl.DataFrame(schema=RESULTS), began)
         return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), {}, {})
-    circuit, car = entrants[0].circuit, entrants[0].car
-    set_aside = _without_room(tests, circuit)
+    world = home(entrants[0])
+    tests = load_skills(settings.tests, world) or standing_tests(world)
+    set_aside = _without_room(tests, world)
     held = [skill for skill in tests if skill.name not in set_aside]
     for skill in held:
-        check_opponents(run.pool, skill.opponents, circuit, car, f"test {skill.name!r}: field opponents")
-    own = marking_matches(held, circuit, car)
+        check_opponents(run.pool, skill.opponents, entrants[0], f"test {skill.name!r}: field opponents")
+    sources = [skill.baseline or world.baseline for skill in held]
+    check_opponents(run.pool, sources, entrants[0], "field baseline")
+    own = marking_matches(held, entrants[0])
     planned = skill_matches(entrants, held, run.seeds("battery"), settings.runs)
     results = run.results("battery", [*own.values(), *planned.values()])
     frames = {str(key): frame for (key,), frame in results.partition_by("match", as_dict=True).items()}
@@ -99,14 +102,15 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     marks: dict[str, Marks] = {}
     scored: list[pl.DataFrame] = []
     for skill in held:
-        found = skill.marks(skill.runs_of(frames[own[skill.name].key]))
+        how = measured(skill.measure, world)
+        found = skill.marks(skill.runs_of(frames[own[skill.name].key], how), how)
         if found is None:
-            set_aside[skill.name] = "the built-in driver fails in too many of its runs"
+            set_aside[skill.name] = f"{_called(skill, world)} fails in too many of its runs"
             continue
         marks[skill.name] = found
         for entrant in entrants:
-            runs = skill.runs_of(frames[planned[skill.name, entrant.id].key])
-            scored.append(skill.table(entrant.id, runs, found))
+            runs = skill.runs_of(frames[planned[skill.name, entrant.id].key], how)
+            scored.append(skill.table(entrant.id, runs, found, how.unit))
     tables = _tables(run, scored)
     by_id = {entrant.id: entrant for entrant in entrants}
     ordered = [by_id[entrant] for entrant in tables["battery"]["entrant"]]
@@ -122,22 +126,31 @@ def _tables(run: Run, scored: Sequence[pl.DataFrame]) -> dict[str, pl.DataFrame]
     }
 
 
-def _without_room(tests: Sequence[Skill], circuit: str) -> dict[str, str]:
-    """The tests that need a section which the circuit lacks, with what is said about it."""
+def _called(skill: Skill, world: World) -> str:
+    """Who sets the marks of a test."""
+    source = skill.baseline or world.baseline
+    return "the built-in driver" if source == DRIVER else source
+
+
+def _without_room(tests: Sequence[Skill], world: World) -> dict[str, str]:
+    """The tests that the world has no room for, with what is said about it."""
     lacking: dict[str, str] = {}
     for skill in tests:
         try:
-            load_scenario(skill.scenario).place(load_track(circuit), np.random.default_rng(0))
+            world.check(skill.scenario)
         except InputError as error:
             lacking[skill.name] = str(error)
     return lacking
 
 
-def marking_matches(tests: Sequence[Skill], circuit: str, car: str) -> dict[str, Match]:
-    """By test, the runs of the built-in driver that set its marks."""
-    driver = enter(DRIVER, circuit, car)
-    alike = [skill.model_copy(update={"scenario": skill.scenarios[1]}) for skill in tests]
-    matches = skill_matches([driver], alike, MARKS_SEEDS, MARKS_RUNS)
+def marking_matches(tests: Sequence[Skill], beside: Entrant) -> dict[str, Match]:
+    """By test, the runs of the built-in driver, or whoever else, that set its marks beside an entrant."""
+    world = home(beside)
+    matches: dict[tuple[str, str], Match] = {}
+    for skill in tests:
+        alike = skill.model_copy(update={"scenario": skill.scenarios[1]})
+        driver = world.enter(skill.baseline or world.baseline)
+        matches |= skill_matches([driver], [alike], MARKS_SEEDS, MARKS_RUNS)
     return {test: match for (test, _), match in matches.items()}
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from nathlon.arena.worlds.contract import World
 from nathlon.n_athlon.scoring import Kind
+
+OWN = "own."
+"""Before the name of a measure that a world declares itself."""
 
 Row = Mapping[str, Any]
 """One car's row of RESULTS."""
@@ -60,6 +65,17 @@ def _place(own: Row, _: Sequence[Row]) -> float | None:
     return float(own["place"])
 
 
+def _score(own: Row, _: Sequence[Row]) -> float | None:
+    return own["score"]
+
+
+def _own(name: str) -> Callable[[Row, Sequence[Row]], float | None]:
+    def mark(own: Row, _: Sequence[Row]) -> float | None:
+        return json.loads(own["measures"] or "{}").get(name)
+
+    return mark
+
+
 MEASURES: dict[str, Measure] = {
     "time": Measure("time", "s", True, _time),
     "best_lap": Measure("time", "s", True, _best_lap),
@@ -67,6 +83,21 @@ MEASURES: dict[str, Measure] = {
     "lead": Measure("distance", "s", False, _lead),
     "distance": Measure("distance", "m", True, _distance),
     "place": Measure("time", "places", False, _place),
+    "score": Measure("distance", "1", False, _score),
 }
 """All measures: time to the finish; the best lap; how much the mean lap lies above the best; the lead
-over the best opponent at the finish; the way driven until the run ended; the finishing place."""
+over the best opponent at the finish; the way driven until the run ended; the finishing place; the score
+that another world gives."""
+
+
+def measured(name: str, world: World) -> Measure:
+    """The measure of a name: one of MEASURES, or `own.NAME` of those that a world declares.
+
+    Raises:
+        KeyError: if there is none.
+    """
+    if not name.startswith(OWN):
+        return MEASURES[name]
+    declared = world.measures[name.removeprefix(OWN)]
+    kind: Kind = "time" if declared.goal == "min" else "distance"
+    return Measure(kind, declared.unit, False, _own(name.removeprefix(OWN)))

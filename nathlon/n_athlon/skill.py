@@ -13,14 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from scipy.optimize import brentq
 
+from nathlon.arena.match import TESTED
 from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
+from nathlon.arena.worlds.contract import World
+from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.n_athlon.battery import MARKS
-from nathlon.n_athlon.measures import MEASURES, Measure
+from nathlon.n_athlon.measures import MEASURES, OWN, Measure, measured
 from nathlon.n_athlon.scoring import BASE_POINTS, Kind, Scoring
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.data_file import Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
-from nathlon.sim.scenario import load_scenario
 
 SKILLS_FOLDER = Path(__file__).parent.parent / "data" / "skills"
 
@@ -31,18 +33,23 @@ Runs = list[tuple[int, float | None]]
 class Gains(Section):
     """What is worth how much, seen from the built-in driver's 500 points.
 
-    Gains are shares of its median mark where that is a time or a way, and in the measure's unit otherwise.
+    Gains are shares of its median mark where that is a time or a way, and in the measure's unit otherwise; or
+    in standard deviations of its marks.
 
     Attributes:
         reference_gain: by which a mark worth 1,000 points is better than one worth 500.
         limit_gain: no mark counts for more than this: what lies beyond owes more to the opponents' accidents
             than to skill, and must not outweigh the other runs.
         exponent: how progressive the points are.
+        base: the mark worth 500 points, where it is given and no driver is asked to set it.
+        in_deviations: whether gains are in standard deviations of the driver's marks.
     """
 
     reference_gain: Annotated[float, Field(ge=1e-6, le=1e6)]
     limit_gain: Annotated[float, Field(ge=1e-6, le=1e6)]
     exponent: Annotated[float, Field(ge=0.01, le=100)]
+    base: Annotated[float, Field(ge=-1e9, le=1e9)] | None = None
+    in_deviations: bool = False
 
     @model_validator(mode="after")
     def _in_order(self) -> Gains:
@@ -89,7 +96,8 @@ class Skill(Section):
         description: what it asks, for people.
         scenario: what is driven.
         slots: starting places of the entrant, in turn from run to run.
-        opponents: built-in drivers that start from the other places, in turn.
+        opponents: who start from the other places, in turn; on our circuits built-in drivers.
+        baseline: source of the policy that sets the marks; the world's own if none is named.
         runs: how often, each with a seed of its own.
         measure: name of a measure, one of `nathlon.n_athlon.measures.MEASURES`.
         marks_scenario: what the built-in driver drives to set the marks, if not the scenario itself.
@@ -102,6 +110,7 @@ class Skill(Section):
     scenario: str
     slots: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]
     opponents: tuple[str, ...] = ()
+    baseline: str | None = None
     runs: Annotated[int, Field(ge=1, le=1000)] = 8
     measure: str
     marks_scenario: str | None = None
@@ -110,19 +119,9 @@ class Skill(Section):
 
     @model_validator(mode="after")
     def _known(self) -> Skill:
-        if self.measure not in MEASURES:
+        if self.measure not in MEASURES and not self.measure.startswith(OWN):
             raise ValueError(f"measure is {self.measure!r}: expected one of {', '.join(MEASURES)}")
-        for opponent in self.opponents:
-            if opponent.partition(":")[0] != DRIVER:
-                raise ValueError(
-                    f"opponents names {opponent!r}: expected built-in drivers as driver:pace=0.95"
-                )
         return self
-
-    @property
-    def how(self) -> Measure:
-        """The measure itself."""
-        return MEASURES[self.measure]
 
     @property
     def scenarios(self) -> tuple[str, str]:
@@ -133,42 +132,51 @@ class Skill(Section):
         """The entrant's starting place in a run."""
         return self.slots[run % len(self.slots)]
 
-    def runs_of(self, results: pl.DataFrame) -> Runs:
-        """The marks of an entrant's runs, from the RESULTS of its match; void races are left out."""
+    def runs_of(self, results: pl.DataFrame, how: Measure) -> Runs:
+        """The marks of an entrant's runs, from the RESULTS of its match; void races are left out.
+
+        Of an entrant that takes several seats it is the last one's mark.
+        """
         runs: Runs = []
         for (race,), cars in results.sort("race", "car").group_by("race", maintain_order=True):
             rows = list(cars.iter_rows(named=True))
             if any(row["ending"] in VOID_ENDINGS for row in rows):
                 continue
             run = int(str(race))
-            own = next(row for row in rows if row["slot"] == self.slot(run))
-            others = [row for row in rows if row is not own]
-            mark = None if own["ending"] in POLICY_FAULTS else self.how.mark(own, others)
+            own = [row for row in rows if row["team"] == TESTED][-1]
+            others = [row for row in rows if row["team"] != TESTED]
+            mark = None if own["ending"] in POLICY_FAULTS else how.mark(own, others)
             if mark is not None:
-                worse = self.contact_penalty * own["contacts_at_fault"]
-                mark += worse if self.how.kind == "time" else -worse
+                worse = self.contact_penalty * (own["contacts_at_fault"] or 0)
+                mark += worse if how.kind == "time" else -worse
             runs.append((run, mark))
         return runs
 
-    def marks(self, driver: Runs) -> Marks | None:
+    def marks(self, driver: Runs, how: Measure) -> Marks | None:
         """The marks with which the driver's runs average 500 points; None where too many of them fail.
+
+        Where the scoring gives the mark that is worth 500 points, it is that one.
 
         The points of its median mark would not do: where some runs end in an accident, most are better
         than their mean.
         """
         marks = np.array([np.nan if mark is None else mark for _, mark in driver])
         valid = marks[np.isfinite(marks)]
-        if not len(valid):
+        if not len(valid) and (self.scoring.base is None or self.scoring.in_deviations):
             return None
-        middle = float(np.median(valid))
-        scale = abs(middle) if self.how.relative else 1.0
+        middle = float(np.median(valid)) if self.scoring.base is None else self.scoring.base
+        scale = abs(middle) if how.relative else 1.0
+        if self.scoring.in_deviations:
+            scale = float(valid.std()) or abs(middle) or 1.0
 
         def about(base: float) -> Marks:
-            return Marks.about(base, self.how.kind, self.scoring, scale)
+            return Marks.about(base, how.kind, self.scoring, scale)
 
         def surplus(base: float) -> float:
             return float(about(base).points(marks).mean()) - BASE_POINTS
 
+        if self.scoring.base is not None:
+            return about(self.scoring.base)
         # At one end every mark set is worth nothing, at the other as much as any can be.
         reach = abs(about(middle).scoring.threshold - about(middle).limit)
         ends = (float(valid.min()) - reach, float(valid.max()) + reach)
@@ -176,7 +184,7 @@ class Skill(Section):
             return None
         return about(float(brentq(surplus, *ends)))
 
-    def table(self, entrant: str, runs: Runs, marks: Marks) -> pl.DataFrame:
+    def table(self, entrant: str, runs: Runs, marks: Marks, unit: str) -> pl.DataFrame:
         """MARKS of an entrant's runs."""
         rows = [
             (
@@ -184,7 +192,7 @@ class Skill(Section):
                 self.name,
                 run,
                 mark,
-                self.how.unit,
+                unit,
                 float(marks.points(np.nan if mark is None else mark)),
             )
             for run, mark in runs
@@ -192,39 +200,50 @@ class Skill(Section):
         return pl.DataFrame(rows, schema=MARKS, orient="row")
 
 
-def read_skill(path: Path) -> Skill:
-    """Read and check a skill file.
+def read_skill(path: Path, world: World | None = None) -> Skill:
+    """Read and check a skill file for a world, our own by default.
 
     Raises:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
+    world = world or load_world(RACING)
     skill = read_toml(path, Skill, "skill")
-    cars = _cars(path, "scenario", skill.scenario)
-    if skill.marks_scenario and _cars(path, "marks_scenario", skill.marks_scenario) != cars:
+    places = _places(path, "scenario", skill.scenario, world)
+    if skill.marks_scenario and _places(path, "marks_scenario", skill.marks_scenario, world) != places:
         raise InputError(
-            f"{path}: field marks_scenario is {skill.marks_scenario!r}: expected one of {cars} cars"
+            f"{path}: field marks_scenario is {skill.marks_scenario!r}: expected one of {places} cars"
         )
-    if max(skill.slots) > cars:
-        raise InputError(f"{path}: field slots is {list(skill.slots)}: expected places from 1 to {cars}")
-    if cars > 1 and not skill.opponents:
-        raise InputError(f"{path}: field opponents is empty: expected someone for {cars - 1} places")
-    if cars == 1 and (skill.opponents or skill.measure == "lead"):
+    try:
+        measured(skill.measure, world)
+    except KeyError:
+        known = ", ".join([*MEASURES, *(OWN + name for name in world.measures)])
+        raise InputError(f"{path}: field measure is {skill.measure!r}: expected one of {known}") from None
+    if max(skill.slots) > places:
+        raise InputError(f"{path}: field slots is {list(skill.slots)}: expected places from 1 to {places}")
+    if places > 1 and not skill.opponents:
+        raise InputError(f"{path}: field opponents is empty: expected someone for {places - 1} places")
+    if places == 1 and (skill.opponents or skill.measure == "lead"):
         raise InputError(
             f"{path}: scenario {skill.scenario!r} has one car: expected no opponents and no lead"
         )
+    for opponent in skill.opponents:
+        if world.name == RACING and opponent.partition(":")[0] != DRIVER:
+            raise InputError(
+                f"{path}: field opponents names {opponent!r}: expected built-in drivers as driver:pace=0.95"
+            )
     return skill
 
 
-def _cars(path: Path, field: str, scenario: str) -> int:
-    """Cars in the scenario that a field of a skill file names."""
+def _places(path: Path, field: str, scenario: str, world: World) -> int:
+    """Sides of the scenario that a field of a skill file names."""
     try:
-        return load_scenario(scenario).cars
+        return len(world.setup(scenario).sides)
     except InputError as error:
         raise InputError(f"{path}: field {field}: {error}") from None
 
 
-def load_skills(names: Sequence[str]) -> list[Skill]:
-    """Skill tests by their shipped names or by the paths of `.toml` files.
+def load_skills(names: Sequence[str], world: World | None = None) -> list[Skill]:
+    """Skill tests by their shipped names or by the paths of `.toml` files; for a world, our own by default.
 
     Raises:
         InputError: if there is no such test, a file is wrong, or two tests have one name.
@@ -232,8 +251,24 @@ def load_skills(names: Sequence[str]) -> list[Skill]:
     skills: dict[str, Skill] = {}
     for name in names:
         path = find_data(name, "skill", SKILLS_FOLDER)
-        skill = read_skill(path)
+        skill = read_skill(path, world)
         if skill.name in skills:
             raise InputError(f"{path}: field name is {skill.name!r}: expected one that no other test has")
         skills[skill.name] = skill
     return list(skills.values())
+
+
+def standing_tests(world: World) -> list[Skill]:
+    """A test for each scenario of a world, by score: what it is tested in where nobody has written tests."""
+    return [
+        Skill(
+            name=scenario,
+            description=f"the score in {scenario}",
+            scenario=scenario,
+            slots=tuple(range(1, len(world.setup(scenario).sides) + 1)),
+            opponents=(world.baseline,) if len(world.setup(scenario).sides) > 1 else (),
+            measure="score",
+            scoring=Gains(reference_gain=1.0, limit_gain=20.0, exponent=1.0, in_deviations=True),
+        )
+        for scenario in world.scenarios
+    ]

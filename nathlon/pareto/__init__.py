@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from nathlon.arena.results import PARETO
+from nathlon.arena.results import PARETO, POLICY_FAULTS
 from nathlon.arena.statistics import Floats, group_sums
 from nathlon.pareto.objective import (
     CONTACTS,
@@ -43,7 +43,7 @@ def pareto(
 ) -> pl.DataFrame:
     """Turn RESULTS of races and time trials into PARETO, ordered by entrant.
 
-    The entrant under test starts last in each race. It survives if it is non-dominated in at least
+    An entrant survives if it is non-dominated in at least
     `keep_probability` of the draws of what everybody's objectives may truly be; see
     `nondominated_probability`. Equal objectives do not dominate each other. An entrant that has no
     value in an objective, or came through none of the runs of a test, neither survives nor
@@ -73,8 +73,12 @@ def pareto(
 
 
 def came_through(runs: pl.DataFrame, test: str) -> set[str]:
-    """The entrants that finished or completed a lap in some run of a test."""
-    through = (pl.col("ending") == "finished") | (pl.col("laps") > 0)
+    """The entrants that finished or completed a lap in some run of a test; without laps, who did not fail."""
+    through = (
+        (pl.col("ending") == "finished")
+        | (pl.col("laps") > 0)
+        | (pl.col("laps").is_null() & ~pl.col("ending").is_in(POLICY_FAULTS))
+    )
     return set(runs.filter((pl.col("test") == test) & through)["entrant"])
 
 

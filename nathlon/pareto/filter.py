@@ -16,13 +16,14 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
 from nathlon.arena.statistics import Floats
+from nathlon.arena.worlds.contract import World
+from nathlon.arena.worlds.registry import home
 from nathlon.pareto import STANDARD, came_through, in_contention, pareto
 from nathlon.pareto.objective import RACE, TIME_TRIAL, Objective, objectives_table, own_runs
 from nathlon.selection.run import Answer, Run
 from nathlon.selection.trials import against, draw_seeds
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
-from nathlon.sim.scenario import load_scenario
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -34,9 +35,10 @@ class FilterSettings(Section):
     """How checkpoints are filtered.
 
     Attributes:
-        scenario: what everybody races, from the last place on the grid.
+        scenario: what everybody races.
+        slots: starting places of whoever is filtered, in turn; the last one if none are given.
         opponents: who starts from the other places, in turn.
-        time_trial: what everybody drives alone.
+        time_trial: what everybody drives alone; None where nobody does.
         races: of the first round, and as many time trials; every further round doubles their sum.
         most_races: beyond which nobody has any more.
         keep_probability: to be non-dominated, from which on one survives.
@@ -50,7 +52,8 @@ class FilterSettings(Section):
         "driver:pace=0.93",
         "driver:pace=0.98",
     )
-    time_trial: str = "time_trial"
+    slots: tuple[Annotated[int, Field(ge=1)], ...] = ()
+    time_trial: str | None = "time_trial"
     races: Annotated[int, Field(ge=1, le=1000)] = 2
     most_races: Annotated[int, Field(ge=1, le=1000)] = 8
     keep_probability: Share = 0.05
@@ -78,17 +81,19 @@ class FilterSettings(Section):
 class Plan:
     """The matches of each round; all entrants have the same seeds in it."""
 
-    def __init__(self, settings: FilterSettings, seeds: np.random.SeedSequence) -> None:
-        """The plan of a filter whose seeds all come from `seeds`."""
+    def __init__(self, settings: FilterSettings, world: World, seeds: np.random.SeedSequence) -> None:
+        """The plan of a filter in a world, whose seeds all come from `seeds`."""
         self._settings = settings
-        self._grid = load_scenario(settings.scenario).cars
+        self._slots = settings.slots or (len(world.setup(settings.scenario).sides),)
         self._needs_races = any(objective.source == RACE for objective in settings.objective)
         streams = seeds.spawn(2 * len(settings.rounds))
         drawn = [draw_seeds(s, n) for s, n in zip(streams, np.repeat(settings.rounds, 2), strict=True)]
         self._trial_seeds, self._race_seeds = drawn[::2], drawn[1::2]
 
     def time_trials(self, entrants: Sequence[Entrant], index: int) -> list[Match]:
-        """The time trials of a round."""
+        """The time trials of a round; none where there are none."""
+        if self._settings.time_trial is None:
+            return []
         scenario, seeds = self._settings.time_trial, self._trial_seeds[index]
         return [against("pareto", TIME_TRIAL, scenario, entrant, [], [1], seeds) for entrant in entrants]
 
@@ -99,7 +104,7 @@ class Plan:
         scenario, opponents = self._settings.scenario, self._settings.opponents
         seeds = self._race_seeds[index]
         return [
-            against("pareto", RACE, scenario, entrant, opponents, [self._grid], seeds) for entrant in entrants
+            against("pareto", RACE, scenario, entrant, opponents, self._slots, seeds) for entrant in entrants
         ]
 
     def next_rounds(self, entrants: Sequence[Entrant], driven: dict[str, int]) -> Iterator[Match]:
@@ -121,13 +126,17 @@ def run_filter(run: Run, entrants: Sequence[Entrant], settings: FilterSettings) 
         InputError: if a scenario or an opponent is unknown, or a scenario does not fit.
     """
     began = time.perf_counter()
-    _check(settings)
-    for circuit, car in {(entrant.circuit, entrant.car) for entrant in entrants}:
-        check_opponents(run.pool, settings.opponents, circuit, car, "field pareto.opponents")
-    plan = Plan(settings, run.seeds("pareto"))
+    if not entrants:
+        raise InputError("no checkpoint given, expected at least one")
+    world = home(entrants[0])
+    _check(settings, world)
+    check_opponents(run.pool, settings.opponents, entrants[0], "field pareto.opponents")
+    plan = Plan(settings, world, run.seeds("pareto"))
     results = [pl.DataFrame(schema=RESULTS), run.results("pareto", plan.time_trials(entrants, 0))]
-    through = came_through(own_runs(results[-1]), TIME_TRIAL)
-    racing = [entrant for entrant in entrants if entrant.id in through]
+    racing = list(entrants)
+    if settings.time_trial is not None:
+        through = came_through(own_runs(results[-1]), TIME_TRIAL)
+        racing = [entrant for entrant in entrants if entrant.id in through]
     results.append(run.results("pareto", plan.races(racing, 0)))
     driven = {entrant.id: 1 for entrant in racing}
     while True:
@@ -154,13 +163,17 @@ def undecided(probability: Floats) -> NDArray[np.bool_]:
     return in_contention(probability) & (probability < SETTLED)
 
 
-def _check(settings: FilterSettings) -> None:
+def _check(settings: FilterSettings, world: World) -> None:
     for field in ("scenario", "time_trial"):
         name = getattr(settings, field)
-        scenario = load_scenario(name)
-        if scenario.laps is None and scenario.finish_m is None:
+        if name is not None and not world.setup(name).ends:
             raise InputError(f"field pareto.{field} is {name!r}: expected a scenario with laps or finish_m")
-    cars = load_scenario(settings.time_trial).cars
+    places = len(world.setup(settings.scenario).sides)
+    if max(settings.slots, default=1) > places:
+        raise InputError(f"field pareto.slots is {list(settings.slots)}: expected places from 1 to {places}")
+    if settings.time_trial is None:
+        return
+    cars = len(world.setup(settings.time_trial).seats)
     if cars != 1:
         raise InputError(
             f"field pareto.time_trial is {settings.time_trial!r} with {cars} cars: expected one of one car"

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 import polars as pl
 from pydantic import ConfigDict, Field, model_validator
 
+from nathlon.arena.match import TESTED
 from nathlon.arena.results import OBJECTIVES, POLICY_FAULTS, VOID_ENDINGS
 from nathlon.arena.statistics import Floats, Sizes, group_sums
+from nathlon.arena.worlds.contract import KNOWN
 from nathlon.sim.data_file import Section
 
-RACE, TIME_TRIAL = "race", "time_trial"
+RACE: Final = "race"
+TIME_TRIAL: Final = "time_trial"
 """Tests of the filter: names by which its matches are known."""
 
 
@@ -63,12 +66,30 @@ QUANTITIES: dict[str, Quantity] = {
 points and whether the finish was missed; shares of the time driven; counts a kilometre driven."""
 
 
+OWN = "own."
+"""Before the name of a measure that a world declares itself."""
+
+
+def quantity(measure: str) -> Quantity:
+    """What a measure stands for: one of `QUANTITIES`, or the mean of a world's measure over runs.
+
+    Raises:
+        KeyError: if there is none of this name.
+    """
+    if measure in QUANTITIES:
+        return QUANTITIES[measure]
+    if measure.startswith(OWN):
+        value = pl.col("measures").str.json_path_match(f"$.{measure.removeprefix(OWN)}").cast(pl.Float64)
+        return _mean(pl.when(~_let_down).then(value), "1")
+    return _mean(pl.when(~_let_down).then(pl.col(measure).cast(pl.Float64)), KNOWN[measure].unit)
+
+
 class Objective(Section):
     """One objective.
 
     Attributes:
         name: unique among the objectives.
-        measure: one of `QUANTITIES`.
+        measure: one of `QUANTITIES` or of `nathlon.arena.worlds.contract.KNOWN`, or `own.NAME` of a world.
         source: whether it is measured in the race or in the time trial; `from` in files.
         goal: whether less or more is better.
     """
@@ -82,7 +103,7 @@ class Objective(Section):
 
     @model_validator(mode="after")
     def _measurable(self) -> Objective:
-        if self.measure not in QUANTITIES:
+        if self.measure not in {*QUANTITIES, *KNOWN} and not self.measure.startswith(OWN):
             raise ValueError(f"measure is {self.measure!r}: expected one of {', '.join(QUANTITIES)}")
         return self
 
@@ -120,12 +141,14 @@ class Measured:
 
 
 def own_runs(results: pl.DataFrame) -> pl.DataFrame:
-    """The rows of RESULTS of the cars under test, which start last, without void races; in a fixed order."""
+    """The rows of RESULTS of those under test, without void races; in a fixed order.
+
+    Of an entrant that takes several seats of a race it is the last one's.
+    """
     race = ("match", "race")
     void = pl.col("ending").is_in(VOID_ENDINGS).any().over(race)
-    return results.filter(~void & (pl.col("slot") == pl.col("slot").max().over(race))).sort(
-        "entrant", "test", "seed", *race
-    )
+    tested = results.filter(~void & (pl.col("team") == TESTED)).sort("car")
+    return tested.unique(race, keep="last", maintain_order=True).sort("entrant", "test", "seed", *race)
 
 
 def measure(runs: pl.DataFrame, objective: Objective) -> Measured:
@@ -133,11 +156,11 @@ def measure(runs: pl.DataFrame, objective: Objective) -> Measured:
 
     A run that gave no value (no lap, no way driven) counts as the worst one of the field.
     """
-    quantity = QUANTITIES[objective.measure]
+    measured = quantity(objective.measure)
     rows = runs.filter(pl.col("test") == objective.source).select(
         "entrant",
-        events=quantity.events.cast(pl.Float64),
-        exposure=quantity.exposure.cast(pl.Float64),
+        events=measured.events.cast(pl.Float64),
+        exposure=measured.exposure.cast(pl.Float64),
     )
     gave = pl.col("events").is_not_null() & (pl.col("exposure") > 0)
     rows = rows.with_columns(gave=gave).filter(pl.col("gave").any().over("entrant"))
@@ -156,7 +179,7 @@ def measure(runs: pl.DataFrame, objective: Objective) -> Measured:
 
 
 def objectives_table(results: pl.DataFrame, objectives: Sequence[Objective]) -> pl.DataFrame:
-    """OBJECTIVES of all entrants that start last in some RESULTS, ordered by entrant, then as configured."""
+    """OBJECTIVES of all entrants under test in some RESULTS, ordered by entrant, then as configured."""
     tables = []
     entrants = under_test(results)
     runs = own_runs(results)
@@ -168,7 +191,7 @@ def objectives_table(results: pl.DataFrame, objectives: Sequence[Objective]) -> 
                 pl.col("runs").fill_null(0),
                 objective=pl.lit(objective.name),
                 source=pl.lit(objective.source),
-                unit=pl.lit(QUANTITIES[objective.measure].unit),
+                unit=pl.lit(quantity(objective.measure).unit),
                 goal=pl.lit(objective.goal),
                 position=position,
             )
@@ -177,9 +200,8 @@ def objectives_table(results: pl.DataFrame, objectives: Sequence[Objective]) -> 
 
 
 def under_test(results: pl.DataFrame) -> pl.DataFrame:
-    """The entrants whose cars start last, ordered; one column."""
-    last = pl.col("slot") == pl.col("slot").max().over("match", "race")
-    return results.filter(last).select(pl.col("entrant").unique().sort())
+    """The entrants under test, ordered; one column."""
+    return results.filter(pl.col("team") == TESTED).select(pl.col("entrant").unique().sort())
 
 
 def value_column(measured: Measured, objective: Objective, name: str) -> pl.DataFrame:

@@ -12,11 +12,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.job import Wanted
-from nathlon.arena.match import Match, surroundings
+from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.race_log import RaceLog, lap_length, origin, progress
 from nathlon.arena.results import COURSE, LAPS
 from nathlon.arena.store import Store
+from nathlon.arena.worlds.racing import surroundings
 from nathlon.pareto.objective import TIME_TRIAL
 from nathlon.policies.driver import Driver
 from nathlon.sim.car import load_car

@@ -9,12 +9,13 @@ import polars as pl
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
 from nathlon.arena.store import RunRecord, Store
+from nathlon.arena.worlds.registry import RACING
 from nathlon.committee.decision import describe
 from nathlon.committee.event_log import EventLog
 from nathlon.publishing.curves import keep_curves
 from nathlon.publishing.laps import keep_laps, lap_limit
 from nathlon.publishing.output import POLICY_LOG, SUMMARY, OutputFolder
-from nathlon.publishing.replays import record_replays
+from nathlon.publishing.replays import NO_REPLAYS, record_replays
 from nathlon.reports.page import write_page
 from nathlon.reports.selection import Previous, Selection
 from nathlon.reports.spreadsheet import write_spreadsheet
@@ -29,7 +30,8 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
     Of a run that has not come to its end, all is written as far as it has come. Races whose recordings are
     there are not run again. A store that cannot be written gives the laps and curves that it holds.
     """
-    if not store.read_only:
+    world = str(store.facts(run).get("world", RACING))
+    if not store.read_only and world == RACING:
         keep_laps(store, run, pool)
         keep_curves(store, run)
     tables = {name: store.table(run, name) for name in TABLES}
@@ -37,11 +39,11 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
     races = results.filter(pl.col("stage") == "tournament")
     summary, under_way = _summary(store, run, tables, results)
     with output.filling():
-        replays = record_replays(store, races, tables, output, pool)
+        replays = record_replays(store, races, tables, output, pool) if world == RACING else NO_REPLAYS
         log = f"../{POLICY_LOG}" if (output.root / POLICY_LOG).exists() else None
         summary = summary.model_copy(update=replays.facts | {"log": log})
         selection = Selection(
-            f"{run} · {summary.circuit} · {summary.car}",
+            f"{run} · {summary.circuit} · {summary.car}" if world == RACING else f"{run} · {world}",
             tables,
             results,
             summary,
@@ -49,7 +51,7 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
             under_way,
             _previous(store, run),
             replays.logs,
-            lap_limit(store, run),
+            lap_limit(store, run) if world == RACING else None,
         )
         write_page(selection, output.report)
         write_spreadsheet(selection, output.report / "ranking.xlsx")

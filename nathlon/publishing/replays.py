@@ -42,6 +42,9 @@ class Replays(NamedTuple):
         }
 
 
+NO_REPLAYS = Replays((), ())
+
+
 def record_replays(
     store: Store,
     results: pl.DataFrame,

@@ -10,12 +10,15 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from nathlon.arena.match import surroundings
+from nathlon.arena.worlds.contract import KNOWN
+from nathlon.arena.worlds.racing import surroundings
+from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
 from nathlon.committee.rules import CommitteeSettings
 from nathlon.n_athlon import BatterySettings
-from nathlon.n_athlon.skill import load_skills
+from nathlon.n_athlon.skill import load_skills, standing_tests
 from nathlon.pareto.filter import FilterSettings
+from nathlon.pareto.objective import OWN, RACE, Objective
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.recordings import Kept
@@ -47,7 +50,8 @@ class Config(Section):
 
     Attributes:
         checkpoints: folders and files that a night watches; `plugin:NAME` too.
-        circuit, car: what is raced.
+        circuit, car: what is raced; empty in another world.
+        world: name of the simulator, see `nathlon.arena.worlds.registry`.
         store: path of the SQLite file, or the URL of a PostgreSQL database.
         out: folder for the reports.
         seed: of all randomness.
@@ -58,6 +62,7 @@ class Config(Section):
     checkpoints: tuple[str, ...] = ("checkpoints",)
     circuit: str = "lindenring"
     car: str = "gt3"
+    world: str = RACING
     store: str = "nathlon.sqlite"
     out: str = "nights"
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
@@ -82,16 +87,57 @@ class Config(Section):
 
     def _contents(self) -> list[Any]:
         """What the files say that the configuration names, and the ids of the filter's opponents."""
-        skills = load_skills(self.battery.tests)
-        races = self.tournament.held(self.circuit, self.car).race
-        here = {self.pareto.scenario, self.pareto.time_trial, *(s for test in skills for s in test.scenarios)}
+        world = load_world(self.world, self.circuit, self.car)
+        skills = load_skills(self.battery.tests, world) or standing_tests(world)
+        races = self.tournament.held(self.circuit, self.car, self.world).race
+        here = {self.pareto.scenario, *(s for test in skills for s in test.scenarios)}
+        if self.pareto.time_trial is not None:
+            here.add(self.pareto.time_trial)
         return [
             [test.model_dump(mode="json") for test in skills],
             [race.model_dump(mode="json") for race in races],
-            [surroundings(scenario, self.circuit, self.car) for scenario in sorted(here)],
-            [surroundings(race.raced, race.circuit, race.car) for race in races],
+            [self._facts(scenario, self.circuit, self.car) for scenario in sorted(here)],
+            [self._facts(race.raced, race.circuit, race.car) for race in races],
             [policy_id(opponent) for opponent in self.pareto.opponents],
         ]
+
+    def _facts(self, scenario: str, circuit: str, car: str) -> dict[str, Any]:
+        """What decides how a scenario goes, the program's own code apart where it is ours."""
+        if self.world == RACING:
+            return surroundings(scenario, circuit, car)
+        return load_world(self.world).facts(scenario)
+
+    @property
+    def suited(self) -> Config:
+        """The configuration with what its world has in place of defaults that are those of our circuits."""
+        if self.world == RACING:
+            return self
+        world = load_world(self.world)
+        first = world.scenarios[0]
+        places = len(world.setup(first).sides)
+        objectives = [Objective(name="score", measure="score", source=RACE, goal="max")]
+        for name, measure in world.measures.items():
+            own = name if name in KNOWN else OWN + name
+            objectives.append(Objective(name=name, measure=own, source=RACE, goal=measure.goal))
+        defaults = {
+            "scenario": first,
+            "slots": tuple(range(1, places + 1)),
+            "time_trial": None,
+            "opponents": (world.baseline,),
+            "objective": tuple(objectives),
+        }
+        pareto = {name: value for name, value in defaults.items() if name not in self.pareto.model_fields_set}
+        tests = {} if "tests" in self.battery.model_fields_set else {"tests": ()}
+        anchors = {} if "anchors" in self.nightly.model_fields_set else {"anchors": (world.baseline,)}
+        return self.model_copy(
+            update={
+                "circuit": "",
+                "car": "",
+                "pareto": self.pareto.model_copy(update=pareto),
+                "battery": self.battery.model_copy(update=tests),
+                "nightly": self.nightly.model_copy(update=anchors),
+            }
+        )
 
 
 def read_config(path: Path) -> Config:
@@ -110,8 +156,12 @@ def read_config(path: Path) -> Config:
         return tuple(located(name) if name.endswith(".toml") else name for name in names)
 
     event = config.tournament.event
+    world = config.world
+    if ".py:" in world:
+        world = os.path.abspath(root / world)
     return config.model_copy(
         update={
+            "world": world,
             "checkpoints": tuple(map(located, config.checkpoints)),
             "store": located(config.store),
             "out": located(config.out),

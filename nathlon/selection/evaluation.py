@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import RACING
 from nathlon.publishing.output import OutputFolder
 from nathlon.publishing.publish import publish
 from nathlon.publishing.recordings import record_tournament
@@ -51,6 +52,6 @@ def evaluate(
             return None
         on_verdict(verdict)
         selection = publish(run.store, run.name, output, run.pool)
-        if config.recordings == "all":
+        if config.recordings == "all" and config.world == RACING:
             record_tournament(run.store, run.name, output, run.pool, on_match)
         return selection

@@ -9,6 +9,7 @@ from pathlib import Path
 from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.sources import PLUGIN, checkpoints_below
 from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.errors import InputError
@@ -63,6 +64,7 @@ def newcomers(
     car: str,
     known: Mapping[str, str],
     refused: Container[str] = (),
+    world: str = RACING,
 ) -> tuple[list[Entrant], list[Exclusion]]:
     """The entrants among the watched folders and files that are not known yet, and what is set aside.
 
@@ -74,6 +76,7 @@ def newcomers(
         circuit, car: what they must be able to drive.
         known: names by entrant ids.
         refused: keys of what was set aside before.
+        world: simulator in which they must be able to play.
 
     Raises:
         InputError: if a watched path does not exist.
@@ -86,7 +89,7 @@ def newcomers(
         for source, digest in digests.items()
         if digest not in known and (digest or printable(source)) not in refused
     ]
-    for source, answer in zip(new, enter_each(pool, new, circuit, car), strict=True):
+    for source, answer in zip(new, enter_each(pool, new, circuit, car, world), strict=True):
         if isinstance(answer, InputError):
             excluded.append(Exclusion(printable(source), str(answer), digests[source]))
         elif answer.id not in known:

@@ -15,6 +15,7 @@ import polars as pl
 from nathlon.arena.entrant import Entrant, entrants_table
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.worlds.registry import RACING
 from nathlon.committee import ask
 from nathlon.committee.decision import Decision
 from nathlon.committee.event_log import EventLog
@@ -23,7 +24,7 @@ from nathlon.pareto.filter import run_filter
 from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
-from nathlon.selection.round_robin import run_round_robin
+from nathlon.selection.round_robin import leaders, ranked_by_tests, run_round_robin
 from nathlon.selection.run import CONFIDENCE, Answer, Run
 from nathlon.tournament.points import pair_correlation
 
@@ -39,8 +40,10 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     Returns:
         what it came to, still without replays; None where the committee waits for people.
     """
-    compile_kernels(run.pool, config.circuit, config.car)
+    if config.world == RACING:
+        compile_kernels(run.pool, config.circuit, config.car)
     event_log = EventLog(run.store, run.name)
+    run.store.put_fact(run.name, "world", config.world)
     tables = {"entrants": entrants_table(field.entrants)}
     run.keep(tables)
 
@@ -58,13 +61,20 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     run.note("committee", len(survivors), len(_chosen(listed)), pl.DataFrame(schema=RESULTS), began)
 
     finalists = _together([e for e in survivors if e.id in _chosen(listed)], field.incumbents)
-    raced, _ = run_round_robin(run, _together(finalists, field.anchors), config.tournament)
+    set_aside: dict[str, str] = {}
+    if config.tournament.held(config.circuit, config.car, config.world).race:
+        raced, _ = run_round_robin(run, _together(finalists, field.anchors), config.tournament)
+    else:
+        set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
+        ranking = ranked_by_tests(tables["battery"], finalists)
+        raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results)
     tables |= raced.tables
     run.keep(tables)
     anchors = {entrant.id for entrant in field.anchors}
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
     sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
     summary = _summary(run, field, config, tables, tested, raced, sent)
+    summary = summary.model_copy(update={"stages_set_aside": set_aside})
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary
 
@@ -93,6 +103,7 @@ def _summary(
         ranking=ranked(tables["ranking"], names),
         sent=tuple(Sent(name=names[entrant], entrant=entrant) for entrant in _chosen(sent)),
         seed=config.seed,
+        world=config.world,
         circuit=config.circuit,
         car=config.car,
         versions=versions(),

@@ -15,15 +15,18 @@ from pydantic import Field
 
 from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant
-from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match import BACKGROUND, NO_TEAM, Match, Race, Seat
 from nathlon.arena.pool import Pool
-from nathlon.arena.results import RESULTS
+from nathlon.arena.results import RANKING, RESULTS
+from nathlon.arena.worlds.contract import Setup
+from nathlon.arena.worlds.registry import RACING, home, load_world
 from nathlon.bounds import MOST_PAIRS
+from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.run import CONFIDENCE, Answer, Run
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
 from nathlon.tournament.conduct import Gate
-from nathlon.tournament.event import Event, EventRace, load_event
+from nathlon.tournament.event import Event, EventRace, ScenarioRace, load_event
 from nathlon.tournament.formats import FormatName
 from nathlon.tournament.points import matchups, rank
 from nathlon.tournament.ratings import notes, rate
@@ -55,14 +58,24 @@ class TournamentSettings(Section):
     max_at_fault_per_km: Annotated[float, Field(gt=0)] | None = None
     event: str | None = None
 
-    def held(self, circuit: str, car: str) -> Event:
-        """The event, or one race on a circuit where there is none.
+    def held(self, circuit: str, car: str, world: str = RACING) -> Event:
+        """The event, or one race where there is none; in another world all scenarios in which some meet.
 
         Raises:
             InputError: if the event's file is wrong.
         """
         if self.event is not None:
             return load_event(Path(self.event))
+        if world != RACING:
+            there = load_world(world)
+            sides = {scenario: len(there.setup(scenario).sides) for scenario in there.scenarios}
+            return Event.model_construct(
+                race=tuple(
+                    ScenarioRace(name=scenario, circuit="", car="", sides=count)
+                    for scenario, count in sides.items()
+                    if count > 1
+                )
+            )
         return Event(race=(EventRace(name=self.format, circuit=circuit, car=car, format=self.format),))
 
 
@@ -78,7 +91,29 @@ class Fixture:
         """The match of some of its units."""
         race, races = self.race, [r for seed in self.meeting.seeds[units] for r in self._unit(seed)]
         ids, sources = zip(*((entrant.id, entrant.source) for entrant in self.entrants), strict=True)
-        return Match("tournament", race.name, race.raced, race.circuit, race.car, ids, sources, tuple(races))
+        if self._free:
+            world = home(self.entrants[0])
+            ids, sources = (*ids, policy_id(world.baseline)), (*sources, world.baseline)
+        return Match(
+            "tournament",
+            race.name,
+            race.raced,
+            race.circuit,
+            race.car,
+            ids,
+            sources,
+            tuple(races),
+            self.entrants[0].world,
+        )
+
+    @property
+    def _setup(self) -> Setup:
+        return home(self.entrants[0]).setup(self.race.raced)
+
+    @property
+    def _free(self) -> set[int]:
+        """The seats of no side."""
+        return set(range(len(self._setup.seats))) - {seat for side in self._setup.sides for seat in side}
 
     def _unit(self, seed: int) -> list[Race]:
         """The races of a unit; in a free-for-all the entrants are on its grids in an order of its own."""
@@ -86,9 +121,16 @@ class Fixture:
         if not made.teams:
             order = np.random.default_rng(seed).permutation(order)
         return [
-            Race(seed, tuple(Seat(int(order[s]), s if made.teams else -1) for s in grid.sides), grid.mirrored)
+            Race(seed, self._seats([int(order[side]) for side in grid.sides], grid.sides), grid.mirrored)
             for grid in made.grids(len(order))
         ]
+
+    def _seats(self, entrants: Sequence[int], teams: Sequence[int]) -> tuple[Seat, ...]:
+        """Who sits where if these entrants take the sides in their order."""
+        seats = dict.fromkeys(self._free, Seat(len(self.entrants), BACKGROUND))
+        for side, entrant, team in zip(self._setup.sides, entrants, teams, strict=True):
+            seats |= dict.fromkeys(side, Seat(entrant, team if self.race.made.teams else NO_TEAM))
+        return tuple(seats[seat] for seat in range(len(seats)))
 
     @property
     def pairs(self) -> set[frozenset[str]]:
@@ -126,6 +168,22 @@ def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]
     return [entrant for entrant in entrants if entrant.id in first]
 
 
+def ranked_by_tests(battery: pl.DataFrame, entrants: Sequence[Entrant]) -> pl.DataFrame:
+    """RANKING of some entrants by the points of BATTERY, where they cannot meet."""
+    chosen = battery.filter(pl.col("entrant").is_in([entrant.id for entrant in entrants])).select(
+        "entrant", "rank", "points_low", "points_high", points_per_race="points"
+    )
+    missing = {name: dtype for name, dtype in RANKING.items() if name not in chosen.columns}
+    counts = {"pairs": 0, "races": 0, "faults": 0, "barred": False}
+    return (
+        chosen.with_columns(
+            pl.lit(counts.get(name)).cast(dtype).alias(name) for name, dtype in missing.items()
+        )
+        .select(RANKING.names())
+        .cast(RANKING)
+    )
+
+
 def tournament_matches(entrants: Sequence[Entrant], pairs: int, seeds: np.random.SeedSequence) -> list[Match]:
     """A 4v4 round robin of mirrored pairs, one match a matchup."""
     event = _event(entrants, TournamentSettings())
@@ -137,12 +195,12 @@ def _event(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
     """The event where the entrants are at home; one without races if there are none."""
     if not entrants:
         return Event.model_construct(race=())
-    return settings.held(entrants[0].circuit, entrants[0].car)
+    return settings.held(entrants[0].circuit, entrants[0].car, entrants[0].world)
 
 
 def _entered(pool: Pool, entrants: Sequence[Entrant], circuit: str, car: str) -> list[Entrant]:
     """Entrants on a circuit that may not be their own, where a composite is another policy."""
-    sources = [e.source for e in entrants if (e.circuit, e.car) != (circuit, car)]
+    sources = [e.source for e in entrants if e.world == RACING and (e.circuit, e.car) != (circuit, car)]
     there: dict[str, Entrant] = {}
     for source, answer in zip(sources, enter_each(pool, sources, circuit, car), strict=True):
         if isinstance(answer, InputError):
@@ -189,7 +247,7 @@ def _race(
         if not played:
             break
         matches += played
-        results = run.results("tournament", matches)
+        results = run.results("tournament", matches).filter(pl.col("team") != BACKGROUND)
         over = settled(results, stopping, event.weights)
     return matches, results
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from nathlon.arena.entrant import Entrant
-from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match import BACKGROUND, TESTED, Match, Race, Seat
+from nathlon.arena.worlds.registry import home
 from nathlon.policies.sources.identity import policy_id
-from nathlon.sim.scenario import load_scenario
 
 
 def against(
@@ -23,25 +23,36 @@ def against(
 ) -> Match:
     """One entrant among others, once for each seed, from the given slots in turn.
 
+    A slot is a side of the scenario, of which the entrant takes all seats; the opponents take the other
+    sides in turn, and the world's baseline the seats of no side.
+
     Raises:
         InputError: if there is no such opponent.
     """
-    drivers = tuple(dict.fromkeys(opponents))
-    cars = load_scenario(scenario).cars
+    world = home(entrant)
+    setup = world.setup(scenario)
+    places = len(setup.sides)
+    free = set(range(len(setup.seats))) - {seat for side in setup.sides for seat in side}
+    sources = tuple(dict.fromkeys([*opponents, world.baseline] if free else opponents))
     races = []
     for run, seed in enumerate(seeds):
         own = slots[run % len(slots)] - 1
-        others = iter(1 + drivers.index(opponents[k % len(opponents)]) for k in range(run, run + cars))
-        races.append(Race(seed, tuple(Seat(0 if slot == own else next(others)) for slot in range(cars))))
+        others = iter(1 + sources.index(opponents[k % len(opponents)]) for k in range(run, run + places))
+        seats = {seat: Seat(1 + sources.index(world.baseline), BACKGROUND) for seat in free}
+        for place, side in enumerate(setup.sides):
+            taken = Seat(0, TESTED) if place == own else Seat(next(others))
+            seats |= dict.fromkeys(side, taken)
+        races.append(Race(seed, tuple(seats[seat] for seat in range(len(seats)))))
     return Match(
         stage,
         test,
         scenario,
         entrant.circuit,
         entrant.car,
-        (entrant.id, *map(policy_id, drivers)),
-        (entrant.source, *drivers),
+        (entrant.id, *map(policy_id, sources)),
+        (entrant.source, *sources),
         tuple(races),
+        entrant.world,
     )
 
 

@@ -14,6 +14,8 @@ from nathlon.sim.names import printable
 
 DRIVER, PLUGIN, OBJECT = "driver", "plugin", "object"
 """Kinds of policies that are no files; `KIND:NAME` is the source of one."""
+RANDOM = "random"
+"""Source of the policy of other worlds that draws its actions."""
 COMPOSITE = ".toml"
 """Suffix of composites."""
 SUFFIXES = (".safetensors", ".zip", ".onnx")
@@ -76,7 +78,7 @@ def check_source(source: str) -> None:
         if name not in offered:
             known = ", ".join(sorted(offered)) or "none"
             raise InputError(f"{PLUGIN}:{name}: no package offers this policy; those offered are {known}")
-    elif kind != OBJECT and not Path(source).exists():
+    elif kind != OBJECT and source != RANDOM and not Path(source).exists():
         raise InputError(f"{printable(source)}: no such file, expected a policy")
 
 

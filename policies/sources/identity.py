@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
-from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN
+from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, RANDOM
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over, object_id
 from nathlon.policies.sources.plugin import plugin_id
@@ -21,7 +21,7 @@ def policy_id(source: str) -> str:
         InputError: if there is no such file or plugin.
     """
     kind, _, name = source.partition(":")
-    if kind == DRIVER:
+    if kind == DRIVER or source == RANDOM:
         return source
     if kind == PLUGIN:
         return plugin_id(name)

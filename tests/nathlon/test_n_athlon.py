@@ -65,7 +65,7 @@ def raced(store: Store, seed: int, driver: float | None = 100.0) -> Run:
     run = night(store, seed)
     tests = load_skills(["hot_lap"])
     keep(store, list(skill_matches(ENTRANTS, tests, run.seeds("battery")).values()), LAP_S.__getitem__)
-    keep(store, list(marking_matches(tests, CIRCUIT, CAR).values()), lambda _: driver)
+    keep(store, list(marking_matches(tests, ENTRANTS[0]).values()), lambda _: driver)
     return run
 
 
@@ -105,7 +105,7 @@ def test_the_entrant_sits_in_its_slots_in_turn() -> None:
 
 def test_the_driver_drives_the_tests_with_seeds_of_its_own() -> None:
     tests = load_skills(["hot_lap", "delayed_lap"])
-    own = marking_matches(tests, CIRCUIT, CAR)
+    own = marking_matches(tests, ENTRANTS[0])
     assert {match.entrants for match in own.values()} == {("driver",)}
     assert [match.scenario for match in own.values()] == ["stint", "time_trial"]
     assert {len(match.races) for match in own.values()} == {MARKS_RUNS}

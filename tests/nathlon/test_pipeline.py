@@ -15,6 +15,7 @@ from nathlon.arena.entrant import Entrant, enter, only_once
 from nathlon.arena.pool import Pool, run_matches
 from nathlon.arena.recording import read_recording
 from nathlon.arena.store import Store
+from nathlon.arena.worlds.registry import load_world
 from nathlon.committee.rules import CommitteeSettings
 from nathlon.n_athlon import BatterySettings, skill_matches
 from nathlon.n_athlon.skill import load_skills
@@ -30,6 +31,7 @@ from tests.checkpoints import BUNDLED, save_faulty
 
 pytestmark = pytest.mark.takes_long
 
+RACES = load_world("racing")
 CHOSEN = ("lindenring-aggressive-004k", "lindenring-s1-008k", "lindenring-wake-028k")
 """Of whom the filter leaves enough for the stages that follow."""
 CONFIG = Config(
@@ -144,7 +146,9 @@ def test_one_worker_in_a_new_folder_says_the_same(
     run: Path, summary: Any, entrants: list[Entrant], tmp_path: Path
 ) -> None:
     """Only the filter, from nothing: results do not depend on how matches are spread over processes."""
-    matches = Plan(CONFIG.pareto, np.random.SeedSequence([CONFIG.seed, 0])).time_trials(entrants[:1], 0)
+    matches = Plan(CONFIG.pareto, RACES, np.random.SeedSequence([CONFIG.seed, 0])).time_trials(
+        entrants[:1], 0
+    )
     [(match, results)] = list(run_matches(matches, 1))
     with Store.open(run / "store.sqlite") as store:
         assert store.results_of([match.key]).equals(results)
@@ -177,7 +181,7 @@ def test_the_tournament_mirrors_every_pair(entrants: list[Entrant]) -> None:
 
 
 def test_stages_have_fresh_seeds_and_entrants_share_them(entrants: list[Entrant]) -> None:
-    filters = Plan(CONFIG.pareto, np.random.SeedSequence([1, 0])).races(entrants, 0)
+    filters = Plan(CONFIG.pareto, RACES, np.random.SeedSequence([1, 0])).races(entrants, 0)
     assert len({tuple(race.seed for race in match.races) for match in filters}) == 1
     assert len({match.key for match in filters}) == len(entrants)
     skills = skill_matches(entrants, load_skills(CONFIG.battery.tests), np.random.SeedSequence([1, 1]))

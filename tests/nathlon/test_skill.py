@@ -11,9 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nathlon.arena.match import NO_TEAM, TESTED
 from nathlon.arena.results import RESULTS
+from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.n_athlon import DECATHLON
-from nathlon.n_athlon.measures import MEASURES
+from nathlon.n_athlon.measures import MEASURES, measured
 from nathlon.n_athlon.skill import SKILLS_FOLDER, Gains, Marks, Skill, load_skills, read_skill
 from nathlon.sim.errors import InputError
 from tests.race_results import DEFAULTS
@@ -29,6 +31,7 @@ def race(skill: Skill, run: int, own: dict[str, Any], **others: Any) -> list[dic
     return [
         DEFAULTS
         | {"race": run, "car": slot - 1, "slot": slot, "entrant": "driver"}
+        | {"team": TESTED if slot == skill.slot(run) else NO_TEAM}
         | (own if slot == skill.slot(run) else others)
         for slot in (1, 2)
     ]
@@ -36,7 +39,11 @@ def race(skill: Skill, run: int, own: dict[str, Any], **others: Any) -> list[dic
 
 def runs_of(skill: Skill, *races: list[dict[str, Any]]) -> list[tuple[int, float | None]]:
     rows = [row for rows in races for row in rows]
-    return skill.runs_of(pl.DataFrame(rows, schema=RESULTS))
+    return skill.runs_of(pl.DataFrame(rows, schema=RESULTS), MEASURES[skill.measure])
+
+
+def marks_of(skill: Skill, found: list[tuple[int, float | None]]) -> Marks | None:
+    return skill.marks(found, MEASURES[skill.measure])
 
 
 def numbered(marks: list[float | None]) -> list[tuple[int, float | None]]:
@@ -48,7 +55,7 @@ def test_all_that_ships_is_in_the_decathlon() -> None:
     assert len(SHIPPED) == len(DECATHLON)
 
 
-def test_the_own_run_is_known_by_its_slot_and_not_by_its_entrant() -> None:
+def test_the_own_run_is_known_by_who_is_tested_and_not_by_its_entrant() -> None:
     skill = PASS.model_copy(update={"slots": (1, 2)})
     races = [race(skill, run, {"race_time_s": 20.0}, race_time_s=20.0 + run) for run in range(3)]
     assert runs_of(skill, *races) == [(0, 0.0), (1, 1.0), (2, 2.0)]
@@ -77,26 +84,26 @@ def test_void_races_are_left_out_and_policy_faults_set_no_mark() -> None:
 def test_the_driver_averages_500_points_and_the_reference_gives_1000(
     skill: Skill, found: list[float]
 ) -> None:
-    marks = skill.marks(numbered([*found]))
+    marks = marks_of(skill, numbered([*found]))
     assert marks is not None
     assert marks.points(found).mean() == pytest.approx(500.0, abs=0.01)
     assert marks.points([marks.base, marks.reference]) == pytest.approx([500.0, 1000.0])
 
 
 def test_gains_are_shares_of_a_time_and_absolute_for_a_lead() -> None:
-    lap = HOT_LAP.marks(numbered([100.0] * 4))
+    lap = marks_of(HOT_LAP, numbered([100.0] * 4))
     assert lap is not None
     gains = HOT_LAP.scoring
     assert lap.base == pytest.approx(100.0)
     assert lap.reference == pytest.approx(100.0 * (1 - gains.reference_gain))
     assert lap.limit == pytest.approx(100.0 * (1 - gains.limit_gain))
-    lead = PASS.marks(numbered([-2.0] * 4))
+    lead = marks_of(PASS, numbered([-2.0] * 4))
     assert lead is not None
     assert lead.reference == pytest.approx(-2.0 + PASS.scoring.reference_gain)
 
 
 def test_the_marks_move_with_the_driver() -> None:
-    one, other = (HOT_LAP.marks(numbered([lap] * 4)) for lap in (100.0, 200.0))
+    one, other = (marks_of(HOT_LAP, numbered([lap] * 4)) for lap in (100.0, 200.0))
     assert one is not None
     assert other is not None
     times = np.array([94.0, 99.0, 103.0])
@@ -104,7 +111,7 @@ def test_the_marks_move_with_the_driver() -> None:
 
 
 def test_accidents_of_the_driver_make_the_marks_easier() -> None:
-    marks = HOT_LAP.marks(numbered([100.0, 100.0, 100.0, None]))
+    marks = marks_of(HOT_LAP, numbered([100.0, 100.0, 100.0, None]))
     assert marks is not None
     assert marks.base > 100.0
     assert 3 * float(marks.points(100.0)) == pytest.approx(4 * 500.0)
@@ -112,7 +119,7 @@ def test_accidents_of_the_driver_make_the_marks_easier() -> None:
 
 @pytest.mark.parametrize("found", [[], [None] * 4, [100.0, None, None, None]])
 def test_a_driver_that_fails_sets_no_marks(found: list[float | None]) -> None:
-    assert HOT_LAP.marks(numbered(found)) is None
+    assert marks_of(HOT_LAP, numbered(found)) is None
 
 
 def test_nothing_counts_for_more_than_the_limit() -> None:
@@ -124,9 +131,9 @@ def test_nothing_counts_for_more_than_the_limit() -> None:
 
 
 def test_a_table_has_points_for_every_run() -> None:
-    marks = HOT_LAP.marks(numbered([100.0] * 4))
+    marks = marks_of(HOT_LAP, numbered([100.0] * 4))
     assert marks is not None
-    table = HOT_LAP.table("me", [(0, 100.0), (2, None)], marks)
+    table = HOT_LAP.table("me", [(0, 100.0), (2, None)], marks, "s")
     assert table.select("entrant", "test", "run", "measure", "unit").rows() == [
         ("me", "hot lap", 0, 100.0, "s"),
         ("me", "hot lap", 2, None, "s"),
@@ -190,4 +197,4 @@ def test_tests_are_found_by_name_or_path_and_have_names_of_their_own(tmp_path: P
 
 def test_all_measures_are_used_or_simple_to_use() -> None:
     for name in MEASURES:
-        assert PASS.model_copy(update={"measure": name}).how is MEASURES[name]
+        assert measured(name, load_world(RACING)) is MEASURES[name]

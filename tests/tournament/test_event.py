@@ -6,6 +6,7 @@ import pytest
 
 from nathlon.sim.errors import InputError
 from nathlon.tournament.event import load_event
+from nathlon.tournament.formats import FORMATS
 
 THREE = """
 [[race]]
@@ -40,7 +41,7 @@ def test_an_event_of_three_circuits(tmp_path: Path) -> None:
     assert event.weights == {"seaside": 1.0, "grand prix": 1.0, "long": 2.0}
     assert [race.raced for race in event.race] == ["race", "grand_prix", "race:laps=4"]
     assert [race.pairs for race in event.race] == [None, None, 4]
-    assert [race.made.cars for race in event.race] == [8, 20, 8]
+    assert [FORMATS[race.format].cars for race in event.race] == [8, 20, 8]
 
 
 @pytest.mark.parametrize(

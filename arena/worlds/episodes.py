@@ -1,0 +1,216 @@
+"""A world that plays one episode at a time, and the rows that come of it."""
+
+from __future__ import annotations
+
+import json
+import logging
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+import polars as pl
+from nathlon.policies.general import GeneralPolicy, load_general
+
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.match import Match, Race
+from nathlon.arena.results import POLICY_FAULTS, RESULTS
+from nathlon.arena.watch import Watch
+from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Player, Setup
+from nathlon.arena.worlds.player import Asking, Space
+from nathlon.policies.sources import PLUGIN
+from nathlon.sim.decisive import fingerprint
+from nathlon.sim.errors import InputError
+
+log = logging.getLogger(__name__)
+
+PLACE_POINTS = (10.0, 8.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0)
+
+
+class EpisodeWorld(ABC):
+    """A world of episodes; whoever derives from it says what is played and plays it.
+
+    Attributes:
+        name: by which it is loaded, see `nathlon.arena.worlds.registry`.
+        scenarios, measures, baseline: as of `nathlon.arena.worlds.contract.World`.
+    """
+
+    name: str = ""
+    scenarios: tuple[str, ...]
+    measures: Mapping[str, Measure] = {}
+    baseline: str = "random"
+
+    @abstractmethod
+    def setup(self, scenario: str) -> Setup:
+        """As of `nathlon.arena.worlds.contract.World`."""
+
+    def check(self, scenario: str) -> None:
+        """As of `nathlon.arena.worlds.contract.World`."""
+        self.setup(scenario)
+
+    @abstractmethod
+    def spaces(self, scenario: str) -> Sequence[tuple[Space, Space]]:
+        """Spaces of observations and actions of every seat."""
+
+    @abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """All that decides how its episodes go, as plain JSON values."""
+
+    @abstractmethod
+    def play(self, scenario: str, players: Sequence[Player], seed: int) -> Sequence[Outcome]:
+        """Play an episode: what came of it for every seat. All randomness comes from the seed."""
+
+    def facts(self, scenario: str) -> dict[str, Any]:
+        """As of `nathlon.arena.worlds.contract.World`."""
+        return {"code": fingerprint(), "world_files": self.identity()}
+
+    def enter(self, source: str) -> Entrant:
+        """As of `nathlon.arena.worlds.contract.World`."""
+        policy = self.policy(source)
+        algorithm = policy.algorithm or "unknown"
+        name = PurePath(source).stem.removeprefix(f"{PLUGIN}:")
+        return Entrant(policy.id, name, source, algorithm, "", "", policy.step, policy.seed, self.name)
+
+    def policy(self, source: str) -> GeneralPolicy:
+        """As of `nathlon.arena.worlds.contract.World`.
+
+        Raises:
+            InputError: if it cannot be loaded, or does not fit a seat that entrants take.
+        """
+        seats = self._seats()
+        policy = load_general(source, *seats[0][1])
+        for seat, (seen, _) in seats:
+            size = _size(seen)
+            if policy.observation_size not in (None, size):
+                raise InputError(
+                    f"{source}: takes {policy.observation_size} numbers, expected {size} as seat {seat!r} of "
+                    f"world {self.name!r} sees"
+                )
+        return policy
+
+    def _seats(self) -> list[tuple[str, tuple[Space, Space]]]:
+        """Names and spaces of the seats that entrants take in the first scenario."""
+        scenario = self.scenarios[0]
+        setup, all_spaces = self.setup(scenario), self.spaces(scenario)
+        return [(setup.seats[seat], all_spaces[seat]) for side in setup.sides for seat in side]
+
+    def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
+        """As of `nathlon.arena.worlds.contract.World`: one episode after another."""
+        for number, (match, policies) in line_ups.items():
+            rows = [
+                row
+                for index, race in enumerate(match.races)
+                for row in self._rows(match, index, race, policies, watch, number)
+            ]
+            yield number, pl.DataFrame(rows, schema=RESULTS)
+
+    def _rows(
+        self, match: Match, index: int, race: Race, policies: Sequence[Any], watch: Watch, number: int
+    ) -> list[dict[str, Any]]:
+        setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
+        players = [
+            Asking(policies[seat.entrant], *spaces, rng, race.seed % 2**32).watched(
+                watch, number, seat.entrant
+            )
+            for seat, spaces, rng in zip(race.seats, self.spaces(match.scenario), rngs, strict=True)
+        ]
+        watch.work()
+        try:
+            outcomes = list(self.play(match.scenario, players, race.seed))
+            self._check(match.scenario, setup, outcomes)
+        except MemoryError:
+            raise
+        # It is foreign code: whatever goes wrong in it, only this episode is void.
+        except (Exception, SystemExit) as error:
+            log.warning("world %s, scenario %s: %s: the episode is void", self.name, match.scenario, error)
+            outcomes = [Outcome()] * len(players)
+            endings = ["simulator_fault"] * len(players)
+        else:
+            endings = [
+                player.fault or ("finished" if outcome.finished else "time_up")
+                for player, outcome in zip(players, outcomes, strict=True)
+            ]
+        faulty = [ending in POLICY_FAULTS for ending in endings]
+        places = placed(outcomes, faulty)
+        points = place_points(places) if setup.points == "place" else score_points(outcomes, faulty)
+        return [
+            {
+                **dict.fromkeys(RESULTS.names()),
+                **_known(outcome),
+                "match": match.key,
+                "stage": match.stage,
+                "test": match.test,
+                "race": index,
+                "seed": race.seed,
+                "mirrored": race.mirrored,
+                "car": car,
+                "slot": car + 1,
+                "entrant": match.entrants[seat.entrant],
+                "team": seat.team,
+                "place": places[car],
+                "points": points[car],
+                "ending": endings[car],
+                "score": outcome.score,
+                "measures": self._own(outcome),
+            }
+            for car, (seat, outcome) in enumerate(zip(race.seats, outcomes, strict=True))
+        ]
+
+    def _check(self, scenario: str, setup: Setup, outcomes: Sequence[Outcome]) -> None:
+        if len(outcomes) != len(setup.seats):
+            raise ValueError(f"gives {len(outcomes)} outcomes, expected {len(setup.seats)}, one a seat")
+        for seat, outcome in zip(setup.seats, outcomes, strict=True):
+            if outcome.score is None and outcome.place is None:
+                raise ValueError(f"seat {seat!r}: neither a score nor a place")
+            numbers = {"score": outcome.score, **outcome.measures}
+            for name, value in numbers.items():
+                if value is not None and not np.isfinite(value):
+                    raise ValueError(f"seat {seat!r}: {name} is {value}, expected a finite number")
+            for name in outcome.measures:
+                if name not in KNOWN and name not in self.measures:
+                    raise ValueError(f"seat {seat!r}: measure {name!r} is not one that the world declares")
+
+    def _own(self, outcome: Outcome) -> str | None:
+        own = {name: float(v) for name, v in sorted(outcome.measures.items()) if name not in KNOWN}
+        return json.dumps(own) if own else None
+
+
+def _known(outcome: Outcome) -> dict[str, float | int]:
+    """The known measures of an outcome, as the columns of RESULTS have them."""
+    return {
+        name: int(value) if RESULTS[name] == pl.Int64 else float(value)
+        for name, value in outcome.measures.items()
+        if name in KNOWN and name != "score"
+    }
+
+
+def placed(outcomes: Sequence[Outcome], faulty: Sequence[bool]) -> list[int]:
+    """Places, equal ones sharing the best; those whose policy has failed come last, all alike."""
+    order = [
+        (fault, outcome.place if outcome.place is not None else -(outcome.score or 0.0))
+        if not fault
+        else (True, 0.0)
+        for outcome, fault in zip(outcomes, faulty, strict=True)
+    ]
+    return [1 + sum(other < own for other in order) for own in order]
+
+
+def place_points(places: Sequence[int]) -> list[float]:
+    """Points of places; those who share a place share the points of the places that they take up."""
+    ladder = [*PLACE_POINTS, *[0.0] * len(places)]
+    return [
+        sum(ladder[place - 1 : place - 1 + places.count(place)]) / places.count(place) for place in places
+    ]
+
+
+def score_points(outcomes: Sequence[Outcome], faulty: Sequence[bool]) -> list[float]:
+    """Scores as points; whoever's policy has failed has no more than the least of the episode."""
+    scores = [outcome.score or 0.0 for outcome in outcomes]
+    return [min(scores) if fault else score for score, fault in zip(scores, faulty, strict=True)]
+
+
+def _size(space: Space) -> int:
+    from gymnasium.spaces import flatdim
+
+    return flatdim(space)

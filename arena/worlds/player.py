@@ -1,0 +1,97 @@
+"""Who takes a seat in another world's episode: asks its policy, and idles once that has failed."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from nathlon.arena.team import Absent
+from nathlon.arena.watch import Watch
+from nathlon.policies.isolation import Apart
+
+log = logging.getLogger(__name__)
+
+Space = spaces.Space[Any]
+
+
+class Asking:
+    """One policy in one seat.
+
+    Attributes:
+        fault: how the policy has let its seat down, one of `nathlon.arena.results.POLICY_FAULTS`, or ''.
+    """
+
+    def __init__(self, policy: Any, seen: Space, done: Space, rng: np.random.Generator, seed: int) -> None:
+        """A seat that is taken.
+
+        Args:
+            policy: a `nathlon.policies.general.GeneralPolicy`, or `Absent`.
+            seen, done: spaces of its observations and actions.
+            rng: for a policy that draws its actions.
+            seed: of the global generators that a policy finds which is code.
+        """
+        self.fault = policy.ending if isinstance(policy, Absent) else ""
+        self._policy, self._seen, self._done, self._rng = policy, seen, done, rng
+        self._memory: Any = None
+        self._apart = Apart(seed)
+        self._who: tuple[Watch, int, int] | None = None
+
+    def watched(self, watch: Watch, match: int, entrant: int) -> Asking:
+        """Itself, with whom to tell that it is asked."""
+        self._who = watch, match, entrant
+        return self
+
+    def act(self, observation: Any) -> Any:
+        """An action of the seat's space; see `nathlon.arena.worlds.contract.Player`."""
+        if self.fault:
+            return idle(self._done)
+        assert self._who is not None
+        watch, match, entrant = self._who
+        watch.ask(match, entrant, self._memory is None)
+        if watch.used_up(match, entrant):
+            self.fault = "timed_out"
+            return idle(self._done)
+        try:
+            action = self._decide(observation)
+        except MemoryError:
+            # Another one may have taken the memory: who pays for it is decided outside of this process.
+            raise
+        # Whatever a policy raises, an exit too, is its own fault and must not stop the others.
+        except (Exception, SystemExit) as error:
+            log.warning("a policy raised %r: its seat idles", error)
+            self.fault = "policy_raised"
+            return idle(self._done)
+        finally:
+            watch.work()
+        if not (_finite(action) and self._done.contains(action)):
+            log.warning("a policy gave %r, expected one of %s: its seat idles", action, self._done)
+            self.fault = "illegal_action"
+            return idle(self._done)
+        return action
+
+    def _decide(self, observation: Any) -> Any:
+        seen = np.array(spaces.flatten(self._seen, observation), np.float32).reshape(1, -1)
+        with self._apart.entered():
+            if self._memory is None:
+                self._memory = self._policy.initial_memory(1)
+            outputs, self._memory = self._policy.act(seen, self._memory)
+            return self._policy.decode(outputs[0], self._done, self._rng)
+
+
+def idle(space: Space) -> Any:
+    """What a seat does whose policy has failed: 0, or what is nearest to it in the space."""
+    match space:
+        case spaces.Box():
+            return np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
+        case spaces.Discrete():
+            return int(space.start)
+        case spaces.MultiDiscrete():
+            return np.array(space.start, space.dtype)
+    raise ValueError(f"action space {space}, expected Box, Discrete or MultiDiscrete")
+
+
+def _finite(action: Any) -> bool:
+    return bool(np.isfinite(np.asarray(action, np.float64)).all())

@@ -1,0 +1,88 @@
+"""Our own simulator as a world: one circuit, one car."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from nathlon.arena.entrant import Entrant, enter
+from nathlon.arena.runner import run_together
+from nathlon.arena.watch import Watch
+from nathlon.arena.worlds.contract import LineUp, Measure, Setup
+from nathlon.arena.worlds.registry import RACING
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Policy
+from nathlon.policies.sources import DRIVER
+from nathlon.sim.car import load_car
+from nathlon.sim.decisive import fingerprint
+from nathlon.sim.rules import load_rules
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+
+
+class Racing:
+    """Races on a circuit; every starting place is a side."""
+
+    name = RACING
+    scenarios: tuple[str, ...] = ("sprint",)
+    measures: Mapping[str, Measure] = {}
+    baseline = DRIVER
+
+    def __init__(self, circuit: str, car: str) -> None:
+        self._circuit, self._car = circuit, car
+
+    def setup(self, scenario: str) -> Setup:
+        """A scenario by its shipped name or the path of its file."""
+        loaded = load_scenario(scenario)
+        places = range(loaded.cars)
+        return Setup(
+            tuple(f"place {place + 1}" for place in places),
+            tuple((place,) for place in places),
+            "place",
+            loaded.time_s,
+            loaded.laps is not None or loaded.finish_m is not None,
+        )
+
+    def check(self, scenario: str) -> None:
+        """As of `nathlon.arena.worlds.contract.World`: whether the circuit has room for its places."""
+        load_scenario(scenario).place(load_track(self._circuit), np.random.default_rng(0))
+
+    def facts(self, scenario: str) -> dict[str, Any]:
+        """As of `nathlon.arena.worlds.contract.World`."""
+        return surroundings(scenario, self._circuit, self._car) | {
+            "code": fingerprint(),
+            "numpy": version("numpy"),
+            "numba": version("numba"),
+            "onnxruntime": version("onnxruntime"),
+        }
+
+    def enter(self, source: str) -> Entrant:
+        """As of `nathlon.arena.worlds.contract.World`."""
+        return enter(source, self._circuit, self._car)
+
+    def policy(self, source: str) -> Policy:
+        """As of `nathlon.arena.worlds.contract.World`."""
+        return load_policy(source, self._circuit, self._car)
+
+    def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
+        """As of `nathlon.arena.worlds.contract.World`: all races in one world, a matrix a policy and tick."""
+        return run_together(line_ups, watch)
+
+
+def surroundings(scenario: str, circuit: str, car: str) -> dict[str, Any]:
+    """What the files of a scenario, a circuit and a car say, as plain JSON values.
+
+    Raises:
+        InputError: if one is unknown or its file is wrong.
+    """
+    return {
+        "scenario_file": load_scenario(scenario).model_dump(),
+        "rules_file": load_rules(load_scenario(scenario).rules).model_dump(),
+        "car_file": load_car(car).model_dump(),
+        "track": hashlib.sha256(load_track(circuit).table.tobytes()).hexdigest(),
+    }

@@ -1,0 +1,35 @@
+"""Meetings in another world: who takes which side in the races of a unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nathlon.tournament.formats import Grid
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The format of a scenario with so many sides, each of some seats.
+
+    Two sides make a match of two, played twice with sides changed. With more it is a free-for-all, in which
+    everybody takes every side once; see `nathlon.tournament.formats.Format`.
+
+    Attributes:
+        sides: how many.
+    """
+
+    sides: int
+
+    @property
+    def teams(self) -> bool:
+        """Whether two play against each other, or everybody for themselves."""
+        return self.sides == 2
+
+    def grids(self, entrants: int) -> tuple[Grid, ...]:
+        """Who of so many entrants takes each side, in every episode of a unit."""
+        if self.teams:
+            return Grid(False, (0, 1)), Grid(True, (1, 0))
+        return tuple(
+            Grid(False, tuple((side + shift) % entrants for side in range(self.sides)))
+            for shift in range(entrants)
+        )
