@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from nathlon.policies.general import GeneralPolicy, load_general
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race
@@ -19,9 +18,9 @@ from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Player, Setup
 from nathlon.arena.worlds.player import Asking, Space
+from nathlon.policies.general import GeneralPolicy, load_general
 from nathlon.policies.sources import PLUGIN
 from nathlon.sim.decisive import fingerprint
-from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
 
@@ -80,13 +79,8 @@ class EpisodeWorld(ABC):
         """
         seats = self._seats()
         policy = load_general(source, *seats[0][1])
-        for seat, (seen, _) in seats:
-            size = _size(seen)
-            if policy.observation_size not in (None, size):
-                raise InputError(
-                    f"{source}: takes {policy.observation_size} numbers, expected {size} as seat {seat!r} of "
-                    f"world {self.name!r} sees"
-                )
+        for _, spaces in seats[1:]:
+            policy.check(*spaces)
         return policy
 
     def _seats(self) -> list[tuple[str, tuple[Space, Space]]]:
@@ -208,9 +202,3 @@ def score_points(outcomes: Sequence[Outcome], faulty: Sequence[bool]) -> list[fl
     """Scores as points; whoever's policy has failed has no more than the least of the episode."""
     scores = [outcome.score or 0.0 for outcome in outcomes]
     return [min(scores) if fault else score for score, fault in zip(scores, faulty, strict=True)]
-
-
-def _size(space: Space) -> int:
-    from gymnasium.spaces import flatdim
-
-    return flatdim(space)

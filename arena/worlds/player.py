@@ -10,6 +10,7 @@ from gymnasium import spaces
 
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
+from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.isolation import Apart
 
 log = logging.getLogger(__name__)
@@ -59,6 +60,10 @@ class Asking:
         except MemoryError:
             # Another one may have taken the memory: who pays for it is decided outside of this process.
             raise
+        except IllegalActionError as error:
+            log.warning("a policy gave %s: its seat idles", error)
+            self.fault = "illegal_action"
+            return idle(self._done)
         # Whatever a policy raises, an exit too, is its own fault and must not stop the others.
         except (Exception, SystemExit) as error:
             log.warning("a policy raised %r: its seat idles", error)

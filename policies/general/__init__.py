@@ -14,12 +14,9 @@ from nathlon.policies.general.outputs import Draw
 from nathlon.policies.general.plugin import load_general_plugin
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless
 from nathlon.policies.general.sb3 import load_sb3
-from nathlon.policies.sources import PLUGIN
+from nathlon.policies.sources import PLUGIN, RANDOM
 from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.sim.errors import InputError
-
-RANDOM = "random"
-"""Source of the policy that draws its actions."""
 
 
 def load_general(

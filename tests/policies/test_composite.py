@@ -261,7 +261,7 @@ def test_a_folder_does_not_stand_for_its_composites(folder: Path) -> None:
         ),
         (RELAY + 'circuit = "porto-sereno"', r"relay.toml: part: nobody drives everywhere on lindenring"),
         (RELAY.replace("until_m = 300.0", 'sections = ["Nowhere"]'), r"relay.toml: sections: .* 'Nowhere'"),
-        (RELAY.replace("a.safetensors", "c.safetensors"), r"c.safetensors: cannot read the policy: No such file"),
+        (RELAY.replace("a.safetensors", "c.safetensors"), r"c.safetensors: cannot .*: No such file"),
         (RELAY.replace("weights/a.safetensors", "relay.toml"), r"policy is 'relay.toml', expected a file"),
     ],
 )
