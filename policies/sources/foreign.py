@@ -7,7 +7,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from nathlon.policies.checkpoint import Count, Names, Observation, Text, Versions
+from nathlon.policies.checkpoint import Observation
+from nathlon.policies.sources.weights import Count, Names, Text, Versions
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 
