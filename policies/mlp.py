@@ -42,7 +42,11 @@ def _clip(sums: Batch, bias: Batch) -> None:
     np.clip(sums, -1.0, 1.0, out=sums)
 
 
-FUNCTIONS = {"relu": _relu, "tanh": _tanh, "clip": _clip}
+def _linear(sums: Batch, bias: Batch) -> None:
+    sums += bias
+
+
+FUNCTIONS = {"relu": _relu, "tanh": _tanh, "clip": _clip, "linear": _linear}
 """Of a layer's weighted inputs (n, outputs) and bias (outputs,), in place."""
 
 
@@ -53,12 +57,12 @@ class Mlp:
     Attributes:
         layers: weight (inputs, outputs) and bias (outputs,) of each, float32.
         hidden: function of each layer but the last.
-        output: function of the last; `clip` is to [-1, 1].
+        output: function of the last; `clip` is to [-1, 1], `linear` none.
     """
 
     layers: tuple[tuple[Batch, Batch], ...]
     hidden: Literal["relu", "tanh"]
-    output: Literal["tanh", "clip"]
+    output: Literal["tanh", "clip", "linear"]
 
     def __call__(self, inputs: Batch) -> Batch:
         """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +12,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
+from nathlon.policies.general.checkpoint import GeneralCard, save_general
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.qrsac.learner import QRSAC
 from nathlon.policies.replay_buffer.table import NStepReplay
@@ -143,6 +146,7 @@ class GymnasiumTraining:
             int(part.generate_state(1)[0]) for part in np.random.SeedSequence(seed).spawn(3)
         )
         self.steps = 0
+        self._seed = seed
         self._environments = FlatEnvironments(environments)
         self._rng = np.random.default_rng(choices)
         self._warm_up, self._updates = warm_up, updates
@@ -171,6 +175,29 @@ class GymnasiumTraining:
             if warm:
                 for _ in range(self._updates):
                     self.learner.update(self._replay.sample(self.learner.config.batch, self._rng))
+
+    def save(self, path: Path) -> None:
+        """Writes the policy, which acts by its mean, as `nathlon.policies.general.load_general` reads it.
+
+        Args:
+            path: the file, a `.safetensors`, replaced whole if it exists.
+
+        Raises:
+            InputError: if it cannot be written, or the policy is not finite as float16.
+        """
+        card = GeneralCard(
+            algorithm="qr-sac",
+            hidden=self.learner.config.hidden,
+            observation_size=self._environments.observation_size,
+            action_size=self._environments.action_size,
+            step=self.learner.made,
+            seed=self._seed,
+            created_by={"nathlon": version("nathlon"), "torch": version("torch")},
+        )
+        try:
+            save_general(path, self.learner.policy_tensors(), card)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror})") from None
 
     def _act(self) -> Array:
         return self.learner.act(self._environments.observation, stochastic=True)

@@ -169,6 +169,11 @@ class QRSAC:
         return self._state.policy.to("cpu", copy=True)
 
     @property
+    def made(self) -> int:
+        """Updates so far."""
+        return self._made
+
+    @property
     def finite(self) -> bool:
         """Whether all parameters and moments are finite numbers."""
         return all(bool(tensor.isfinite().all()) for tensor in self._state)

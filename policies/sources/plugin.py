@@ -10,6 +10,7 @@ import hashlib
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import PLUGIN, PLUGINS
@@ -26,9 +27,22 @@ def load_plugin(name: str, circuit: str, car: str) -> Policy:
     Raises:
         InputError: if no package or more than one offers it, or it is no policy.
     """
+    policy = make_plugin(name, circuit, car)
+    if not isinstance(getattr(policy, "observation_spec", None), ObservationSpec):
+        raise _no_policy(name, "observation_spec")
+    check_methods(name, policy)
+    return policy
+
+
+def make_plugin(name: str, *arguments: Any) -> Any:
+    """What the entry point `name` makes of some arguments.
+
+    Raises:
+        InputError: if no package or more than one offers it, or it raises.
+    """
     point = _entry_point(name)
     try:
-        policy = point.load()(circuit, car)
+        return point.load()(*arguments)
     except MemoryError:
         raise
     except ModuleNotFoundError as error:
@@ -38,12 +52,13 @@ def load_plugin(name: str, circuit: str, car: str) -> Policy:
     # It is foreign code: whatever it raises, the user wants to know whose it is.
     except Exception as error:
         raise InputError(f"{PLUGIN}:{name}: {point.value} {_raised(error)}") from error
-    if not isinstance(getattr(policy, "observation_spec", None), ObservationSpec):
-        raise InputError(f"{PLUGIN}:{name}: {point.value} made no policy: it has no observation_spec")
+
+
+def check_methods(name: str, policy: Any) -> None:
+    """Raise an InputError if what the entry point `name` made cannot act."""
     for method in ("initial_memory", "act"):
         if not callable(getattr(policy, method, None)):
-            raise InputError(f"{PLUGIN}:{name}: {point.value} made no policy: it has no method {method}")
-    return policy
+            raise _no_policy(name, f"method {method}")
 
 
 def plugin_id(name: str) -> str:
@@ -70,6 +85,10 @@ def plugin_id(name: str) -> str:
             content = path.read_bytes()
             digest.update(f"\0{relative.as_posix()}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()
+
+
+def _no_policy(name: str, missing: str) -> InputError:
+    return InputError(f"{PLUGIN}:{name}: {_entry_point(name).value} made no policy: it has no {missing}")
 
 
 def _raised(error: Exception) -> str:

@@ -1,0 +1,121 @@
+"""A policy of any environment: numbers in, numbers out, and what they mean as an action."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from gymnasium.spaces import Space, flatdim
+from numpy.typing import NDArray
+
+from nathlon.policies.general.outputs import Draw, Outputs, in_words
+from nathlon.policies.policy import Batch
+from nathlon.sim.errors import InputError
+
+
+class Network(Protocol):
+    """What maps observations to numbers; it keeps no state but in the memory that it is handed."""
+
+    def initial_memory(self, n: int) -> Batch:
+        """Memory at the start of n episodes, (n, m) float32; m may be 0."""
+        ...
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[NDArray[Any], Batch]:
+        """Numbers (n, k) for observations (n, size) float32, and memory (n, m) float32 after this step."""
+        ...
+
+
+class Memoryless:
+    """A function of observations as a network."""
+
+    def __init__(self, function: Callable[[Batch], NDArray[Any]]) -> None:
+        """Of a function from observations (n, size) float32 to numbers (n, k)."""
+        self._function = function
+
+    def initial_memory(self, n: int) -> Batch:
+        """No memory: (n, 0) float32."""
+        return np.zeros((n, 0), np.float32)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[NDArray[Any], Batch]:
+        """Numbers (n, k) for observations (n, size) float32; memory as it was."""
+        return self._function(observations), memory
+
+
+@dataclass(frozen=True)
+class GeneralPolicy:
+    """A policy of any environment, which acts without noise; one object acts in any number of episodes.
+
+    Attributes:
+        source: what the user called it by, for errors.
+        id: SHA-256 of the file or of the package's files, or the name of what is neither.
+        algorithm: what trained it; None if not known, as are the next two.
+        step: gradient updates of its training.
+        seed: of its training.
+        observation_size: numbers of an observation, in the order of `gymnasium.spaces.flatten`; None for any.
+        network: maps observations to numbers.
+        outputs: what the numbers mean.
+    """
+
+    source: str
+    id: str
+    algorithm: str | None
+    step: int | None
+    seed: int | None
+    observation_size: int | None
+    network: Network
+    outputs: Outputs | Draw
+
+    def check(self, observation_space: Space[Any], action_space: Space[Any]) -> None:
+        """Raise an InputError, which names the source, if the policy cannot act in these spaces."""
+        if self.observation_size is not None:
+            try:
+                size = flatdim(observation_space)
+            except (ValueError, NotImplementedError):
+                raise InputError(
+                    f"{self.source}: the observation space {in_words(observation_space)} cannot be flattened"
+                ) from None
+            if size != self.observation_size:
+                raise InputError(
+                    f"{self.source}: takes {self.observation_size} numbers, expected {size} for the "
+                    f"observation space {in_words(observation_space)}"
+                )
+        self.outputs.check(self.source, action_space)
+
+    def initial_memory(self, n: int) -> Batch:
+        """Memory at the start of n episodes, (n, m) float32; m may be 0."""
+        return self.network.initial_memory(n)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[NDArray[Any], Batch]:
+        """What `decode` makes actions of.
+
+        Args:
+            observations: (n, observation_size) float32.
+            memory: (n, m) float32, as returned by the last call.
+
+        Returns:
+            numbers (n, k), float32 or, of graphs and plugins, of any type; memory (n, m) float32.
+
+        Raises:
+            IllegalActionError: if a plugin gives anything else.
+        """
+        return self.network.act(observations, memory)
+
+    def decode(self, row: NDArray[Any], action_space: Space[Any], rng: np.random.Generator) -> Any:
+        """The element of an action space that a row (k,) of what `act` gave stands for.
+
+        Args:
+            row: the numbers.
+            action_space: of the seat.
+            rng: of the seat in this episode; only `random` draws from it.
+
+        Returns:
+            an array of the dtype and shape of a Box, an int of a Discrete, an array of the dtype (int64) and
+            shape of a MultiDiscrete.
+
+        Raises:
+            InputError: if the policy has no actions of this space; it names the source.
+            IllegalActionError: if the numbers are no action: not finite, or no choice that there is.
+        """
+        return self.outputs.decode(self.source, row, action_space, rng)
