@@ -12,7 +12,7 @@ from nathlon.sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
 from nathlon.sim.physics.course import CourseParameters, on_other_level
 from nathlon.sim.sharing import Tally, finish, take
 from nathlon.sim.simd import add, load, multiply, store, subtract
-from nathlon.sim.state import CarRecord
+from nathlon.sim.state import CarRecord, Cars
 
 BLOCK = 8
 """Rows that a thread takes at once: between two takes a core cannot work ahead."""
@@ -84,7 +84,7 @@ def observe_cars(
 
 @lean_inlined
 def observe_car(
-    field: np.ndarray,
+    field: Cars,
     index: int,
     values: np.ndarray,
     mean: np.ndarray,
@@ -211,7 +211,7 @@ def between(here: np.ndarray, there: np.ndarray, axis: int, share: Numbers) -> N
 
 @lean_inlined
 def find_cars(
-    field: np.ndarray,
+    field: Cars,
     index: int,
     ahead: int,
     nearest: np.ndarray,
@@ -251,7 +251,7 @@ def find_cars(
 
 
 @lean_inlined
-def see_cars(field: np.ndarray, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
+def see_cars(field: Cars, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
     """What is seen of the listed cars, relative in the car's frame."""
     car = field[index]
     values[:] = 0.0

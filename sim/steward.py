@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.physics.body import speed_squared
 from nathlon.sim.physics.contact import Touch
 from nathlon.sim.physics.course import CourseParameters, facing
 from nathlon.sim.rules import RuleParameters
-from nathlon.sim.state import OTHER, REAR_END, SIDE_SWIPE, CarRecord
+from nathlon.sim.state import OTHER, REAR_END, SIDE_SWIPE, CarRecord, Cars, ContactRecord
 from nathlon.sim.track import SECTION, TANGENT_X, TANGENT_Y, ZONE
 
 SAME_WAY = 0.5
@@ -122,7 +120,7 @@ def judge(
 
 @lean_inlined
 def note_contact(
-    cars: np.ndarray,
+    cars: Cars,
     i: int,
     j: int,
     touch: Touch,
@@ -130,7 +128,7 @@ def note_contact(
     relative_y: float,
     faster: int,
     now: float,
-    note: CarRecord,
+    note: ContactRecord,
     course: CourseParameters,
     rules: RuleParameters,
 ) -> None:

@@ -28,7 +28,7 @@ from nathlon.sim.physics.course import (
 from nathlon.sim.physics.draught import set_draught
 from nathlon.sim.rules import RuleParameters, Rules, load_rules, rule_parameters
 from nathlon.sim.sharing import Tally, Threads, finish, take
-from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord
+from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars
 from nathlon.sim.steward import note_contact, serve_penalty, watch_limits
 from nathlon.sim.timing import first_line, time_lines
 from nathlon.sim.track import Track
@@ -121,7 +121,7 @@ def step_races(
 
 @lean_inlined
 def step_race(
-    cars: np.ndarray,
+    cars: Cars,
     actions: np.ndarray,
     ticks: np.ndarray,
     touched: np.ndarray,
@@ -200,7 +200,7 @@ def near(a: CarRecord, b: CarRecord, reach_squared: float) -> bool:
 
 @lean_kernel
 def meet(
-    cars: np.ndarray,
+    cars: Cars,
     i: int,
     j: int,
     now: float,
@@ -229,7 +229,7 @@ def meet(
 
 
 @lean_kernel
-def locate_all(cars: np.ndarray, course: CourseParameters) -> None:
+def locate_all(cars: Cars, course: CourseParameters) -> None:
     """Locate every car of one race, their rows being near the truth."""
     for i in range(len(cars)):
         car = cars[i]
