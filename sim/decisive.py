@@ -26,6 +26,7 @@ DECISIVE = (
     "sim/simd.py",
     "sim/observation.py",
     "sim/observe.py",
+    "sim/parameters.py",
     "sim/reaction.py",
     "sim/rules.py",
     "sim/scenario.py",

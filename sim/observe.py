@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
+from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.course import CourseParameters, on_other_level
 from nathlon.sim.sharing import Tally, finish, take
 from nathlon.sim.simd import add, load, multiply, store, subtract
@@ -23,6 +25,43 @@ OWN_SIZE = ObservationSpec(1, 1.0, 0, 0).size - 9
 """Numbers about the car itself, before the course points."""
 
 
+class LayoutParameters(NamedTuple):
+    """What the kernel reads of a spec.
+
+    Attributes:
+        mean, scale: (size,) float32, of its scaling; the scale is one over the deviation.
+        points: on each line of the course.
+        horizon: s of travel that they span.
+        ahead: length of the list of cars ahead.
+    """
+
+    mean: NDArray[np.float32]
+    scale: NDArray[np.float32]
+    points: int
+    horizon: float
+    ahead: int
+
+
+def layout_parameters(spec: ObservationSpec) -> LayoutParameters:
+    """The kernel's view of a spec."""
+    mean, deviation = spec.scaling
+    return LayoutParameters(
+        mean, np.float32(1.0) / deviation, spec.course_points, spec.horizon_s, spec.cars_ahead
+    )
+
+
+class Nearby(NamedTuple):
+    """The cars in sight, first those of the list ahead, then those of the list behind.
+
+    Attributes:
+        nearest: (ahead + behind,) int64, indices, -1 for none.
+        distance: (ahead + behind,) float64, squared, m^2.
+    """
+
+    nearest: NDArray[np.int64]
+    distance: NDArray[np.float64]
+
+
 @lean_inlined
 def blocks(rows: int) -> int:
     """How many blocks of rows there are for threads to take."""
@@ -35,15 +74,9 @@ def observe_cars(
     races: np.ndarray,
     cars: np.ndarray,
     out: np.ndarray,
-    mean: np.ndarray,
-    scale: np.ndarray,
-    points: int,
-    horizon: float,
-    ahead: int,
-    nearest: np.ndarray,
-    distance: np.ndarray,
-    p: CarParameters,
-    course: CourseParameters,
+    layout: LayoutParameters,
+    nearby: Nearby,
+    p: WorldParameters,
     tally: Tally,
     thread: int,
 ) -> None:
@@ -53,10 +86,9 @@ def observe_cars(
         state: (races, cars) CAR_STATE.
         races, cars: (n,) indices of the cars that look.
         out: (n, size) float32, set.
-        mean, scale: (size,) float32, of the spec's scaling; the scale is one over the deviation.
-        points, horizon, ahead: of the spec.
-        nearest, distance: scratch for each of the opponents seen, (n,) int64 and float64.
-        p, course: car model and circuit.
+        layout: of the spec.
+        nearby: scratch.
+        p: of the world.
         tally, thread: see `nathlon.sim.sharing`.
     """
     rows = len(races)
@@ -65,20 +97,7 @@ def observe_cars(
         if block < 0:
             return
         for row in range(BLOCK * block, min(BLOCK * (block + 1), rows)):
-            observe_car(
-                state[races[row]],
-                cars[row],
-                out[row],
-                mean,
-                scale,
-                points,
-                horizon,
-                ahead,
-                nearest,
-                distance,
-                p,
-                course,
-            )
+            observe_car(state[races[row]], cars[row], out[row], layout, nearby, p)
         finish(tally, thread)
 
 
@@ -87,15 +106,9 @@ def observe_car(
     field: Cars,
     index: int,
     values: np.ndarray,
-    mean: np.ndarray,
-    scale: np.ndarray,
-    points: int,
-    horizon: float,
-    ahead: int,
-    nearest: np.ndarray,
-    distance: np.ndarray,
-    p: CarParameters,
-    course: CourseParameters,
+    layout: LayoutParameters,
+    nearby: Nearby,
+    p: WorldParameters,
 ) -> None:
     """Fill in what one car of a race sees.
 
@@ -103,23 +116,22 @@ def observe_car(
         field: the cars of the race.
         index: of the car that looks.
         values: (size,) float32, set.
-        mean, scale, points, horizon, ahead: as in `observe_cars`.
-        nearest, distance: scratch for each of the opponents seen.
-        p, course: car model and circuit.
+        layout, nearby, p: as in `observe_cars`.
     """
-    lists = OWN_SIZE + 9 * points
-    see_self(field[index], values, p, course)
-    find_cars(field, index, ahead, nearest, distance, course)
-    see_cars(field, index, nearest, values[lists:])
+    mean, scale = layout.mean, layout.scale
+    lists = OWN_SIZE + 9 * layout.points
+    see_self(field[index], values, p)
+    find_cars(field, index, layout.ahead, nearby, p.course)
+    see_cars(field, index, nearby.nearest, values[lists:])
     for k in range(OWN_SIZE):
         values[k] = (values[k] - mean[k]) * scale[k]
     for k in range(lists, len(values)):
         values[k] = (values[k] - mean[k]) * scale[k]
-    see_course(field[index], values[OWN_SIZE:lists], scale[OWN_SIZE:lists], points, horizon, course)
+    see_course(field[index], values[OWN_SIZE:lists], layout, p.course)
 
 
 @lean_inlined
-def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: CourseParameters) -> None:
+def see_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
     values[0] = car.velocity_x
     values[1] = car.velocity_y
@@ -129,7 +141,7 @@ def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: Cours
     for wheel in range(4):
         values[5 + wheel] = car.load[wheel]
         values[9 + wheel] = car.slip_angle[wheel]
-    angle = 2.0 * math.pi * car.progress / course.length
+    angle = 2.0 * math.pi * car.progress / p.course.length
     values[13] = math.sin(angle)
     values[14] = math.cos(angle)
     values[15] = car.heading_error
@@ -137,7 +149,7 @@ def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: Cours
     values[17] = car.slope_y
     values[18] = 1.0 if car.wall_contact else 0.0
     values[19] = 1.0 if car.off_course else 0.0
-    values[20] = car.steering / p.full_lock
+    values[20] = car.steering / p.car.full_lock
     values[21] = car.throttle
     values[22] = car.brake
     values[23] = 1.0 if car.car_contact else 0.0
@@ -145,23 +157,19 @@ def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: Cours
     values[25] = car.penalty_s
     for wheel in range(4):
         values[26 + wheel] = car.wear[wheel]
-    values[30] = car.fuel / p.fuel_capacity
+    values[30] = car.fuel / p.car.fuel_capacity
 
 
 @lean_inlined
 def see_course(
-    car: CarRecord,
-    values: np.ndarray,
-    scale: np.ndarray,
-    points: int,
-    horizon: float,
-    course: CourseParameters,
+    car: CarRecord, values: np.ndarray, layout: LayoutParameters, course: CourseParameters
 ) -> None:
     """Standardised points of left edge, centre line and right edge over the next seconds."""
+    points, scale = layout.points, layout.scale[OWN_SIZE:]
     x, y, z = alike(car.x), alike(car.y), alike(car.z)
     cos_yaw, sin_yaw = alike(car.cos_yaw), alike(car.sin_yaw)
     slope_x, slope_y = alike(car.slope_x), alike(car.slope_y)
-    gap = max(car.velocity_x, SLOWEST) * horizon / points / course.spacing
+    gap = max(car.velocity_x, SLOWEST) * layout.horizon / points / course.spacing
     rows = len(course.edges)
     at = car.row + car.along / course.spacing
     for point in range(points):
@@ -214,8 +222,7 @@ def find_cars(
     field: Cars,
     index: int,
     ahead: int,
-    nearest: np.ndarray,
-    distance: np.ndarray,
+    nearby: Nearby,
     course: CourseParameters,
 ) -> None:
     """Sort the cars in sight into two lists, nearest first.
@@ -224,10 +231,10 @@ def find_cars(
         field: the cars of the race.
         index: of the car that looks.
         ahead: length of the list of cars ahead.
-        nearest: (ahead + behind,) set to indices of cars ahead, then of cars behind; -1 for none.
-        distance: (ahead + behind,) scratch.
+        nearby: set.
         course: where bridges hide cars from each other.
     """
+    nearest, distance = nearby
     car = field[index]
     nearest[:] = -1
     distance[:] = np.inf

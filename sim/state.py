@@ -1,9 +1,9 @@
-"""The state of one car as a record; a world holds an array of them, (races, cars)."""
+"""The state of a world: cars and contacts as records, races as arrays of them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Protocol, TypeAlias, get_args, get_type_hints
+from typing import Annotated, NamedTuple, Protocol, TypeAlias, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,3 +139,31 @@ class ContactRecord(Protocol):
 
 CONTACT = record_dtype(ContactRecord)
 """A contact of two cars at its beginning."""
+
+
+class Races(NamedTuple):
+    """All that changes in a step.
+
+    Attributes:
+        cars: (races, cars) CAR_STATE.
+        ticks: (races,) int64, dynamics steps since each race's start.
+        touched: (races, cars, cars) float64, when two cars touched last, s since the start; -inf for never.
+        contacts: (races, pairs) CONTACT, those that began in the last step, oldest first.
+        contact_count: (races,) int64, how many of them there are.
+    """
+
+    cars: np.ndarray
+    ticks: np.ndarray
+    touched: np.ndarray
+    contacts: np.ndarray
+    contact_count: np.ndarray
+
+
+class Race(NamedTuple):
+    """Rows of the arrays of one of the races, whose own `ticks` and `contact_count` come first."""
+
+    cars: Cars
+    ticks: np.ndarray
+    touched: np.ndarray
+    contacts: Sequence[ContactRecord]
+    contact_count: np.ndarray

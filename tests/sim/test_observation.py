@@ -129,7 +129,7 @@ class TestOwnCar:
         assert (see["tyre_wear"] > 0.0).all()
         np.testing.assert_allclose(see["tyre_wear"], car["wear"], atol=1e-6)
         assert 0.5 < see["fuel"][0] < 1.0
-        assert see["fuel"][0] == pytest.approx(car["fuel"] / world.parameters.fuel_capacity, abs=1e-6)
+        assert see["fuel"][0] == pytest.approx(car["fuel"] / world.parameters.car.fuel_capacity, abs=1e-6)
         assert see["penalty"] == pytest.approx(3.5)
 
     def test_flags_rise_where_they_should(self) -> None:
