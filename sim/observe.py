@@ -9,7 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.kernel import lean_inlined, lean_kernel
-from nathlon.sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
+from nathlon.sim.observation import (
+    ACCELERATION_X,
+    ACCELERATION_Y,
+    AHEAD_M,
+    BEHIND_M,
+    LINES,
+    OPPONENT_SIZE,
+    POINT_SIZE,
+    PRESENT,
+    VELOCITY_X,
+    VELOCITY_Y,
+    ObservationSpec,
+    X,
+    Y,
+)
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.course import CourseParameters, on_other_level
 from nathlon.sim.sharing import Tally, finish, take
@@ -19,10 +33,30 @@ from nathlon.sim.state import CarRecord, Cars
 BLOCK = 8
 """Rows that a thread takes at once: between two takes a core cannot work ahead."""
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
-OPPONENT_SIZE = len(OPPONENT)
 Numbers = tuple[np.floating, np.floating, np.floating, np.floating]
-OWN_SIZE = ObservationSpec(1, 1.0, 0, 0).size - 9
-"""Numbers about the car itself, before the course points."""
+OWN = ObservationSpec(course_points=0, cars_ahead=0, cars_behind=0)
+"""What the car sees of itself, with which every vector begins."""
+OWN_SIZE = OWN.size
+
+# Where the fields begin. The compiler takes them for numbers that it knows.
+VELOCITY = OWN.start("velocity")
+YAW_RATE = OWN.start("yaw_rate")
+ACCELERATION = OWN.start("acceleration")
+TYRE_LOAD = OWN.start("tyre_load")
+SLIP_ANGLE = OWN.start("slip_angle")
+PROGRESS = OWN.start("progress")
+HEADING_ERROR = OWN.start("heading_error")
+INCLINATION = OWN.start("inclination")
+WALL_CONTACT = OWN.start("wall_contact")
+OFF_COURSE = OWN.start("off_course")
+STEERING = OWN.start("steering")
+THROTTLE = OWN.start("throttle")
+BRAKE = OWN.start("brake")
+CAR_CONTACT = OWN.start("car_contact")
+SLIPSTREAM = OWN.start("slipstream")
+PENALTY = OWN.start("penalty")
+TYRE_WEAR = OWN.start("tyre_wear")
+FUEL = OWN.start("fuel")
 
 
 class LayoutParameters(NamedTuple):
@@ -119,7 +153,7 @@ def observe_car(
         layout, nearby, p: as in `observe_cars`.
     """
     mean, scale = layout.mean, layout.scale
-    lists = OWN_SIZE + 9 * layout.points
+    lists = OWN_SIZE + POINT_SIZE * layout.points
     see_self(field[index], values, p)
     find_cars(field, index, layout.ahead, nearby, p.course)
     see_cars(field, index, nearby.nearest, values[lists:])
@@ -133,31 +167,27 @@ def observe_car(
 @lean_inlined
 def see_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
-    values[0] = car.velocity_x
-    values[1] = car.velocity_y
-    values[2] = car.yaw_rate
-    values[3] = car.acceleration_x
-    values[4] = car.acceleration_y
+    values[VELOCITY], values[VELOCITY + 1] = car.velocity_x, car.velocity_y
+    values[YAW_RATE] = car.yaw_rate
+    values[ACCELERATION], values[ACCELERATION + 1] = car.acceleration_x, car.acceleration_y
     for wheel in range(4):
-        values[5 + wheel] = car.load[wheel]
-        values[9 + wheel] = car.slip_angle[wheel]
+        values[TYRE_LOAD + wheel] = car.load[wheel]
+        values[SLIP_ANGLE + wheel] = car.slip_angle[wheel]
     angle = 2.0 * math.pi * car.progress / p.course.length
-    values[13] = math.sin(angle)
-    values[14] = math.cos(angle)
-    values[15] = car.heading_error
-    values[16] = car.slope_x
-    values[17] = car.slope_y
-    values[18] = 1.0 if car.wall_contact else 0.0
-    values[19] = 1.0 if car.off_course else 0.0
-    values[20] = car.steering / p.car.full_lock
-    values[21] = car.throttle
-    values[22] = car.brake
-    values[23] = 1.0 if car.car_contact else 0.0
-    values[24] = car.draught
-    values[25] = car.penalty_s
+    values[PROGRESS], values[PROGRESS + 1] = math.sin(angle), math.cos(angle)
+    values[HEADING_ERROR] = car.heading_error
+    values[INCLINATION], values[INCLINATION + 1] = car.slope_x, car.slope_y
+    values[WALL_CONTACT] = 1.0 if car.wall_contact else 0.0
+    values[OFF_COURSE] = 1.0 if car.off_course else 0.0
+    values[STEERING] = car.steering / p.car.full_lock
+    values[THROTTLE] = car.throttle
+    values[BRAKE] = car.brake
+    values[CAR_CONTACT] = 1.0 if car.car_contact else 0.0
+    values[SLIPSTREAM] = car.draught
+    values[PENALTY] = car.penalty_s
     for wheel in range(4):
-        values[26 + wheel] = car.wear[wheel]
-    values[30] = car.fuel / p.car.fuel_capacity
+        values[TYRE_WEAR + wheel] = car.wear[wheel]
+    values[FUEL] = car.fuel / p.car.fuel_capacity
 
 
 @lean_inlined
@@ -189,11 +219,11 @@ def see_course(
         aside = subtract(multiply(dy, cos_yaw), multiply(dx, sin_yaw))
         above = subtract(subtract(dz, multiply(slope_x, ahead)), multiply(slope_y, aside))
         # The fourth number of a vector is no line's, and gives way to the next vector's first.
-        k = 9 * point
+        k = POINT_SIZE * point
         store(values, k, multiply(ahead, load(scale, k)))
-        store(values, k + 3, multiply(aside, load(scale, k + 3)))
-        for line in range(3):
-            values[k + 6 + line] = above[line] * scale[k + 6 + line]
+        store(values, k + LINES, multiply(aside, load(scale, k + LINES)))
+        for line in range(LINES):
+            values[k + 2 * LINES + line] = above[line] * scale[k + 2 * LINES + line]
         at += gap
 
 
@@ -272,10 +302,12 @@ def see_cars(field: Cars, index: int, nearest: np.ndarray, values: np.ndarray) -
         turn_cos = other.cos_yaw * car.cos_yaw + other.sin_yaw * car.sin_yaw
         turn_sin = other.sin_yaw * car.cos_yaw - other.cos_yaw * car.sin_yaw
         k = OPPONENT_SIZE * place
-        values[k] = 1.0
-        values[k + 1] = dx * car.cos_yaw + dy * car.sin_yaw
-        values[k + 2] = dy * car.cos_yaw - dx * car.sin_yaw
-        values[k + 3] = dvx * car.cos_yaw + dvy * car.sin_yaw
-        values[k + 4] = dvy * car.cos_yaw - dvx * car.sin_yaw
-        values[k + 5] = other.acceleration_x * turn_cos - other.acceleration_y * turn_sin - car.acceleration_x
-        values[k + 6] = other.acceleration_x * turn_sin + other.acceleration_y * turn_cos - car.acceleration_y
+        values[k + PRESENT] = 1.0
+        values[k + X] = dx * car.cos_yaw + dy * car.sin_yaw
+        values[k + Y] = dy * car.cos_yaw - dx * car.sin_yaw
+        values[k + VELOCITY_X] = dvx * car.cos_yaw + dvy * car.sin_yaw
+        values[k + VELOCITY_Y] = dvy * car.cos_yaw - dvx * car.sin_yaw
+        forward = other.acceleration_x * turn_cos - other.acceleration_y * turn_sin
+        aside = other.acceleration_x * turn_sin + other.acceleration_y * turn_cos
+        values[k + ACCELERATION_X] = forward - car.acceleration_x
+        values[k + ACCELERATION_Y] = aside - car.acceleration_y
