@@ -30,7 +30,7 @@ from rich.table import Table
 
 from benchmarks.result import write_result
 from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
-from nathlon.sim import observe, world
+from nathlon.sim import observation_kernel, world
 from nathlon.sim import simd as lanes
 from nathlon.sim.car import load_car
 from nathlon.sim.kernel import kernel
@@ -149,7 +149,7 @@ def uncompile() -> None:
         vars(module).update({key: value for key, value in replaced.items() if hasattr(module, key)})
         used = [key for key in VECTORS if getattr(module, key, None) is vectors[key]]
         vars(module).update({key: VECTORS[key] for key in used})
-    vars(observe)["np"] = SimpleNamespace(float32=lambda value: value, inf=np.inf)
+    vars(observation_kernel)["np"] = SimpleNamespace(float32=lambda value: value, inf=np.inf)
 
 
 def count(races: World) -> tuple[Counter[str], Counter[str]]:
@@ -158,7 +158,7 @@ def count(races: World) -> tuple[Counter[str], Counter[str]]:
     for _ in range(WARM_UP):
         races.step(drive(races))
     uncompile()
-    p, layout = number(races.parameters), number(observe.layout_parameters(SPEC))
+    p, layout = number(races.parameters), number(observation_kernel.layout_parameters(SPEC))
     cars: Any = [number(car) for car in races.state[0]]
     notes: Any = [SimpleNamespace() for _ in races.contacts[0]]
     touched = number(np.full((CARS, CARS), -np.inf))
@@ -173,9 +173,9 @@ def count(races: World) -> tuple[Counter[str], Counter[str]]:
         stepping.update(done)
         for car in range(CARS):
             values = number(np.empty(SPEC.size))
-            nearby = observe.Nearby(np.empty(seen, np.int64), np.empty(seen, object))
+            nearby = observation_kernel.Nearby(np.empty(seen, np.int64), np.empty(seen, object))
             done.clear()
-            observe.observe_car(cars, car, values, layout, nearby, p)
+            observation_kernel.observe_car(cars, car, values, layout, nearby, p)
             observing.update(done)
     return stepping, observing
 

@@ -16,7 +16,7 @@ from numba import cuda, float64, int64
 from numpy.typing import NDArray
 
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observe import Nearby, layout_parameters, observe_car
+from nathlon.sim.observation_kernel import Nearby, layout_parameters, observe_car
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.world import SUBSTEPS, World, race_of, step_race
 
@@ -38,7 +38,7 @@ def step_races(races, actions, substeps, p):  # type: ignore[no-untyped-def]
 
 @cuda.jit
 def observe_cars(state, races, cars, out, layout, listed, p):  # type: ignore[no-untyped-def]
-    """Fill in observations with `listed` opponents; see `nathlon.sim.observe.observe_cars`."""
+    """Fill in observations with `listed` opponents; see `nathlon.sim.observation_kernel.observe_cars`."""
     row = cuda.grid(1)
     if row < len(races):
         nearest = cuda.local.array(MOST_SEEN, int64)[:listed]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nathlon.sim.car import Car, parameters
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observe import Nearby, blocks, layout_parameters, observe_cars
+from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.body import set_body_velocity, set_direction, speed_squared
 from nathlon.sim.physics.chassis import GRAVITY, Rates, advance
@@ -29,11 +29,11 @@ from nathlon.sim.physics.course import (
 from nathlon.sim.physics.draught import set_draught
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.rules import Rules, load_rules, rule_parameters
-from nathlon.sim.sharing import Tally, Threads, finish, take
 from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, Race, Races
 from nathlon.sim.steward import Approach, note_contact, serve_penalty, watch_limits
 from nathlon.sim.timing import first_line, time_lines
 from nathlon.sim.track import Track
+from nathlon.sim.work_stealing import Tally, ThreadPool, finish, take
 
 DYNAMICS_HZ = 60
 DYNAMICS_DT = 1.0 / DYNAMICS_HZ
@@ -91,7 +91,7 @@ def step_races(
     thread: int,
 ) -> None:
     """Advance the races that a thread takes by some dynamics steps; see `step_race` and
-    `nathlon.sim.sharing`.
+    `nathlon.sim.work_stealing`.
     """
     while True:
         index = take(tally, thread, len(races.cars))
@@ -259,7 +259,7 @@ class World:
         self.contacts = np.zeros((races, max(cars * (cars - 1) // 2, 1)), CONTACT)
         self.contact_count = np.zeros(races, np.int64)
         self._touched = np.full((races, cars, cars), -np.inf)
-        self._threads = Threads(threads)
+        self._threads = ThreadPool(threads)
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -322,7 +322,7 @@ class World:
             ground = Ground(*np.empty((3, 4)))
             step_races(self.arrays(), legal, substeps, ground, self.parameters, tally, thread)
 
-        self._threads.share(work, len(self.state))
+        self._threads.run(work, len(self.state))
 
     def new_contacts(self, race: int) -> NDArray[np.void]:
         """The contacts of one race that began in the last step, CONTACT."""
@@ -348,5 +348,5 @@ class World:
             nearby = Nearby(np.empty(listed, np.int64), np.empty(listed))
             observe_cars(self.state, races, cars, out, layout, nearby, self.parameters, tally, thread)
 
-        self._threads.share(work, blocks(len(races)))
+        self._threads.run(work, blocks(len(races)))
         return out

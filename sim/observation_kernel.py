@@ -26,9 +26,9 @@ from nathlon.sim.observation import (
 )
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.course import CourseParameters, on_other_level
-from nathlon.sim.sharing import Tally, finish, take
 from nathlon.sim.simd import add, load, multiply, store, subtract
 from nathlon.sim.state import CarRecord, Cars
+from nathlon.sim.work_stealing import Tally, finish, take
 
 BLOCK = 8
 """Rows that a thread takes at once: between two takes a core cannot work ahead."""
@@ -123,7 +123,7 @@ def observe_cars(
         layout: of the spec.
         nearby: scratch.
         p: of the world.
-        tally, thread: see `nathlon.sim.sharing`.
+        tally, thread: see `nathlon.sim.work_stealing`.
     """
     rows = len(races)
     while True:
@@ -154,18 +154,18 @@ def observe_car(
     """
     mean, scale = layout.mean, layout.scale
     lists = OWN_SIZE + POINT_SIZE * layout.points
-    see_self(field[index], values, p)
-    find_cars(field, index, layout.ahead, nearby, p.course)
-    see_cars(field, index, nearby.nearest, values[lists:])
+    observe_self(field[index], values, p)
+    find_opponents(field, index, layout.ahead, nearby, p.course)
+    observe_opponents(field, index, nearby.nearest, values[lists:])
     for k in range(OWN_SIZE):
         values[k] = (values[k] - mean[k]) * scale[k]
     for k in range(lists, len(values)):
         values[k] = (values[k] - mean[k]) * scale[k]
-    see_course(field[index], values[OWN_SIZE:lists], layout, p.course)
+    observe_course(field[index], values[OWN_SIZE:lists], layout, p.course)
 
 
 @lean_inlined
-def see_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None:
+def observe_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
     values[VELOCITY], values[VELOCITY + 1] = car.velocity_x, car.velocity_y
     values[YAW_RATE] = car.yaw_rate
@@ -191,7 +191,7 @@ def see_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None:
 
 
 @lean_inlined
-def see_course(
+def observe_course(
     car: CarRecord, values: np.ndarray, layout: LayoutParameters, course: CourseParameters
 ) -> None:
     """Standardised points of left edge, centre line and right edge over the next seconds."""
@@ -248,7 +248,7 @@ def between(here: np.ndarray, there: np.ndarray, axis: int, share: Numbers) -> N
 
 
 @lean_inlined
-def find_cars(
+def find_opponents(
     field: Cars,
     index: int,
     ahead: int,
@@ -288,7 +288,7 @@ def find_cars(
 
 
 @lean_inlined
-def see_cars(field: Cars, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
+def observe_opponents(field: Cars, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
     """What is seen of the listed cars, relative in the car's frame."""
     car = field[index]
     values[:] = 0.0
