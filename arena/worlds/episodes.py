@@ -20,7 +20,7 @@ from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Playe
 from nathlon.arena.worlds.player import Asking, Space
 from nathlon.policies.general import GeneralPolicy, load_general
 from nathlon.policies.sources import PLUGIN
-from nathlon.sim.decisive import fingerprint
+from nathlon.sim.decisive import EPISODES, fingerprint
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ class EpisodeWorld(ABC):
 
     def facts(self, scenario: str) -> dict[str, Any]:
         """As of `nathlon.arena.worlds.contract.World`."""
-        return {"code": fingerprint(), "world_files": self.identity()}
+        return {"code": fingerprint(names=EPISODES), "world_files": self.identity()}
 
     def enter(self, source: str) -> Entrant:
         """As of `nathlon.arena.worlds.contract.World`."""
