@@ -1,4 +1,4 @@
-"""A process of its own for foreign code, which answers messages: one that hangs, exits or prints harms nobody."""
+"""A process of its own for foreign code: one that hangs, exits or prints harms nobody."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LOOK_S = 1.0
 
 
 class ChildError(Exception):
-    """A process has not answered as it should, and is ended. Says how, to follow the name of what runs there."""
+    """A process has not answered as it should, and is ended; says how, without naming it."""
 
 
 class Child:

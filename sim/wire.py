@@ -1,6 +1,6 @@
 """Messages between processes that do not trust each other: JSON and arrays of numbers, never pickles.
 
-It needs numpy alone, and runs in Python 3.7: the host of worlds in other interpreters loads this file by path.
+It needs numpy alone and runs in Python 3.7: hosts of worlds in other interpreters load this file by path.
 """
 
 from __future__ import annotations

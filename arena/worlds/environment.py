@@ -207,6 +207,11 @@ class PettingZooWorld(EpisodeWorld):
             },
         )
 
+    @property
+    def foreign(self) -> bool:
+        """Whether the environments run in another interpreter."""
+        return self._python is not None
+
     def _known(self, scenario: str) -> dict[str, tuple[Space, Space]]:
         """Spaces of observations and actions of the seats; kept, as an environment may not live as long."""
         if scenario not in self._spaces:
@@ -276,7 +281,7 @@ def _said(error: BaseException) -> str:
 
 
 def _source(make: Any) -> Path:
-    """The file of what makes an environment, which may be a function, a class, or an object that is called."""
+    """The file of what makes an environment, which may be any callable."""
     make = getattr(make, "func", make)  # of a functools.partial
     return Path(inspect.getfile(make if inspect.isroutine(make) or inspect.isclass(make) else type(make)))
 
@@ -309,6 +314,6 @@ def _five(answer: Any, seat: str) -> tuple[Any, Any, Any, Any, Any]:
     if not isinstance(answer, tuple) or len(answer) != 5:
         count = len(answer) if isinstance(answer, tuple) else 1
         raise WorldError(
-            f"seat {seat!r}: gives {count} values, expected observation, reward, terminated, truncated and info"
+            f"seat {seat!r}: gives {count} values, expected observation, reward, terminated, truncated, info"
         )
     return answer

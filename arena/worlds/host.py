@@ -12,6 +12,7 @@ import importlib
 import inspect
 import os
 import platform
+import random
 import signal
 import sys
 import threading
@@ -63,7 +64,9 @@ class Host:
 
     def reset(self, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin an episode: observations and infos of the seats that play."""
-        np.random.seed(seed)
+        # Environments older than generators that are passed in draw from those of the process.
+        random.seed(seed)
+        np.random.seed(seed)  # noqa: NPY002
         environment = self._environment
         try:
             answer = environment.reset(seed=seed)
@@ -194,7 +197,9 @@ def _end_with_parent() -> None:
 
 def _factory(name: str) -> Any:
     place, _, function = name.rpartition(":")
-    module = _from_file(place, "nathlon_scenario") if place.endswith(".py") else importlib.import_module(place)
+    module = (
+        _from_file(place, "nathlon_scenario") if place.endswith(".py") else importlib.import_module(place)
+    )
     return getattr(module, function)
 
 

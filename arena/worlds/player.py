@@ -82,7 +82,9 @@ class Asking:
         finally:
             watch.work()
         if not (_finite(action) and self._done.contains(action)):
-            log.warning("the policy of seat %r gave %r, expected one of %s: it idles", self._seat, action, self._done)
+            log.warning(
+                "the policy of seat %r gave %r, expected one of %s: it idles", self._seat, action, self._done
+            )
             self.fault = "illegal_action"
             return idle(self._done)
         return action
