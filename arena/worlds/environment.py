@@ -150,9 +150,8 @@ class PettingZooWorld(EpisodeWorld):
 
     @cached_property
     def _identity(self) -> dict[str, Any]:
-        own = [_source(make) for make in self._make.values() if not isinstance(make, str)]
-        own += [] if self.file is None else [self.file]
-        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in own}
+        own = {self.file, *map(_source, self._make.values())} - {None}
+        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in own if path}
         if self._python is None:
             packages = {name: version(name) for name in (*self._packages, "numpy")}
             return {"files": files, "packages": packages | {"python": platform.python_version()}}
@@ -240,8 +239,7 @@ class PettingZooWorld(EpisodeWorld):
             # It is foreign code: whatever it raises, the user wants to know whose it is.
             except (Exception, SystemExit) as error:
                 raise InputError(
-                    f"world {self.name!r}, scenario {scenario!r}: cannot be made: {_said(error)}, "
-                    "expected an environment"
+                    f"world {self.name!r}, scenario {scenario!r}: cannot be made: {_said(error)}"
                 ) from error
         return self._environments[scenario]
 
@@ -280,10 +278,12 @@ def _said(error: BaseException) -> str:
     return str(error) if isinstance(error, WorldError) else f"{type(error).__name__} ({error})"
 
 
-def _source(make: Any) -> Path:
-    """The file of what makes an environment, which may be any callable."""
-    make = getattr(make, "func", make)  # of a functools.partial
-    return Path(inspect.getfile(make if inspect.isroutine(make) or inspect.isclass(make) else type(make)))
+def _source(make: Any) -> Path | None:
+    """The file of what makes an environment, as far as it tells."""
+    try:
+        return Path(inspect.getfile(getattr(make, "func", make)))  # a functools.partial has a func
+    except TypeError:
+        return None
 
 
 def _note(seat: Seat, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:

@@ -40,7 +40,7 @@ class Host:
         if not hasattr(self._environment, "possible_agents"):
             self._environment = Alone(self._environment)
         self._names = list(self._environment.possible_agents)
-        self._file = inspect.getsourcefile(factory)
+        self._file = _source(factory)
         self._packages = wanted["packages"]
 
     def described(self) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -203,6 +203,13 @@ def _factory(name: str) -> Any:
     return getattr(module, function)
 
 
+def _source(factory: Any) -> str | None:
+    try:
+        return inspect.getsourcefile(factory)
+    except TypeError:
+        return None
+
+
 def _from_file(path: str, name: str) -> ModuleType:
     spec = spec_from_file_location(name, path)
     assert spec is not None
@@ -269,7 +276,7 @@ def _version(package: str) -> str:
     try:
         from importlib.metadata import version
     except ImportError:  # Python 3.7
-        from pkg_resources import get_distribution
+        from pkg_resources import get_distribution  # type: ignore[import-not-found]
 
         return str(get_distribution(package).version)
     return version(package)

@@ -271,7 +271,7 @@ def fairness(points: Floats) -> list[str]:
     gaps = np.stack([points[:, one] - points[:, other] for one, other in pairs], axis=1)
     mean, error = gaps.mean(axis=0), gaps.std(axis=0, ddof=1) / np.sqrt(episodes)
     if not gaps.any():
-        return [f"In {episodes} episodes of random policies all sides get the same: fairness does not show."]
+        return [f"In {episodes} episodes of one policy all sides get the same: fairness does not show."]
     sure = holm(p_values(mean, error, np.full(len(pairs), episodes - 1.0))) <= 0.05
     reach = error * stdtrit(episodes - 1, 0.975)
     unfair = []
@@ -279,13 +279,11 @@ def fairness(points: Floats) -> list[str]:
         if differ:
             better, worse = (one, other) if gap > 0 else (other, one)
             unfair.append(
-                f"Side {better + 1} gets {abs(gap):.3g} points an episode more than side {worse + 1} (95 % interval "
-                f"{abs(gap) - half:.3g} to {abs(gap) + half:.3g}) with the same policy on both: it is no fault, "
-                "as sides are changed in every unit."
+                f"Side {better + 1} gets {abs(gap):.3g} points an episode more than side {worse + 1} with "
+                f"the same policy on both (95 % interval {abs(gap) - half:.3g} to {abs(gap) + half:.3g}): no "
+                "fault, as sides are changed in every unit."
             )
-    return unfair or [
-        f"In {episodes} episodes of random policies no side gets more than another beyond chance."
-    ]
+    return unfair or [f"In {episodes} episodes of one policy no side gets more than another beyond chance."]
 
 
 def _tested(name: str, scenario: str, _: float) -> list[Finding]:

@@ -155,6 +155,9 @@ def read_config(path: Path) -> Config:
     def files(names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(located(name) if name.endswith(".toml") else name for name in names)
 
+    # A default stays one that is not set: another world has others.
+    tests = {"tests": files(config.battery.tests)} if "tests" in config.battery.model_fields_set else {}
+    anchors = tuple(map(located, config.nightly.anchors))
     event = config.tournament.event
     world = config.world
     if ".py:" in world:
@@ -165,10 +168,10 @@ def read_config(path: Path) -> Config:
             "checkpoints": tuple(map(located, config.checkpoints)),
             "store": located(config.store),
             "out": located(config.out),
-            "battery": config.battery.model_copy(update={"tests": files(config.battery.tests)}),
+            "battery": config.battery.model_copy(update=tests),
             "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
             "nightly": config.nightly.model_copy(
-                update={"anchors": tuple(map(located, config.nightly.anchors))}
+                update={"anchors": anchors} if "anchors" in config.nightly.model_fields_set else {}
             ),
         }
     )
