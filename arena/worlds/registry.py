@@ -103,7 +103,7 @@ def _file(name: str) -> Path | None:
         name = point.value
     place, _, _ = name.rpartition(":")
     if place.endswith(".py"):
-        return Path(place)
+        return Path(place).absolute()
     found = getattr(sys.modules.get(place), "__file__", None)
     return None if found is None else Path(found)
 

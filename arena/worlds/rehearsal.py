@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -233,7 +233,8 @@ def _with_failure(world: World, scenario: str, setup: Setup, policy: Any, where:
     rows = _played(world, _match(world, scenario, setup, (2,), out), [policy, _Raising()])
     seat = setup.seats[out[0]]
     if rows["ending"].is_in(VOID_ENDINGS).any():
-        said = f" ({world.fault})" if getattr(world, "fault", "") else ""
+        fault = getattr(world, "fault", "")
+        said = f" ({fault})" if fault else ""
         return Finding(
             scenario, True, f"{where}, seat {seat!r}: void when its policy raises{said}, expected to go on."
         )
@@ -293,11 +294,12 @@ def _tested(name: str, scenario: str, _: float) -> list[Finding]:
         return []
     from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+    tests: dict[str, Callable[[], Any]] = {
+        "parallel_api_test": lambda: parallel_api_test(world.made(scenario), API_CYCLES),
+        "parallel_seed_test": lambda: parallel_seed_test(lambda: world.made(scenario), API_CYCLES),
+    }
     findings = []
-    for test, call in (
-        ("parallel_api_test", lambda: parallel_api_test(world.made(scenario), API_CYCLES)),
-        ("parallel_seed_test", lambda: parallel_seed_test(lambda: world.made(scenario), API_CYCLES)),
-    ):
+    for test, call in tests.items():
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             try:

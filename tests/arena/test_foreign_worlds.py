@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import sys
@@ -15,7 +16,9 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RESULTS
 from nathlon.arena.worlds.environment import PettingZooWorld
+from nathlon.arena.worlds.foreign import HOST
 from nathlon.arena.worlds.registry import load_world
+from nathlon.sim import wire
 from nathlon.sim.wire import pack, unpack
 from tests.arena.test_worlds import play, policies_of
 from tests.games import player, refused, world_of
@@ -140,7 +143,15 @@ def test_scalars_stay_scalars_between_processes() -> None:
     assert arrays["none"].shape == (0, 2)
 
 
-def test_the_host_needs_nothing_of_ours() -> None:
-    host = Path(sys.modules[PettingZooWorld.__module__].__file__ or "").with_name("host.py").read_text()
-    assert "import nathlon" not in host
-    assert "from nathlon" not in host
+@pytest.mark.parametrize("file", [HOST, Path(wire.__file__)])
+def test_what_runs_there_needs_numpy_alone_and_an_old_python(file: Path) -> None:
+    tree = ast.parse(file.read_text(), feature_version=(3, 7))
+    wanted = {
+        name.partition(".")[0]
+        for node in tree.body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in (
+            [node.module or ""] if isinstance(node, ast.ImportFrom) else [n.name for n in node.names]
+        )
+    }
+    assert wanted - set(sys.stdlib_module_names) == {"numpy"}
