@@ -46,7 +46,7 @@ def check_world(pool: Pool, name: str) -> None:
     Raises:
         InputError: if it cannot be loaded there.
     """
-    [answer] = pool.open([Opening(f"world {name!r}", _load, (name,))])
+    [answer] = pool.open([Opening(f"world {name!r}", _load, (name,), expected="a world")])
     if isinstance(answer, InputError):
         raise answer
 

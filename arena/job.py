@@ -69,12 +69,14 @@ class Opening:
         source: of the policy, for the error.
         function: a module's own, called with `arguments`; what it returns can be pickled.
         alone: as for `Racing`.
+        expected: what it opens, for the error.
     """
 
     source: str
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
     alone: bool = False
+    expected: str = "a policy"
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -138,7 +140,7 @@ def _convict(job: Job, loss: Loss) -> tuple[list[Job], list[tuple[Job, Answer]]]
     if loss.memory and loss.taken.entrant != NOBODY and loss.taken.size >= HOG_BYTES:
         entrant = loss.taken.entrant
     if isinstance(job, Opening):
-        return [], [(job, InputError(f"{job.source}: {_why(loss)}, expected a policy"))]
+        return [], [(job, InputError(f"{job.source}: {_why(loss)}, expected {job.expected}"))]
     if entrant == NOBODY:
         return [], [(job, Recorded(void(job.match), []))]
     ending = "timed_out" if loss.late else "policy_raised"

@@ -110,7 +110,9 @@ def _open(opening: Opening) -> Answer:
     # It is somebody's file: whatever it brings about, only that file is set aside.
     except Exception as error:
         log.exception("%s", opening.source)
-        return InputError(f"{opening.source}: cannot be opened ({type(error).__name__}), expected a policy")
+        return InputError(
+            f"{opening.source}: cannot be opened ({type(error).__name__}), expected {opening.expected}"
+        )
 
 
 def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -> Answer:

@@ -19,6 +19,7 @@ from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.track import import_track, show_track
 from nathlon.commands.training import polish, train
+from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 from nathlon.terminal import warn
@@ -39,6 +40,11 @@ track = typer.Typer(help="Import circuits and look at them.", no_args_is_help=Tr
 track.command("import")(import_track)
 track.command("show")(show_track)
 app.add_typer(track, name="track")
+
+world = typer.Typer(help="Look at simulators whose policies can be selected among.", no_args_is_help=True)
+world.command("check")(check_world)
+world.command("list")(list_worlds)
+app.add_typer(world, name="world")
 app.add_typer(committee, name="committee")
 
 

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
-import weakref
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.policies.child import Child, ChildError
 from nathlon.policies.load import load_policy
-from nathlon.policies.patience import ANSWER_S, BLAS_THREADS, FIRST_ANSWER_S
+from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources import COMPOSITE, PLUGIN
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.wire import Arrays, pack, unpack
 
-LOOK_S = 1.0
-"""Between two looks at a process that does not answer."""
+if TYPE_CHECKING:
+    from nathlon.sim.wire import Arrays
 
 
 def load_guest(name: str, circuit: str, car: str) -> Policy:
@@ -69,18 +64,8 @@ class PolicyApart:
             InputError: if it cannot be opened, or not in time.
         """
         self._source, self._answer_s, self._limit_s = source, answer_s, first_answer_s
-        self._pipe, theirs = Pipe()
-        # Not a process of multiprocessing: those of daemons may have none, and some would start the
-        # user's script once more.
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "nathlon.policies.apart_host", str(theirs.fileno())],
-            stdin=subprocess.PIPE,  # is closed with this process, however that ends
-            stdout=sys.__stderr__,
-            env={**os.environ, **dict.fromkeys(BLAS_THREADS, "1")},
-            pass_fds=[theirs.fileno()],
-        )
-        theirs.close()
-        self._end = weakref.finalize(self, _end, self.process, self._pipe)
+        self._child = Child([sys.executable, "-m", "nathlon.policies.apart_host", "{pipe}"])
+        self.process = self._child.process
         opened, _ = self._ask({"source": source, "circuit": circuit, "car": car, "path": sys.path})
         self.observation_spec = ObservationSpec.from_dict(opened["observation_spec"])
         self._limit_s = first_answer_s
@@ -111,36 +96,19 @@ class PolicyApart:
         return array.astype(np.float32)
 
     def _refused(self, reason: str) -> InputError:
-        self._end()
+        self._child.end()
         return InputError(f"{self._source}: {reason}")
 
     def _ask(
         self, message: dict[str, Any], arrays: Arrays | None = None
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         try:
-            self._pipe.send_bytes(pack(message, arrays))
-            waited_s = 0.0
-            # Looks are counted, not seconds: both processes may have been stopped for a while.
-            while not self._pipe.poll(min(LOOK_S, self._limit_s)):
-                waited_s += LOOK_S
-                if waited_s >= self._limit_s:
-                    raise self._refused(f"has not answered in {self._limit_s:g} s")
-            answer, brought = unpack(self._pipe.recv_bytes())
-        except (EOFError, OSError):
-            raise self._refused("ended its process") from None
-        except ValueError as error:
-            raise self._refused(f"answers with no message ({error})") from None
+            answer, brought = self._child.ask(message, arrays, limit_s=self._limit_s)
+        except ChildError as error:
+            raise InputError(f"{self._source}: {error}") from None
         if "refused" in answer:
-            self._end()
+            self._child.end()
             raise InputError(str(answer["refused"]))
         if "raised" in answer:
             raise self._refused(f"raised {answer['raised']}, expected actions")
         return answer, brought
-
-
-def _end(process: subprocess.Popen[bytes], pipe: Connection) -> None:
-    process.kill()
-    process.wait()
-    assert process.stdin is not None
-    process.stdin.close()
-    pipe.close()

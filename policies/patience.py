@@ -6,3 +6,7 @@ FIRST_ANSWER_S = 120.0
 """Its first answer may take longer, and so may its loading: libraries start and compile."""
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables of the environment that are 1 there."""
+WORLD_OPENS_S = 100.0
+"""A world in another interpreter has so long to begin, and for every reset: simulators load their assets."""
+WORLD_ANSWER_S = 60.0
+"""One that has not made a step for so long hangs."""

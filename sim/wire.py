@@ -1,15 +1,21 @@
-"""Messages between processes that do not trust each other: JSON and arrays of numbers, never pickles."""
+"""Messages between processes that do not trust each other: JSON and arrays of numbers, never pickles.
+
+It needs numpy alone and runs in Python 3.7: hosts of worlds in other interpreters load this file by path.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Arrays = Mapping[str, NDArray[Any]]
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Arrays = Mapping[str, NDArray[Any]]
 
 KINDS = "biuf"
 """Kinds of numpy's dtypes that arrays may have: numbers that lie in memory as they are."""
@@ -22,7 +28,7 @@ def pack(message: Mapping[str, Any], arrays: Arrays | None = None) -> bytes:
         message: what JSON can hold.
         arrays: by name, of any shape; of numbers only.
     """
-    parts = {name: np.ascontiguousarray(array) for name, array in (arrays or {}).items()}
+    parts = {name: np.asarray(array, order="C") for name, array in (arrays or {}).items()}
     shapes = {name: [array.dtype.str, list(array.shape)] for name, array in parts.items()}
     header = json.dumps({"message": dict(message), "arrays": shapes}).encode()
     return b"".join([len(header).to_bytes(4, "little"), header, *(part.tobytes() for part in parts.values())])

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 Points = Literal["place", "score"]
 
 
+class WorldError(Exception):
+    """An episode cannot be gone by: a sentence that says why, and names the seat where it is one's."""
+
+
 class Measure(NamedTuple):
     """What a number of a row means.
 

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+import platform
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from nathlon.arena.worlds.contract import KNOWN, Measure, Outcome, Player, Points, Setup
+from nathlon.arena.worlds.contract import KNOWN, Measure, Outcome, Player, Points, Setup, WorldError
 from nathlon.arena.worlds.episodes import EpisodeWorld
+from nathlon.arena.worlds.foreign import Foreign
+from nathlon.arena.worlds.host import Alone
 from nathlon.arena.worlds.player import Space
+from nathlon.policies.patience import WORLD_ANSWER_S
 from nathlon.sim.errors import InputError
 
-Factory = Callable[[], Any]
+Factory = Callable[[], Any] | str
+"""A function that makes an environment; for another interpreter its name."""
 SEEDS = 2**31
 """Environments want seeds below."""
-ONLY = "agent"
-"""Name of the one seat of a Gymnasium environment."""
 
 
 @dataclass
@@ -58,7 +64,7 @@ class Declared:
 
     source: Source
     unit: str = "1"
-    goal: str = "max"
+    goal: Literal["min", "max"] = "max"
 
 
 class PettingZooWorld(EpisodeWorld):
@@ -76,11 +82,15 @@ class PettingZooWorld(EpisodeWorld):
         packages: Sequence[str] = (),
         most_steps: int = 10_000,
         step_s: float = 0.1,
+        python: str | None = None,
+        answer_s: float = WORLD_ANSWER_S,
     ) -> None:
         """A world of environments.
 
         Args:
-            scenarios: functions that make the environment of each, by name; the first is the filter's.
+            scenarios: functions that make the environment of each, by name; the first is the filter's. For
+                another interpreter they are `MODULE:FUNCTION` or `PATH.py:FUNCTION`; paths start from the
+                folder of the file that the world is in.
             sides: names of the seats of each side that entrants take; by default each seat is one. Seats of
                 no side are the baseline's.
             points: whether points of a match are by place or by score.
@@ -90,22 +100,32 @@ class PettingZooWorld(EpisodeWorld):
             packages: whose versions decide how episodes go, besides this module's file.
             most_steps: of an episode; then it is cut off.
             step_s: what a step is taken to last, for sharing out the work.
+            python: path of another interpreter, in which the environments run; it needs numpy.
+            answer_s: time that an environment there has for a step, s.
+
+        Raises:
+            ValueError: if a scenario is a name where there is no other interpreter, or none where there is.
         """
+        for name, make in scenarios.items():
+            if isinstance(make, str) != (python is not None):
+                wanted = "a function" if python is None else "MODULE:FUNCTION or PATH.py:FUNCTION"
+                raise ValueError(f"scenario {name!r} is {make!r}, expected {wanted}")
         self.scenarios = tuple(scenarios)
         self.measures = {
-            name: Measure(declared.unit, declared.goal)  # type: ignore[arg-type]
+            name: KNOWN.get(name, Measure(declared.unit, declared.goal))
             for name, declared in (measures or {}).items()
-            if name not in KNOWN
         }
         self.baseline = baseline
         self._make, self._sides, self._points = dict(scenarios), sides, points
         self._score, self._declared = score, dict(measures or {})
         self._packages, self._most_steps, self._step_s = tuple(packages), most_steps, step_s
+        self._python, self._answer_s = python, answer_s
         self._environments: dict[str, Any] = {}
+        self._spaces: dict[str, dict[str, tuple[Space, Space]]] = {}
 
     def setup(self, scenario: str) -> Setup:
         """As of `nathlon.arena.worlds.contract.World`."""
-        seats = tuple(self._environment(scenario).possible_agents)
+        seats = tuple(self._known(scenario))
         sides = [[seat] for seat in seats] if self._sides is None else self._sides
         unknown = {seat for side in sides for seat in side} - set(seats)
         if unknown:
@@ -122,46 +142,58 @@ class PettingZooWorld(EpisodeWorld):
 
     def spaces(self, scenario: str) -> list[tuple[Space, Space]]:
         """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
-        environment = self._environment(scenario)
-        return [
-            (environment.observation_space(seat), environment.action_space(seat))
-            for seat in environment.possible_agents
-        ]
+        return list(self._known(scenario).values())
 
     def identity(self) -> dict[str, Any]:
-        """The file of the module that the scenarios are made in, and the versions of the packages."""
-        paths = {Path(inspect.getfile(make)) for make in self._make.values()}
-        return {
-            "files": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(paths)},
-            "packages": {name: version(name) for name in (*self._packages, "numpy")},
-        }
+        """Hashes of the files that the world and its scenarios are in, and the versions of the packages."""
+        return self._identity
+
+    @cached_property
+    def _identity(self) -> dict[str, Any]:
+        own = {self.file, *map(_source, self._make.values())} - {None}
+        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in own if path}
+        if self._python is None:
+            packages = {name: version(name) for name in (*self._packages, "numpy")}
+            return {"files": files, "packages": packages | {"python": platform.python_version()}}
+        told = [self._environment(scenario).identity for scenario in self.scenarios]
+        for there in told:
+            files |= there["files"]
+        return {"files": files, "packages": told[0]["packages"]}
 
     def play(self, scenario: str, players: Sequence[Player], seed: int) -> list[Outcome]:
         """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
         environment = self._environment(scenario)
+        try:
+            return self._played(environment, players, seed)
+        except BaseException:
+            # It may be in any state, or its process gone: the next episode gets another one.
+            del self._environments[scenario]
+            with suppress(Exception):
+                environment.close()
+            raise
+
+    def _played(self, environment: Any, players: Sequence[Player], seed: int) -> list[Outcome]:
         names = list(environment.possible_agents)
         seats = {name: Seat() for name in names}
-        observations, infos = _two(environment.reset(seed=seed % SEEDS), "reset", names[0])
-        for name in environment.agents:
-            seats[name].info = dict(infos.get(name, {}))
-        for _ in range(self._most_steps):
+        with _during("reset"):
+            observations, infos = _two(environment.reset(seed=seed % SEEDS), names[0])
+            for name in environment.agents:
+                seats[name].info = dict(infos.get(name, {}))
+        for step in range(self._most_steps):
             playing = list(environment.agents)
             if not playing:
                 break
-            for name in playing:
-                if name not in observations:
-                    raise ValueError(f"seat {name!r}: no observation, though it is in agents")
-            actions = {name: players[names.index(name)].act(observations[name]) for name in playing}
-            observations, rewards, terminations, _, infos = _five(environment.step(actions), playing[0])
-            for name in playing:
-                if name not in rewards:
-                    raise ValueError(f"seat {name!r}: no reward in its last step, expected a row of who left")
-                _note(
-                    seats[name],
-                    float(rewards[name]),
-                    bool(terminations.get(name, False)),
-                    infos.get(name, {}),
-                )
+            with _during(f"step {step}"):
+                for name in playing:
+                    if name not in observations:
+                        raise WorldError(f"seat {name!r}: no observation, though it is in agents")
+                actions = {name: players[names.index(name)].act(observations[name]) for name in playing}
+                observations, rewards, ends, _, infos = _five(environment.step(actions), playing[0])
+                for name in playing:
+                    if name not in rewards:
+                        raise WorldError(f"seat {name!r}: no reward, expected that of its last step")
+                    ended = bool(ends.get(name, False))
+                    _note(seats[name], float(rewards[name]), ended, infos.get(name, {}))
         return [self._outcome(name, seats[name]) for name in names]
 
     def _outcome(self, name: str, seat: Seat) -> Outcome:
@@ -174,57 +206,84 @@ class PettingZooWorld(EpisodeWorld):
             },
         )
 
+    @property
+    def foreign(self) -> bool:
+        """Whether the environments run in another interpreter."""
+        return self._python is not None
+
+    def _known(self, scenario: str) -> dict[str, tuple[Space, Space]]:
+        """Spaces of observations and actions of the seats; kept, as an environment may not live as long."""
+        if scenario not in self._spaces:
+            environment = self._environment(scenario)
+            self._spaces[scenario] = {
+                seat: (environment.observation_space(seat), environment.action_space(seat))
+                for seat in environment.possible_agents
+            }
+        return self._spaces[scenario]
+
     def _environment(self, scenario: str) -> Any:
+        """The environment of a scenario, made when it is needed.
+
+        Raises:
+            InputError: if there is no such scenario, or it cannot be made.
+        """
         if scenario not in self._make:
             raise InputError(
                 f"world {self.name!r}: scenario is {scenario!r}, expected {', '.join(self.scenarios)}"
             )
         if scenario not in self._environments:
-            self._environments[scenario] = self._made(self._make[scenario]())
+            try:
+                self._environments[scenario] = self.made(scenario)
+            except (MemoryError, InputError):
+                raise
+            # It is foreign code: whatever it raises, the user wants to know whose it is.
+            except (Exception, SystemExit) as error:
+                raise InputError(
+                    f"world {self.name!r}, scenario {scenario!r}: cannot be made: {_said(error)}"
+                ) from error
         return self._environments[scenario]
 
-    def _made(self, environment: Any) -> Any:
-        return environment
+    def made(self, scenario: str) -> Any:
+        """A new environment of a scenario."""
+        make = self._make[scenario]
+        if isinstance(make, str):
+            assert self._python is not None
+            folder = Path() if self.file is None else self.file.parent
+            return Foreign(self._python, make, folder, self._packages, self._answer_s)
+        with redirect_stdout(sys.stderr):  # what it prints is no output of ours
+            return make()
 
 
 class GymnasiumWorld(PettingZooWorld):
     """Scenarios that are Gymnasium environments: one seat, and so no tournament."""
 
-    def _made(self, environment: Any) -> Any:
-        return _Alone(environment)
+    def made(self, scenario: str) -> Any:
+        """A new environment of a scenario, as a `ParallelEnv` of one seat."""
+        environment = super().made(scenario)
+        return environment if isinstance(environment, Foreign) else Alone(environment)
 
 
-class _Alone:
-    """A Gymnasium environment as a `ParallelEnv` of one seat."""
+@contextmanager
+def _during(what: str) -> Iterator[None]:
+    """Have what goes wrong in an environment say when it did."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise WorldError(f"{what}: {_said(error)}") from error
 
-    possible_agents = (ONLY,)
 
-    def __init__(self, environment: Any) -> None:
-        self._environment = environment
-        self.agents: list[str] = []
+def _said(error: BaseException) -> str:
+    return str(error) if isinstance(error, WorldError) else f"{type(error).__name__} ({error})"
 
-    def observation_space(self, _: str) -> Space:
-        return self._environment.observation_space
 
-    def action_space(self, _: str) -> Space:
-        return self._environment.action_space
-
-    def reset(self, seed: int) -> Any:
-        self.agents = [ONLY]
-        observation, info = _two(self._environment.reset(seed=seed), "reset", ONLY)
-        return {ONLY: observation}, {ONLY: info}
-
-    def step(self, actions: Mapping[str, Any]) -> Any:
-        observation, reward, terminated, truncated, info = _five(self._environment.step(actions[ONLY]), ONLY)
-        if terminated or truncated:
-            self.agents = []
-        return (
-            {ONLY: observation},
-            {ONLY: reward},
-            {ONLY: bool(terminated)},
-            {ONLY: bool(truncated)},
-            {ONLY: info},
-        )
+def _source(make: Any) -> Path | None:
+    """The file of what makes an environment, as far as it tells."""
+    try:
+        return Path(inspect.getfile(getattr(make, "func", make)))  # a functools.partial has a func
+    except TypeError:
+        return None
 
 
 def _note(seat: Seat, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:
@@ -241,23 +300,20 @@ def _number(name: str, measure: str, source: Source, seat: Seat) -> float:
     if not isinstance(source, str):
         return float(source(seat))
     if source not in seat.info:
-        raise ValueError(f"seat {name!r}: {measure} is to come from infos, where there is no {source!r}")
+        raise WorldError(f"seat {name!r}: {measure} is to come from infos, where there is no {source!r}")
     return float(seat.info[source])
 
 
-def _two(answer: Any, method: str, seat: str) -> tuple[Any, Any]:
+def _two(answer: Any, seat: str) -> tuple[Any, Any]:
     if not isinstance(answer, tuple) or len(answer) != 2:
-        raise ValueError(
-            f"seat {seat!r}: {method} gives no (observation, info), expected the API of Gymnasium"
-        )
+        raise WorldError(f"seat {seat!r}: gives no observation and info, expected the API of Gymnasium 0.26")
     return answer
 
 
 def _five(answer: Any, seat: str) -> tuple[Any, Any, Any, Any, Any]:
     if not isinstance(answer, tuple) or len(answer) != 5:
         count = len(answer) if isinstance(answer, tuple) else 1
-        raise ValueError(
-            f"seat {seat!r}: step gives {count} values, expected observation, reward, terminated, truncated "
-            "and info"
+        raise WorldError(
+            f"seat {seat!r}: gives {count} values, expected observation, reward, terminated, truncated, info"
         )
     return answer

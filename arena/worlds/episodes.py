@@ -6,7 +6,7 @@ import json
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,14 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Player, Setup
+from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Player, Setup, WorldError
 from nathlon.arena.worlds.player import Asking, Space
 from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
+from nathlon.policies.isolation import Apart
 from nathlon.policies.sources import PLUGIN
 from nathlon.sim.decisive import EPISODES, fingerprint
+from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
 
@@ -34,12 +36,16 @@ class EpisodeWorld(ABC):
     Attributes:
         name: by which it is loaded, see `nathlon.arena.worlds.registry`.
         scenarios, measures, baseline: as of `nathlon.arena.worlds.contract.World`.
+        file: of the module that it is found in; None where there is none.
+        fault: why the last episode that was void was so; '' while none was.
     """
 
     name: str = ""
     scenarios: tuple[str, ...]
     measures: Mapping[str, Measure] = {}
     baseline: str = "random"
+    file: Path | None = None
+    fault: str = ""
 
     @abstractmethod
     def setup(self, scenario: str) -> Setup:
@@ -105,20 +111,27 @@ class EpisodeWorld(ABC):
     ) -> list[dict[str, Any]]:
         setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
         players = [
-            Asking(policies[seat.entrant], *spaces, rng, race.seed % 2**32).watched(
+            Asking(policies[seat.entrant], name, *spaces, rng, race.seed % 2**32).watched(
                 watch, number, seat.entrant
             )
-            for seat, spaces, rng in zip(race.seats, self.spaces(match.scenario), rngs, strict=True)
+            for seat, name, spaces, rng in zip(
+                race.seats, setup.seats, self.spaces(match.scenario), rngs, strict=True
+            )
         ]
         watch.work()
         try:
-            outcomes = list(self.play(match.scenario, players, race.seed))
-            self._check(match.scenario, setup, outcomes)
+            # Environments older than generators that are passed in draw from those of the process.
+            with Apart(race.seed % 2**32).entered():
+                outcomes = list(self.play(match.scenario, players, race.seed))
+            self._check(setup, outcomes)
         except MemoryError:
             raise
         # It is foreign code: whatever goes wrong in it, only this episode is void.
         except (Exception, SystemExit) as error:
-            log.warning("world %s, scenario %s: %s: the episode is void", self.name, match.scenario, error)
+            plain = isinstance(error, WorldError | InputError)
+            said = str(error) if plain else f"{type(error).__name__} ({error})"
+            self.fault = f"world {self.name!r}, scenario {match.scenario!r}: {said}"
+            log.warning("%s: the episode is void", self.fault)
             outcomes = [Outcome()] * len(players)
             endings = ["simulator_fault"] * len(players)
         else:
@@ -152,19 +165,19 @@ class EpisodeWorld(ABC):
             for car, (seat, outcome) in enumerate(zip(race.seats, outcomes, strict=True))
         ]
 
-    def _check(self, scenario: str, setup: Setup, outcomes: Sequence[Outcome]) -> None:
+    def _check(self, setup: Setup, outcomes: Sequence[Outcome]) -> None:
         if len(outcomes) != len(setup.seats):
-            raise ValueError(f"gives {len(outcomes)} outcomes, expected {len(setup.seats)}, one a seat")
+            raise WorldError(f"gives {len(outcomes)} outcomes, expected {len(setup.seats)}, one a seat")
         for seat, outcome in zip(setup.seats, outcomes, strict=True):
             if outcome.score is None and outcome.place is None:
-                raise ValueError(f"seat {seat!r}: neither a score nor a place")
+                raise WorldError(f"seat {seat!r}: neither a score nor a place")
             numbers = {"score": outcome.score, **outcome.measures}
             for name, value in numbers.items():
                 if value is not None and not np.isfinite(value):
-                    raise ValueError(f"seat {seat!r}: {name} is {value}, expected a finite number")
+                    raise WorldError(f"seat {seat!r}: {name} is {value}, expected a finite number")
             for name in outcome.measures:
                 if name not in KNOWN and name not in self.measures:
-                    raise ValueError(f"seat {seat!r}: measure {name!r} is not one that the world declares")
+                    raise WorldError(f"seat {seat!r}: measure {name!r} is not one that the world declares")
 
     def _own(self, outcome: Outcome) -> str | None:
         own = {name: float(v) for name, v in sorted(outcome.measures.items()) if name not in KNOWN}

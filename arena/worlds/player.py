@@ -10,8 +10,10 @@ from gymnasium import spaces
 
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
+from nathlon.arena.worlds.contract import WorldError
 from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.isolation import Apart
+from nathlon.policies.policy import Batch
 
 log = logging.getLogger(__name__)
 
@@ -25,17 +27,20 @@ class Asking:
         fault: how the policy has let its seat down, one of `nathlon.arena.results.POLICY_FAULTS`, or ''.
     """
 
-    def __init__(self, policy: Any, seen: Space, done: Space, rng: np.random.Generator, seed: int) -> None:
+    def __init__(
+        self, policy: Any, seat: str, seen: Space, done: Space, rng: np.random.Generator, seed: int
+    ) -> None:
         """A seat that is taken.
 
         Args:
             policy: a `nathlon.policies.general.GeneralPolicy`, or `Absent`.
+            seat: its name, for errors.
             seen, done: spaces of its observations and actions.
             rng: for a policy that draws its actions.
             seed: of the global generators that a policy finds which is code.
         """
         self.fault = policy.ending if isinstance(policy, Absent) else ""
-        self._policy, self._seen, self._done, self._rng = policy, seen, done, rng
+        self._policy, self._seat, self._seen, self._done, self._rng = policy, seat, seen, done, rng
         self._memory: Any = None
         self._apart = Apart(seed)
         self._who: tuple[Watch, int, int] | None = None
@@ -46,9 +51,14 @@ class Asking:
         return self
 
     def act(self, observation: Any) -> Any:
-        """An action of the seat's space; see `nathlon.arena.worlds.contract.Player`."""
+        """An action of the seat's space; see `nathlon.arena.worlds.contract.Player`.
+
+        Raises:
+            WorldError: if the observation is none of the seat's space: that is the world's fault.
+        """
         if self.fault:
             return idle(self._done)
+        seen = self._flat(observation)
         assert self._who is not None
         watch, match, entrant = self._who
         watch.ask(match, entrant, self._memory is None)
@@ -56,29 +66,43 @@ class Asking:
             self.fault = "timed_out"
             return idle(self._done)
         try:
-            action = self._decide(observation)
+            action = self._decide(seen)
         except MemoryError:
             # Another one may have taken the memory: who pays for it is decided outside of this process.
             raise
         except IllegalActionError as error:
-            log.warning("a policy gave %s: its seat idles", error)
+            log.warning("the policy of seat %r gave %s: it idles", self._seat, error)
             self.fault = "illegal_action"
             return idle(self._done)
         # Whatever a policy raises, an exit too, is its own fault and must not stop the others.
         except (Exception, SystemExit) as error:
-            log.warning("a policy raised %r: its seat idles", error)
+            log.warning("the policy of seat %r raised %r: it idles", self._seat, error)
             self.fault = "policy_raised"
             return idle(self._done)
         finally:
             watch.work()
         if not (_finite(action) and self._done.contains(action)):
-            log.warning("a policy gave %r, expected one of %s: its seat idles", action, self._done)
+            log.warning(
+                "the policy of seat %r gave %r, expected one of %s: it idles", self._seat, action, self._done
+            )
             self.fault = "illegal_action"
             return idle(self._done)
         return action
 
-    def _decide(self, observation: Any) -> Any:
-        seen = np.array(spaces.flatten(self._seen, observation), np.float32).reshape(1, -1)
+    def _flat(self, observation: Any) -> Batch:
+        """(1, size) float32, a copy, for the policy may write into it."""
+        try:
+            seen = np.array(spaces.flatten(self._seen, observation), np.float32).reshape(1, -1)
+        except Exception as error:
+            raise WorldError(f"seat {self._seat!r}: observation is none of {self._seen}: {error}") from None
+        if seen.shape[1] != spaces.flatdim(self._seen):
+            size = spaces.flatdim(self._seen)
+            raise WorldError(f"seat {self._seat!r}: observation of {seen.shape[1]} numbers, expected {size}")
+        if np.isnan(seen).any():
+            raise WorldError(f"seat {self._seat!r}: observation with NaN, expected numbers")
+        return seen
+
+    def _decide(self, seen: Batch) -> Any:
         with self._apart.entered():
             if self._memory is None:
                 self._memory = self._policy.initial_memory(1)

@@ -54,6 +54,8 @@ def load_world(name: str, circuit: str = "", car: str = "") -> World:
         if not hasattr(world, attribute):
             raise InputError(f"world {name!r}: has no {attribute}, expected a world")
     world.name = name
+    if hasattr(world, "file"):
+        world.file = _file(name)
     loaded: World = world
     return loaded
 
@@ -92,6 +94,18 @@ def _found(name: str) -> Any:
     if not hasattr(module, attribute):
         raise InputError(f"world {name!r}: {place} has no {attribute!r}")
     return getattr(module, attribute)
+
+
+def _file(name: str) -> Path | None:
+    """The file of the module in which a world that is loaded was found."""
+    if name in entry_points(group=WORLDS).names:
+        (point,) = entry_points(group=WORLDS, name=name)
+        name = point.value
+    place, _, _ = name.rpartition(":")
+    if place.endswith(".py"):
+        return Path(place).absolute()
+    found = getattr(sys.modules.get(place), "__file__", None)
+    return None if found is None else Path(found)
 
 
 def _from_file(path: Path) -> ModuleType:

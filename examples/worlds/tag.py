@@ -1,11 +1,14 @@
 """mpe2's simple tag: policies chase as a team, the prey is the baseline."""
 
+from typing import Any
+
 from mpe2 import simple_tag_v3
 
 from nathlon import PettingZooWorld
 
 
-def tag():
+def tag() -> Any:
+    """The environment, 25 steps long."""
     return simple_tag_v3.parallel_env(max_cycles=25)
 
 

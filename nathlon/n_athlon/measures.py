@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nathlon.arena.worlds.contract import World
+from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.n_athlon.scoring import Kind
 
 OWN = "own."
@@ -71,7 +71,7 @@ def _score(own: Row, _: Sequence[Row]) -> float | None:
 
 def _own(name: str) -> Callable[[Row, Sequence[Row]], float | None]:
     def mark(own: Row, _: Sequence[Row]) -> float | None:
-        return json.loads(own["measures"] or "{}").get(name)
+        return own[name] if name in KNOWN else json.loads(own["measures"] or "{}").get(name)
 
     return mark
 

@@ -19,7 +19,7 @@ from nathlon.n_athlon import BatterySettings
 from nathlon.n_athlon.skill import load_skills, standing_tests
 from nathlon.pareto.filter import FilterSettings
 from nathlon.pareto.objective import OWN, RACE, Objective
-from nathlon.policies.sources import DRIVER
+from nathlon.policies.sources import DRIVER, RANDOM
 from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
@@ -150,11 +150,14 @@ def read_config(path: Path) -> Config:
 
     def located(name: str) -> str:
         """A path from the configuration's folder; names of drivers, plug-ins and databases as they are."""
-        return name if ":" in name or name == DRIVER else os.path.abspath(root / name)
+        return name if ":" in name or name in (DRIVER, RANDOM) else os.path.abspath(root / name)
 
     def files(names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(located(name) if name.endswith(".toml") else name for name in names)
 
+    # A default stays one that is not set: another world has others.
+    tests = {"tests": files(config.battery.tests)} if "tests" in config.battery.model_fields_set else {}
+    anchors = tuple(map(located, config.nightly.anchors))
     event = config.tournament.event
     world = config.world
     if ".py:" in world:
@@ -165,10 +168,10 @@ def read_config(path: Path) -> Config:
             "checkpoints": tuple(map(located, config.checkpoints)),
             "store": located(config.store),
             "out": located(config.out),
-            "battery": config.battery.model_copy(update={"tests": files(config.battery.tests)}),
+            "battery": config.battery.model_copy(update=tests),
             "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
             "nightly": config.nightly.model_copy(
-                update={"anchors": tuple(map(located, config.nightly.anchors))}
+                update={"anchors": anchors} if "anchors" in config.nightly.model_fields_set else {}
             ),
         }
     )

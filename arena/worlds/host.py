@@ -1,0 +1,290 @@
+"""The process in which another interpreter plays a world's scenario: `PYTHON host.py DESCRIPTOR WIRE`.
+
+It is run by path and needs the standard library and numpy alone, in Python 3.7 or newer. The file WIRE is
+`nathlon/sim/wire.py`. Environments of PettingZoo, Gymnasium and the Gym before it are all made to answer as
+a PettingZoo `ParallelEnv` does; seats go by their numbers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import os
+import platform
+import random
+import signal
+import sys
+import threading
+from importlib.util import module_from_spec, spec_from_file_location
+from multiprocessing.connection import Connection
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+ONLY = "agent"
+"""Name of the one seat of a Gymnasium environment."""
+
+
+class Host:
+    """An environment, and what is asked of it.
+
+    Every answer is a message and arrays; see WIRE.
+    """
+
+    def __init__(self, wanted: dict[str, Any]) -> None:
+        """Make the environment that is wanted."""
+        factory = _factory(wanted["factory"])
+        self._environment = factory()
+        if not hasattr(self._environment, "possible_agents"):
+            self._environment = Alone(self._environment)
+        self._names = list(self._environment.possible_agents)
+        self._file = _source(factory)
+        self._packages = wanted["packages"]
+
+    def described(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Seats with their spaces, and what decides how episodes go."""
+        arrays: dict[str, Any] = {}
+        seats = [
+            [
+                str(name),
+                _space(name, "observation", _of(self._environment, "observation_space", name), arrays),
+                _space(name, "action", _of(self._environment, "action_space", name), arrays),
+            ]
+            for name in self._names
+        ]
+        versions = {name: _version(name) for name in self._packages}
+        versions.update(python=platform.python_version(), numpy=np.__version__)
+        files = {}
+        if self._file is not None:
+            with open(self._file, "rb") as file:
+                files[os.path.basename(self._file)] = hashlib.sha256(file.read()).hexdigest()
+        return {"seats": seats, "versions": versions, "files": files}, arrays
+
+    def reset(self, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begin an episode: observations and infos of the seats that play."""
+        # Environments older than generators that are passed in draw from those of the process.
+        random.seed(seed)
+        np.random.seed(seed)  # noqa: NPY002
+        environment = self._environment
+        try:
+            answer = environment.reset(seed=seed)
+        except TypeError as error:
+            if "seed" not in str(error):
+                raise
+            if hasattr(environment, "seed"):
+                environment.seed(seed)
+            answer = environment.reset()
+        two = isinstance(answer, tuple) and len(answer) == 2
+        observations, infos = answer if two else (answer, {})  # of old there were no infos
+        return self._told(observations, infos, {})
+
+    def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Make a step with the actions of the seats that play, by their numbers."""
+        names = {self._names[int(number)]: number for number in actions}
+        playing = {
+            name: _action(_of(self._environment, "action_space", name), actions[number])
+            for name, number in names.items()
+        }
+        answer = self._environment.step(playing)
+        if not isinstance(answer, tuple) or len(answer) not in (4, 5):
+            count = len(answer) if isinstance(answer, tuple) else 1
+            raise ValueError(f"step gives {count} values, expected 5, or the 4 of old")
+        if len(answer) == 5:
+            observations, rewards, ends, cuts, infos = answer
+        else:
+            observations, rewards, dones, infos = answer
+            cuts = {name: done and _cut(infos.get(name)) for name, done in dones.items()}
+            ends = {name: done and not cuts[name] for name, done in dones.items()}
+        told = {
+            "rewards": {names[name]: float(rewards[name]) for name in names if name in rewards},
+            "terminations": {names[name]: bool(ends.get(name, False)) for name in names},
+            "truncations": {names[name]: bool(cuts.get(name, False)) for name in names},
+        }
+        return self._told(observations, infos, told)
+
+    def _told(
+        self, observations: dict[Any, Any], infos: dict[Any, Any], told: dict[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        numbers = {name: str(number) for number, name in enumerate(self._names)}
+        told["agents"] = [int(numbers[name]) for name in self._environment.agents]
+        told["infos"] = {
+            number: _numbers(infos[name]) for name, number in numbers.items() if infos and name in infos
+        }
+        arrays = {}
+        for name, number in numbers.items():
+            if name in observations:
+                arrays[number] = np.asarray(observations[name])
+                if arrays[number].dtype.kind not in "biuf":
+                    kind = arrays[number].dtype
+                    raise ValueError(f"seat {name!r}: the observation is of {kind}, expected numbers")
+        return told, arrays
+
+
+class Alone:
+    """A Gym or Gymnasium environment as a `ParallelEnv` of one seat."""
+
+    possible_agents = (ONLY,)
+
+    def __init__(self, environment: Any) -> None:
+        self._environment = environment
+        self.agents: list[str] = []
+        if hasattr(environment, "seed"):
+            self.seed = environment.seed
+
+    def observation_space(self, _: str) -> Any:
+        return self._environment.observation_space
+
+    def action_space(self, _: str) -> Any:
+        return self._environment.action_space
+
+    def reset(self, **seed: int) -> Any:
+        answer = self._environment.reset(**seed)
+        self.agents = [ONLY]
+        two = isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], dict)
+        return ({ONLY: answer[0]}, {ONLY: answer[1]}) if two else {ONLY: answer}
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        answer = self._environment.step(actions[ONLY])
+        if isinstance(answer, tuple) and len(answer) in (4, 5):
+            if any(answer[2:-1]):
+                self.agents = []
+            return tuple({ONLY: value} for value in answer)
+        return answer
+
+
+def main() -> None:
+    """Make the environment that is asked for, and play until nobody asks any more."""
+    # Ctrl-C is for the process that asks.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    wire = _from_file(sys.argv[2], "wire")
+    descriptor = int(sys.argv[1])
+    os.set_inheritable(descriptor, False)
+    pipe = Connection(descriptor)
+    wanted, _ = wire.unpack(pipe.recv_bytes())
+    # In place of this file's own folder, whose modules are not the environment's.
+    sys.path[0] = wanted["folder"]
+    try:
+        host = Host(wanted)
+        answer = wire.pack(*host.described())
+    except BaseException as error:
+        pipe.send_bytes(wire.pack({"raised": _said(error)}))
+        return
+    pipe.send_bytes(answer)
+    while True:
+        try:
+            message, arrays = wire.unpack(pipe.recv_bytes())
+        except EOFError:
+            return
+        try:
+            told = host.reset(message["seed"]) if "seed" in message else host.step(arrays)
+            answer = wire.pack(*told)
+        # It is foreign code: whatever it raises, the user wants to know whose it is.
+        except Exception as error:
+            answer = wire.pack({"raised": _said(error)})
+        pipe.send_bytes(answer)
+
+
+def _end_with_parent() -> None:
+    sys.stdin.buffer.read()
+    # With all that the environment has started: this process was made the first of its session.
+    if os.getpgrp() == os.getpid():
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def _factory(name: str) -> Any:
+    place, _, function = name.rpartition(":")
+    module = (
+        _from_file(place, "nathlon_scenario") if place.endswith(".py") else importlib.import_module(place)
+    )
+    return getattr(module, function)
+
+
+def _source(factory: Any) -> str | None:
+    try:
+        return inspect.getsourcefile(factory)
+    except TypeError:
+        return None
+
+
+def _from_file(path: str, name: str) -> ModuleType:
+    spec = spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _of(environment: Any, method: str, name: Any) -> Any:
+    """The space of a seat; the first versions of PettingZoo had dictionaries of them."""
+    if callable(getattr(environment, method, None)):
+        return getattr(environment, method)(name)
+    return getattr(environment, method + "s")[name]
+
+
+def _space(seat: Any, what: str, space: Any, arrays: dict[str, Any]) -> dict[str, Any]:
+    """A space by the name of its class, as Gym's and Gymnasium's are two; its arrays by numbers."""
+    kinds = [kind.__name__ for kind in type(space).__mro__]
+    if "Box" in kinds:
+        bounds = [_kept(bound, arrays) for bound in (space.low, space.high)]
+        return {"kind": "Box", "dtype": np.dtype(space.dtype).str, "low": bounds[0], "high": bounds[1]}
+    if "MultiDiscrete" in kinds:
+        start = getattr(space, "start", np.zeros_like(space.nvec))
+        return {"kind": "MultiDiscrete", "nvec": _kept(space.nvec, arrays), "start": _kept(start, arrays)}
+    if "Discrete" in kinds:
+        return {"kind": "Discrete", "n": int(space.n), "start": int(getattr(space, "start", 0))}
+    raise ValueError(
+        f"seat {seat!r}: the {what} space is a {kinds[0]}, expected Box, Discrete or MultiDiscrete: "
+        "have the function flatten it"
+    )
+
+
+def _kept(array: Any, arrays: dict[str, Any]) -> str:
+    name = str(len(arrays))
+    arrays[name] = np.asarray(array)
+    return name
+
+
+def _action(space: Any, given: Any) -> Any:
+    if given.ndim == 0 and "Discrete" in [kind.__name__ for kind in type(space).__mro__]:
+        return int(given)
+    return given.copy()  # for an environment may write into it
+
+
+def _cut(info: Any) -> bool:
+    """Whether an episode of the Gym of old was ended by its time limit."""
+    return isinstance(info, dict) and bool(info.get("TimeLimit.truncated", False))
+
+
+def _numbers(info: Any) -> dict[str, Any]:
+    """What of an info are numbers: the rest stays where it is."""
+    if not isinstance(info, dict):
+        return {}
+    return {
+        key: value.item() if isinstance(value, np.generic) else value
+        for key, value in info.items()
+        if isinstance(key, str) and isinstance(value, (bool, int, float, np.number, np.bool_))
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        from importlib.metadata import version
+    except ImportError:  # Python 3.7
+        from pkg_resources import get_distribution  # type: ignore[import-not-found]
+
+        return str(get_distribution(package).version)
+    return version(package)
+
+
+def _said(error: BaseException) -> str:
+    return f"{type(error).__name__} ({error})"
+
+
+if __name__ == "__main__":
+    main()

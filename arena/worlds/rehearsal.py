@@ -1,0 +1,315 @@
+"""Trying out a world: whether its episodes repeat, lose no rows and bear a policy that fails."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import polars as pl
+from scipy.special import stdtrit
+
+from nathlon.arena.job import Opening
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.statistics import Floats, holm, p_values
+from nathlon.arena.watch import Watch
+from nathlon.arena.worlds.contract import Measure, Setup, World
+from nathlon.arena.worlds.environment import GymnasiumWorld, PettingZooWorld
+from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.policies.sources import RANDOM
+from nathlon.sim.errors import InputError
+
+PATIENCE_S = 600.0
+"""A part of a check that takes longer hangs."""
+FAIR_S = 60.0
+"""What the episodes may take, about, by which sides are compared."""
+FEW, MANY = 4, 20
+"""Of them at least and at most."""
+API_CYCLES = 100
+"""Steps of PettingZoo's own tests."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a check has found.
+
+    Attributes:
+        scenario: where; '' of the world as a whole.
+        fault: whether the world cannot be used so.
+        says: a sentence.
+    """
+
+    scenario: str
+    fault: bool
+    says: str
+
+
+@dataclass(frozen=True)
+class Rehearsed:
+    """A scenario that was tried out.
+
+    Attributes:
+        name: of the scenario.
+        setup: what it says about itself.
+        episode_s: what an episode of random policies takes here, s.
+    """
+
+    name: str
+    setup: Setup
+    episode_s: float
+
+
+@dataclass(frozen=True)
+class Report:
+    """What came of a check.
+
+    Attributes:
+        world: its name.
+        scenarios: those that could be opened.
+        measures: that it declares, by name.
+        findings: all of them.
+    """
+
+    world: str
+    scenarios: tuple[Rehearsed, ...]
+    measures: dict[str, Measure]
+    findings: tuple[Finding, ...]
+
+    @property
+    def faults(self) -> list[Finding]:
+        """Those for which the world cannot be used."""
+        return [finding for finding in self.findings if finding.fault]
+
+
+def rehearse(pool: Pool, name: str) -> Report:
+    """Try a world out in a watched process: one that hangs, exits or prints harms nobody.
+
+    Raises:
+        InputError: if it cannot be loaded.
+    """
+    if name == RACING:
+        raise InputError(f"world {name!r}: is nathlon's own, expected one to be checked")
+    told = _watched(pool, name, "", _declared, name)
+    if isinstance(told, InputError):
+        raise told
+    scenarios, measures = told
+    findings: list[Finding] = []
+    tried: list[Rehearsed] = []
+    for scenario in scenarios:
+        answer = _watched(pool, name, scenario, _rehearsed, name, scenario)
+        if isinstance(answer, InputError):
+            findings.append(Finding(scenario, True, f"{answer}."))
+            continue
+        rehearsed, found = answer
+        tried.append(rehearsed)
+        findings += found
+        if any(finding.fault for finding in found):
+            continue
+        for part in (_compared, _tested):
+            answer = _watched(pool, name, scenario, part, name, scenario, rehearsed.episode_s)
+            refused = isinstance(answer, InputError)
+            findings += [Finding(scenario, True, f"{answer}.")] if refused else answer
+    return Report(name, tuple(tried), measures, tuple(findings))
+
+
+def _watched(pool: Pool, name: str, scenario: str, function: Any, *arguments: Any) -> Any:
+    where = f"world {name!r}, scenario {scenario!r}" if scenario else f"world {name!r}"
+    expected = "a scenario that can be played" if scenario else "a world"
+    [answer] = pool.open([Opening(where, function, arguments, expected=expected)])
+    return answer
+
+
+def _declared(name: str) -> tuple[tuple[str, ...], dict[str, Measure]]:
+    world = load_world(name)
+    if not world.scenarios:
+        raise InputError(f"world {name!r}: has no scenarios, expected at least one")
+    return world.scenarios, dict(world.measures)
+
+
+def _rehearsed(name: str, scenario: str) -> tuple[Rehearsed, list[Finding]]:
+    """Play the same episode twice, and one in which a policy fails."""
+    world = load_world(name)
+    world.check(scenario)
+    setup = world.setup(scenario)
+    if not any(setup.sides):
+        raise InputError(
+            f"world {name!r}, scenario {scenario!r}: has no side, expected one that entrants take"
+        )
+    policy = _policy(world)
+    match = _match(world, scenario, setup, (1,))
+    first = _played(world, match, [policy])
+    began = time.perf_counter()
+    second = _played(world, match, [policy])
+    took_s = time.perf_counter() - began
+    rehearsed = Rehearsed(scenario, setup, took_s)
+    where = f"world {name!r}, scenario {scenario!r}"
+    for rows in (first, second):
+        fault = _fault(world, where, setup, rows)
+        if fault:
+            return rehearsed, [Finding(scenario, True, fault)]
+    other = _differs(first, second)
+    if other:
+        return rehearsed, [Finding(scenario, True, f"{where}, seat {setup.seats[other[0]]!r}: {other[1]}.")]
+    findings = [
+        Finding(scenario, False, "An episode with the same seed and seats repeats to the bit."),
+        Finding(
+            scenario,
+            False,
+            f"An episode of random policies takes {took_s:.3g} s: {3600 / took_s:,.0f} an hour and process.",
+        ),
+    ]
+    return rehearsed, [*findings, _with_failure(world, scenario, setup, policy, where)]
+
+
+def _policy(world: World) -> Any:
+    """One that can sit anywhere."""
+    try:
+        return world.policy(RANDOM)
+    except InputError:
+        return world.policy(world.baseline)
+
+
+def _match(world: World, scenario: str, setup: Setup, seeds: Sequence[int], out: Sequence[int] = ()) -> Match:
+    """Races in which a second entrant has the seats `out`, and a first one the others."""
+    seats = tuple(Seat(int(seat in out)) for seat in range(len(setup.seats)))
+    sources = (RANDOM, "raising")[: 1 + bool(out)]
+    races = tuple(Race(seed, seats) for seed in seeds)
+    return Match("check", scenario, scenario, "", "", sources, sources, races, world.name)
+
+
+def _played(world: World, match: Match, policies: list[Any]) -> pl.DataFrame:
+    [(_, rows)] = world.run({0: (match, policies)}, Watch())
+    return rows
+
+
+def _fault(world: World, where: str, setup: Setup, rows: pl.DataFrame) -> str:
+    """What is wrong with the rows of one episode, in a sentence, or ''."""
+    if rows.schema != RESULTS:
+        return f"{where}: its rows are not as nathlon.arena.results.RESULTS says."
+    missing = [name for seat, name in enumerate(setup.seats) if seat not in rows["car"]]
+    if missing:
+        return f"{where}, seat {missing[0]!r}: has no row, expected one for every seat."
+    if rows.height != len(setup.seats):
+        return f"{where}: gives {rows.height} rows, expected {len(setup.seats)}, one a seat."
+    if rows["ending"].is_in(VOID_ENDINGS).any():
+        return f"{getattr(world, 'fault', '') or where + ': an episode is void'}."
+    blamed = rows.filter(pl.col("ending").is_in(POLICY_FAULTS))
+    if blamed.height:
+        seat, ending = blamed["car"][0], blamed["ending"][0]
+        return f"{where}, seat {setup.seats[seat]!r}: a random policy ends as {ending}, expected to play."
+    return ""
+
+
+def _differs(first: pl.DataFrame, second: pl.DataFrame) -> tuple[int, str] | None:
+    """The first seat whose rows are not the same, and how."""
+    if first.equals(second):
+        return None
+    for own, other in zip(first.iter_rows(named=True), second.iter_rows(named=True), strict=True):
+        for column, value in own.items():
+            if value != other[column]:
+                said = f"{column} is {value}, and with the same seed and seats {other[column]}"
+                return own["car"], f"{said}, expected episodes that repeat"
+    return 0, "rows differ with the same seed and seats, expected episodes that repeat"
+
+
+class _Raising:
+    """A policy that fails when it is first asked."""
+
+    def initial_memory(self, n: int) -> Any:
+        return np.zeros((n, 0), np.float32)
+
+    def act(self, observations: Any, memory: Any) -> Any:
+        raise ValueError("a policy that raises, to see what comes of it")
+
+
+def _with_failure(world: World, scenario: str, setup: Setup, policy: Any, where: str) -> Finding:
+    out = setup.sides[0]
+    rows = _played(world, _match(world, scenario, setup, (2,), out), [policy, _Raising()])
+    seat = setup.seats[out[0]]
+    if rows["ending"].is_in(VOID_ENDINGS).any():
+        fault = getattr(world, "fault", "")
+        said = f" ({fault})" if fault else ""
+        return Finding(
+            scenario, True, f"{where}, seat {seat!r}: void when its policy raises{said}, expected to go on."
+        )
+    for row in rows.iter_rows(named=True):
+        failed, here = row["ending"] in POLICY_FAULTS, row["car"] in out
+        if failed != here:
+            seat = setup.seats[row["car"]]
+            wanted = "a fault of the policy, which raised" if here else "another's fault not to be its own"
+            return Finding(
+                scenario, True, f"{where}, seat {seat!r}: ends as {row['ending']}, expected {wanted}."
+            )
+    return Finding(scenario, False, "A policy that raises is out, and the others play on.")
+
+
+def _compared(name: str, scenario: str, episode_s: float) -> list[Finding]:
+    """Whether the sides get alike many points if the same policy has them all."""
+    world = load_world(name)
+    setup = world.setup(scenario)
+    if len(setup.sides) < 2:
+        return []
+    count = int(np.clip(FAIR_S / max(episode_s, 1e-6), FEW, MANY))
+    rows = _played(world, _match(world, scenario, setup, range(10, 10 + count)), [_policy(world)])
+    void = rows.filter(pl.col("ending").is_in(VOID_ENDINGS))
+    if void.height:
+        return [Finding(scenario, True, f"{getattr(world, 'fault', '') or 'An episode is void'}.")]
+    points = rows.sort("race", "car")["points"].to_numpy().reshape(count, len(setup.seats))
+    sides = np.stack([points[:, list(side)].sum(axis=1) for side in setup.sides], axis=1)
+    return [Finding(scenario, False, said) for said in fairness(sides)]
+
+
+def fairness(points: Floats) -> list[str]:
+    """What the points (episodes, sides) of one policy on all sides tell about them, in sentences."""
+    episodes = len(points)
+    pairs = list(combinations(range(points.shape[1]), 2))
+    gaps = np.stack([points[:, one] - points[:, other] for one, other in pairs], axis=1)
+    mean, error = gaps.mean(axis=0), gaps.std(axis=0, ddof=1) / np.sqrt(episodes)
+    if not gaps.any():
+        return [f"In {episodes} episodes of one policy all sides get the same: fairness does not show."]
+    sure = holm(p_values(mean, error, np.full(len(pairs), episodes - 1.0))) <= 0.05
+    reach = error * stdtrit(episodes - 1, 0.975)
+    unfair = []
+    for (one, other), gap, half, differ in zip(pairs, mean, reach, sure, strict=True):
+        if differ:
+            better, worse = (one, other) if gap > 0 else (other, one)
+            unfair.append(
+                f"Side {better + 1} gets {abs(gap):.3g} points an episode more than side {worse + 1} with "
+                f"the same policy on both (95 % interval {abs(gap) - half:.3g} to {abs(gap) + half:.3g}): no "
+                "fault, as sides are changed in every unit."
+            )
+    return unfair or [f"In {episodes} episodes of one policy no side gets more than another beyond chance."]
+
+
+def _tested(name: str, scenario: str, _: float) -> list[Finding]:
+    """What PettingZoo's own tests say of an environment in this interpreter."""
+    world = load_world(name)
+    if not isinstance(world, PettingZooWorld) or isinstance(world, GymnasiumWorld) or world.foreign:
+        return []
+    from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+    tests: dict[str, Callable[[], Any]] = {
+        "parallel_api_test": lambda: parallel_api_test(world.made(scenario), API_CYCLES),
+        "parallel_seed_test": lambda: parallel_seed_test(lambda: world.made(scenario), API_CYCLES),
+    }
+    findings = []
+    for test, call in tests.items():
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            try:
+                call()
+            except MemoryError:
+                raise
+            # It is foreign code, and an assertion may say nothing.
+            except (Exception, SystemExit) as error:
+                said = f"fails: {type(error).__name__} ({error})"
+            else:
+                said = f"passes, but warns: {warned[0].message}" if warned else "passes"
+        findings.append(Finding(scenario, False, f"PettingZoo's {test} {said}."))
+    return findings

@@ -1,0 +1,114 @@
+"""Selections, tournaments and nights in worlds of environments, end to end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+import nathlon
+from nathlon.arena.store import Store
+from nathlon.nightly import nightly
+from nathlon.selection.config import read_config
+from tests.command_line import nathlon as command
+from tests.games import player, refused, world_of
+
+
+@pytest.fixture
+def players(tmp_path: Path) -> list[str]:
+    """Policies that are right about all three lights, about two, and about none."""
+    return [player(tmp_path / f"{name}.onnx", right) for name, right in (("all", 3), ("two", 2), ("none", 0))]
+
+
+def settings(folder: Path, more: str = "") -> Path:
+    """A configuration that takes everybody everywhere, with few episodes."""
+    path = folder / "nathlon.toml"
+    path.write_text(
+        f"""{more}
+[pareto]
+races = 2
+most_races = 2
+keep_probability = 0.0
+
+[battery]
+runs = 4
+
+[tournament]
+pairs = 6
+block = 3
+"""
+    )
+    return path
+
+
+@pytest.mark.parametrize("points", ["score", "place"])
+def test_the_better_policy_is_sent_from_a_duel(tmp_path: Path, players: list[str], points: str) -> None:
+    name = world_of(tmp_path, f"PettingZooWorld({{'duel': envs['duel']}}, points='{points}')")
+    result = nathlon.select(
+        players, tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
+    )
+    assert result.sent == ["all"]
+    assert result.ranking["name"][0] == "all"
+    assert result.summary.world == name
+    assert result.summary.faults == result.summary.void == 0
+    assert result.report.is_file()
+    assert result.recording is None
+
+
+def test_three_sides_meet_in_a_free_for_all(tmp_path: Path, players: list[str]) -> None:
+    name = world_of(tmp_path, "PettingZooWorld({'trio': envs['trio']})")
+    result = nathlon.select(
+        players, tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
+    )
+    assert result.sent == ["all"]
+    with Store.open(str(result.store)) as store:
+        rows = store.results_of_run(store.runs()[-1].name, "tournament")
+    # Every block of a free-for-all has each entrant on each side once.
+    counts = rows.group_by("entrant", "car").len()["len"]
+    assert counts.n_unique() == 1
+    assert rows.group_by("match", "race").agg(pl.col("entrant").n_unique())["entrant"].to_list() == [3] * (
+        rows.select(pl.struct("match", "race").n_unique()).item()
+    )
+
+
+def test_where_no_sides_meet_the_tests_rank(tmp_path: Path, players: list[str]) -> None:
+    name = world_of(
+        tmp_path, "GymnasiumWorld({'only': envs['Alone']}, measures={'steps': Declared('steps')})"
+    )
+    result = nathlon.select(
+        players, tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
+    )
+    assert result.sent == ["all"]
+    assert "tournament" in result.summary.stages_set_aside
+
+
+def test_unequal_sides_and_a_background_are_played(tmp_path: Path, players: list[str]) -> None:
+    sides = "[['hunter_1', 'hunter_2'], ['prey']]"
+    name = world_of(tmp_path, f"PettingZooWorld({{'chase': envs['chase']}}, sides={sides})")
+    result = nathlon.select(
+        players[::2], tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
+    )
+    assert result.sent == ["all"]
+
+
+def test_a_night_selects_in_the_world_of_its_configuration(tmp_path: Path, players: list[str]) -> None:
+    world_of(tmp_path, "PettingZooWorld({'duel': envs['duel']})")
+    for source in players:
+        (tmp_path / "checkpoints").mkdir(exist_ok=True)
+        Path(source).rename(tmp_path / "checkpoints" / Path(source).name)
+    config = read_config(settings(tmp_path, 'world = "worlds.py:world"\ncheckpoints = ["checkpoints"]'))
+    night = nightly(config, 1, lambda *_: None)
+    assert (night.code, night.reason) == (0, "all is sent.")
+    assert night.selection is not None
+    assert night.selection.summary.world == f"{tmp_path / 'worlds.py'}:world"
+    again = nightly(config, 1, lambda *_: None)
+    assert again.reason == "all is sent.", "it was not told yet"
+
+
+def test_a_world_that_is_unknown_or_hangs_selects_nobody(tmp_path: Path, players: list[str]) -> None:
+    with refused("world 'chess': expected racing, MODULE:NAME or PATH.py:NAME"):
+        nathlon.select(players, tmp_path / "out", world="chess", workers=1, progress=False)
+    done = command("evaluate", *players, "--world", "gone.py:world", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "gone.py: no such file, expected a world" in done.stderr
