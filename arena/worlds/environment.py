@@ -93,9 +93,8 @@ class PettingZooWorld(EpisodeWorld):
         """
         self.scenarios = tuple(scenarios)
         self.measures = {
-            name: Measure(declared.unit, declared.goal)  # type: ignore[arg-type]
+            name: KNOWN.get(name) or Measure(declared.unit, declared.goal)  # type: ignore[arg-type]
             for name, declared in (measures or {}).items()
-            if name not in KNOWN
         }
         self.baseline = baseline
         self._make, self._sides, self._points = dict(scenarios), sides, points

@@ -18,7 +18,8 @@ from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Player, Setup
 from nathlon.arena.worlds.player import Asking, Space
-from nathlon.policies.general import GeneralPolicy, load_general
+from nathlon.policies.general import load_general
+from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.sources import PLUGIN
 from nathlon.sim.decisive import fingerprint
 

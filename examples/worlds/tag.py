@@ -17,7 +17,7 @@ PREY = slice(12, 14)
 """Where a chaser sees the prey, from itself."""
 
 
-class Watched(BaseParallelWrapper):
+class Watched(BaseParallelWrapper):  # type: ignore[misc]
     """Tells in infos how far the prey is from the nearest chaser."""
 
     def step(self, actions: dict[str, Any]) -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nathlon.arena.worlds.contract import World
+from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.n_athlon.scoring import Kind
 
 OWN = "own."
@@ -98,6 +98,8 @@ def measured(name: str, world: World) -> Measure:
     """
     if not name.startswith(OWN):
         return MEASURES[name]
+    if name.removeprefix(OWN) in KNOWN:
+        raise KeyError(name)
     declared = world.measures[name.removeprefix(OWN)]
     kind: Kind = "time" if declared.goal == "min" else "distance"
     return Measure(kind, declared.unit, False, _own(name.removeprefix(OWN)))
