@@ -134,7 +134,7 @@ def _filled(selection: Selection, columns: tuple[Column, ...], frame: pl.DataFra
     """The columns; in another world without those that it does not measure."""
     if selection.summary.world == RACING:
         return tuple(column for column in columns if column not in ELSEWHERE)
-    return tuple(column for column in columns if frame[column.name].is_not_null().any())
+    return tuple(c for c in columns if frame.is_empty() or frame[c.name].is_not_null().any())
 
 
 def _pareto(workbook: Any, selection: Selection) -> None:

@@ -113,7 +113,10 @@ def _points(row: Row, confidence: str, episode: str) -> str:
     within = interval and f" ({confidence} {interval})"
     if not row["races"]:
         return f"{row['points_per_race']:,.1f} points{within} in the n-athlon"
-    return f"{row['points_per_race']:.1f} points {'an' if episode == 'episode' else 'a'} {episode}{within} in {_count(row['races'], episode)}"
+    article = "a" if episode == "race" else "an"
+    return (
+        f"{row['points_per_race']:.1f} points {article} {episode}{within} in {_count(row['races'], episode)}"
+    )
 
 
 def _faults(row: Row) -> str:
