@@ -6,7 +6,7 @@ nathlon evaluate runs/tag-1 --world examples/worlds/tag.py:world --out runs/tag-
 from typing import Any
 
 import numpy as np
-from mpe2 import simple_tag_v3  # type: ignore[import-not-found]
+from mpe2 import simple_tag_v3
 from pettingzoo.utils.wrappers import BaseParallelWrapper
 
 from nathlon import Declared, PettingZooWorld
