@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nathlon.arena.race_log import Incident
 from nathlon.sim.rules import Rules
-from nathlon.sim.state import REAR_END, SIDE_SWIPE, CarRecord
+from nathlon.sim.state import REAR_END, SIDE_SWIPE
 from nathlon.sim.track import Track
 from nathlon.sim.world import World
 
@@ -73,7 +73,7 @@ class IncidentWatch:
         self.incidents += self._penalties(cars, penalised, now)
         self._before = {name: cars[name].copy() for name in TALLIES}
 
-    def _contact(self, contact: CarRecord, cars: NDArray[np.void]) -> Incident:
+    def _contact(self, contact: np.void, cars: NDArray[np.void]) -> Incident:
         first, second = int(contact["behind"]), int(contact["ahead"])
         blamed = contact["fault"] >= 0
         if contact["fault"] == second:
@@ -131,11 +131,11 @@ class IncidentWatch:
         for car in np.flatnonzero((self._before["penalty_s"] > 0.0) & (cars["penalty_s"] == 0.0)).tolist():
             yield Incident(now, "served", (car,), f"{self._names[car]} has served its penalties")
 
-    def _where(self, car: CarRecord) -> str:
+    def _where(self, car: np.void) -> str:
         section = self._track.section_at(float(car["progress"]))
         return f"in {section}" if section else self._metres(car)
 
-    def _metres(self, car: CarRecord) -> str:
+    def _metres(self, car: np.void) -> str:
         return f"at {car['progress'] % self._track.length:.0f} m"
 
 

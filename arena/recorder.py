@@ -160,7 +160,7 @@ class _Recorder:
             self._sampled[kept] = ticks[kept]
             cars = state[list(SEEN.names or ())].astype(SEEN)[self._races]
             self._moments.append(_Moment(kept, world.time[self._races], cars, raised))
-        self._full_lock = world.parameters.full_lock
+        self._full_lock = world.parameters.car.full_lock
         self._raised = {flag: since & ~kept[:, None] for flag, since in raised.items()}
 
     def _samples(self, index: int, moments: Sequence[_Moment]) -> NDArray[np.void]:

@@ -30,12 +30,14 @@ from rich.table import Table
 
 from benchmarks.result import write_result
 from benchmarks.world import CAR, CIRCUIT, SCENARIOS, SPEC, cost, random_drive, seats
-from nathlon.sim import observe, world
+from nathlon.sim import observation_kernel, world
 from nathlon.sim import simd as lanes
 from nathlon.sim.car import load_car
 from nathlon.sim.kernel import kernel
+from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.simd import LANES
+from nathlon.sim.state import Race
 from nathlon.sim.track import load_track
 from nathlon.sim.world import SUBSTEPS, World
 
@@ -102,20 +104,20 @@ def _store(row: Any, at: int, vector: Any) -> None:
 VECTORS = {
     "load": lambda row, at: tuple(row[at : at + LANES]),
     "store": _store,
-    "plus": _counting_lanes(("add",), operator.add),
-    "minus": _counting_lanes(("add",), operator.sub),
-    "times": _counting_lanes(("multiply",), operator.mul),
-    "over": _counting_lanes(("divide",), operator.truediv),
-    "madd": _counting_lanes(("multiply", "add"), lambda a, b, c: a * b + c),
-    "root": _counting_lanes(("root",), math.sqrt),
-    "above": _counting_lanes(("compare",), operator.gt),
-    "either": lambda a, b: tuple(x or y for x, y in zip(a, b, strict=True)),
-    "choose": lambda where, a, b: tuple(
+    "add": _counting_lanes(("add",), operator.add),
+    "subtract": _counting_lanes(("add",), operator.sub),
+    "multiply": _counting_lanes(("multiply",), operator.mul),
+    "divide": _counting_lanes(("divide",), operator.truediv),
+    "fma": _counting_lanes(("multiply", "add"), lambda a, b, c: a * b + c),
+    "sqrt": _counting_lanes(("root",), math.sqrt),
+    "greater": _counting_lanes(("compare",), operator.gt),
+    "logical_or": lambda a, b: tuple(x or y for x, y in zip(a, b, strict=True)),
+    "select": lambda where, a, b: tuple(
         x if true else y for true, x, y in zip(where, _lanes(a), _lanes(b), strict=True)
     ),
-    "negative": _counting_lanes(("sign",), operator.neg),
-    "size": _counting_lanes(("sign",), abs),
-    "signed": _counting_lanes(("sign",), math.copysign),
+    "negate": _counting_lanes(("sign",), operator.neg),
+    "absolute": _counting_lanes(("sign",), abs),
+    "copysign": _counting_lanes(("sign",), math.copysign),
 }
 
 
@@ -147,7 +149,7 @@ def uncompile() -> None:
         vars(module).update({key: value for key, value in replaced.items() if hasattr(module, key)})
         used = [key for key in VECTORS if getattr(module, key, None) is vectors[key]]
         vars(module).update({key: VECTORS[key] for key in used})
-    vars(observe)["np"] = SimpleNamespace(float32=lambda value: value, inf=np.inf)
+    vars(observation_kernel)["np"] = SimpleNamespace(float32=lambda value: value, inf=np.inf)
 
 
 def count(races: World) -> tuple[Counter[str], Counter[str]]:
@@ -156,24 +158,24 @@ def count(races: World) -> tuple[Counter[str], Counter[str]]:
     for _ in range(WARM_UP):
         races.step(drive(races))
     uncompile()
-    p, course, rates, rules = map(number, (races.parameters, races.course, races.rates, races.rules))
-    cars = [number(car) for car in races.state[0]]
-    ticks, touched = [int(races.ticks[0])], number(np.full((CARS, CARS), -np.inf))
-    notes = [SimpleNamespace() for _ in races.contacts[0]]
-    mean, deviation = map(number, SPEC.scaling)
+    p, layout = number(races.parameters), number(observation_kernel.layout_parameters(SPEC))
+    cars: Any = [number(car) for car in races.state[0]]
+    notes: Any = [SimpleNamespace() for _ in races.contacts[0]]
+    touched = number(np.full((CARS, CARS), -np.inf))
+    race = Race(cars, races.ticks[:1].copy(), touched, notes, np.zeros(1, np.int64))
     seen = SPEC.cars_ahead + SPEC.cars_behind
-    view = (mean, deviation, SPEC.course_points, SPEC.horizon_s, SPEC.cars_ahead)
     stepping: Counter[str] = Counter()
     observing: Counter[str] = Counter()
     for _ in range(STEPS):
-        actions, tyres = number(drive(races)[0]), number(np.empty((3, 4)))
+        actions, ground = number(drive(races)[0]), Ground(*number(np.empty((3, 4))))
         done.clear()
-        world.step_race(cars, actions, ticks, touched, notes, [0], SUBSTEPS, tyres, p, course, rates, rules)
+        world.step_race(race, actions, SUBSTEPS, ground, p)
         stepping.update(done)
         for car in range(CARS):
-            values, distance = number(np.empty(SPEC.size)), np.empty(seen, object)
+            values = number(np.empty(SPEC.size))
+            nearby = observation_kernel.Nearby(np.empty(seen, np.int64), np.empty(seen, object))
             done.clear()
-            observe.observe_car(cars, car, values, *view, np.empty(seen, np.int64), distance, p, course)
+            observation_kernel.observe_car(cars, car, values, layout, nearby, p)
             observing.update(done)
     return stepping, observing
 

@@ -10,6 +10,7 @@ import polars as pl
 import xlsxwriter
 from xlsxwriter.exceptions import FileCreateError
 
+from nathlon.arena.worlds.registry import RACING
 from nathlon.reports._sheets import (
     BLUES,
     DIVERGING,
@@ -55,6 +56,8 @@ MATCHUPS = (
     Column("difference_high", "Difference high [points/race]", "+0.00;-0.00;0.00", 15),
     Column("contacts_per_km", "Contacts [1/km]", "0.000", scale=ORANGES),
 )
+ELSEWHERE = (Column("score", "Score", "0.00"), Column("measures", "Measures", width=30))
+"""What only other worlds measure."""
 RACES = (
     *ENTRANT,
     Column("stage", "Stage"),
@@ -67,6 +70,7 @@ RACES = (
     Column("team", "Team", "0", 8),
     Column("place", "Place", "0", 8),
     Column("points", "Points", "0.##"),
+    *ELSEWHERE,
     Column("laps", "Laps", "0", 8),
     Column("ending", "Ending", width=15),
     Column("race_time_s", "Race time [s]", "0.000"),
@@ -108,21 +112,29 @@ def _write(selection: Selection, path: Path) -> None:
     with xlsxwriter.Workbook(str(path), plain_text) as workbook:
         workbook.set_properties({"title": selection.title, "created": CREATED})
         ranking = selection.named("ranking").sort(["rank", "points_per_race"], descending=[False, True])
-        write_sheet(workbook, "Ranking", RANKING, ranking)
+        write_sheet(workbook, "Ranking", _filled(selection, RANKING, ranking), ranking)
         skills = write_skills(workbook, selection)
         write_weighted(workbook, skills)
         matchups = selection.named("matchups").join(
             opponents, on="opponent", how="left", maintain_order="left"
         )
-        write_sheet(workbook, "Matchups", MATCHUPS, matchups)
+        write_sheet(workbook, "Matchups", _filled(selection, MATCHUPS, matchups), matchups)
         _pareto(workbook, selection)
         races = selection.results.join(names, on="entrant", how="left", maintain_order="left").with_columns(
             name=pl.coalesce("name", "entrant")  # a fixed opponent is no entrant
         )
         latest = ["race", "tournament", "battery", "pareto"]
         races = races.sort(pl.col("stage").replace_strict(latest, range(4), default=4), maintain_order=True)
-        write_sheet(workbook, "Races", RACES, races.head(ROW_LIMIT).fill_nan(None))
+        shown = races.head(ROW_LIMIT).fill_nan(None)
+        write_sheet(workbook, "Races", _filled(selection, RACES, races), shown)
         _run(workbook, selection, left_out=max(0, races.height - ROW_LIMIT))
+
+
+def _filled(selection: Selection, columns: tuple[Column, ...], frame: pl.DataFrame) -> tuple[Column, ...]:
+    """The columns; in another world without those that it does not measure."""
+    if selection.summary.world == RACING:
+        return tuple(column for column in columns if column not in ELSEWHERE)
+    return tuple(c for c in columns if frame.is_empty() or frame[c.name].is_not_null().any())
 
 
 def _pareto(workbook: Any, selection: Selection) -> None:
@@ -153,6 +165,7 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
     summary = selection.summary
     facts: list[tuple[str, Any]] = [
         ("Title", selection.title),
+        ("World", summary.world),
         ("Circuit", summary.circuit),
         ("Car", summary.car),
         ("Seed", summary.seed),

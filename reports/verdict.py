@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 
+from nathlon.arena.worlds.registry import RACING
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Decided
 
@@ -49,7 +50,7 @@ def verdict(selection: Selection) -> Verdict:
     else:
         candidates = {standing.entrant for standing in decision.standings}
         confidence = f"{selection.summary.confidence:.0%} interval"
-        proof = (_proof(own, ranking, candidates, confidence), f"{_manners(own)} {_barred(ranking)}")
+        proof = (_proof(own, ranking, candidates, confidence, _episode(selection)), *_conduct(selection, own))
     return Verdict(f"Send {name}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof))
 
 
@@ -68,9 +69,24 @@ def _reasons(decision: Decided) -> str:
     return f"{shown}; and {more} more" if more > 0 else shown
 
 
-def _proof(own: Row, ranking: Sequence[Row], candidates: set[str], confidence: str) -> str:
+def _episode(selection: Selection) -> str:
+    """What is run in its world."""
+    return "race" if selection.summary.world == RACING else "episode"
+
+
+def _conduct(selection: Selection, own: Row) -> tuple[str, ...]:
+    """How the entrant sent has behaved; nothing in a world that counts no contacts."""
+    barred = _barred(selection.named("ranking").to_dicts())
+    if selection.summary.world != RACING and own["contacts_per_km"] is None:
+        return (_faults(own).strip(),) if own["faults"] else ()
+    return (f"{_manners(own)} {barred}",)
+
+
+def _proof(
+    own: Row, ranking: Sequence[Row], candidates: set[str], confidence: str, episode: str = "race"
+) -> str:
     """Of the entrant sent: its points, and whom these races prove to be better."""
-    scored = f"It scored {_points(own, confidence)}"
+    scored = f"It scored {_points(own, confidence, episode)}"
     if len(ranking) == 1:
         return f"{scored}. It raced nobody, so nothing is proven."
     first = [row for row in ranking if row["rank"] == 1]
@@ -92,16 +108,23 @@ def _why_not(row: Row, candidates: set[str]) -> str:
     return " (barred)" if row["barred"] else ""
 
 
-def _points(row: Row, confidence: str) -> str:
+def _points(row: Row, confidence: str, episode: str) -> str:
     interval = _interval(row["points_low"], row["points_high"], 1)
+    within = interval and f" ({confidence} {interval})"
+    if not row["races"]:
+        return f"{row['points_per_race']:,.1f} points{within} in the n-athlon"
+    article = "a" if episode == "race" else "an"
     return (
-        f"{row['points_per_race']:.1f} points a race"
-        f"{interval and f' ({confidence} {interval})'} in {_count(row['races'], 'race')}"
+        f"{row['points_per_race']:.1f} points {article} {episode}{within} in {_count(row['races'], episode)}"
     )
 
 
+def _faults(row: Row) -> str:
+    return f" It ended {_count(row['faults'], 'car run')} by its own fault." if row["faults"] else ""
+
+
 def _manners(row: Row) -> str:
-    faults = f" It ended {_count(row['faults'], 'car run')} by its own fault." if row["faults"] else ""
+    faults = _faults(row)
     if row["contacts_per_km"] is None:
         return f"Its contact rate is unknown.{faults}"
     interval = _interval(row["contacts_low"], row["contacts_high"], 2)

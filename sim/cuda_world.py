@@ -9,13 +9,16 @@ the device fuses multiplications and additions elsewhere and has its own sines.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import cuda, float64, int64
 from numpy.typing import NDArray
 
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observe import observe_car
-from nathlon.sim.world import SUBSTEPS, World, step_race
+from nathlon.sim.observation_kernel import Nearby, layout_parameters, observe_car
+from nathlon.sim.physics.tyre import Ground
+from nathlon.sim.world import SUBSTEPS, World, race_of, step_race
 
 THREADS = 64
 """Threads of a block."""
@@ -24,48 +27,23 @@ MOST_SEEN = 19
 
 
 @cuda.jit
-def step_races(state, actions, ticks, touched, contacts, count, substeps, p, course, rates, rules):  # type: ignore[no-untyped-def]
+def step_races(races, actions, substeps, p):  # type: ignore[no-untyped-def]
     """Advance every race by some dynamics steps; see `nathlon.sim.world.step_races`."""
-    race = cuda.grid(1)
-    if race < len(state):
+    index = cuda.grid(1)
+    if index < len(races.cars):
         tyres = cuda.local.array((3, 4), float64)
-        step_race(
-            state[race],
-            actions[race],
-            ticks[race:],
-            touched[race],
-            contacts[race],
-            count[race:],
-            substeps,
-            tyres,
-            p,
-            course,
-            rates,
-            rules,
-        )
+        ground = Ground(tyres[0], tyres[1], tyres[2])
+        step_race(race_of(races, index), actions[index], substeps, ground, p)
 
 
 @cuda.jit
-def observe_cars(state, races, cars, out, mean, scale, points, horizon, ahead, behind, p, course):  # type: ignore[no-untyped-def]
-    """Fill in observations; see `nathlon.sim.observe.observe_cars`."""
+def observe_cars(state, races, cars, out, layout, listed, p):  # type: ignore[no-untyped-def]
+    """Fill in observations with `listed` opponents; see `nathlon.sim.observation_kernel.observe_cars`."""
     row = cuda.grid(1)
     if row < len(races):
-        nearest = cuda.local.array(MOST_SEEN, int64)[: ahead + behind]
-        distance = cuda.local.array(MOST_SEEN, float64)[: ahead + behind]
-        observe_car(
-            state[races[row]],
-            cars[row],
-            out[row],
-            mean,
-            scale,
-            points,
-            horizon,
-            ahead,
-            nearest,
-            distance,
-            p,
-            course,
-        )
+        nearest = cuda.local.array(MOST_SEEN, int64)[:listed]
+        distance = cuda.local.array(MOST_SEEN, float64)[:listed]
+        observe_car(state[races[row]], cars[row], out[row], layout, Nearby(nearest, distance), p)
 
 
 class CudaWorld:
@@ -78,35 +56,14 @@ class CudaWorld:
             numba.cuda.CudaSupportError: if there is no device.
         """
         self._world = world
-        self._parameters = world.parameters._replace(
-            torque=cuda.to_device(world.parameters.torque),
-            ratios=cuda.to_device(world.parameters.ratios),
-            curve=cuda.to_device(world.parameters.curve),
-        )
-        self._course = world.course._replace(
-            table=cuda.to_device(world.course.table),
-            edges=cuda.to_device(world.course.edges),
-            sectors=cuda.to_device(world.course.sectors),
-        )
-        self._races = [cuda.to_device(array) for array in world.arrays()]
+        self._parameters = _to_device(world.parameters)
+        self._races = _to_device(world.arrays())
 
     def step(self, actions: NDArray[np.floating], substeps: int = SUBSTEPS) -> None:
         """Advance all races; see `World.step`."""
-        state, ticks, touched, contacts, count = self._races
         legal = cuda.to_device(np.clip(actions, -1.0, 1.0, dtype=np.float64))
-        step_races[_blocks(len(state)), THREADS](
-            state,
-            legal,
-            ticks,
-            touched,
-            contacts,
-            count,
-            substeps,
-            self._parameters,
-            self._course,
-            self._world.rates,
-            self._world.rules,
-        )
+        blocks = _blocks(len(self._world.state))
+        step_races[blocks, THREADS](self._races, legal, substeps, self._parameters)
 
     def observe(
         self, spec: ObservationSpec, races: NDArray[np.int64], cars: NDArray[np.int64]
@@ -116,23 +73,18 @@ class CudaWorld:
         Raises:
             ValueError: if the spec lists more than 19 cars.
         """
-        if spec.cars_ahead + spec.cars_behind > MOST_SEEN:
+        listed = spec.cars_ahead + spec.cars_behind
+        if listed > MOST_SEEN:
             raise ValueError(f"the observation lists more than {MOST_SEEN} cars")
-        mean, deviation = spec.scaling
         out = cuda.device_array((len(races), spec.size), np.float32)
         observe_cars[_blocks(len(races)), THREADS](
-            self._races[0],
+            self._races.cars,
             cuda.to_device(races),
             cuda.to_device(cars),
             out,
-            cuda.to_device(mean),
-            cuda.to_device(np.float32(1.0) / deviation),
-            spec.course_points,
-            spec.horizon_s,
-            spec.cars_ahead,
-            spec.cars_behind,
+            _to_device(layout_parameters(spec)),
+            listed,
             self._parameters,
-            self._course,
         )
         return out.copy_to_host()
 
@@ -140,6 +92,13 @@ class CudaWorld:
         """Copy the races back into the world."""
         for array, on_device in zip(self._world.arrays(), self._races, strict=True):
             on_device.copy_to_host(array)
+
+
+def _to_device(value: Any) -> Any:
+    """A named tuple whose arrays are on the device, those of tuples in it too."""
+    if isinstance(value, np.ndarray):
+        return cuda.to_device(value)
+    return type(value)(*map(_to_device, value)) if isinstance(value, tuple) else value
 
 
 def _blocks(threads: int) -> int:

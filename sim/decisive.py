@@ -25,16 +25,17 @@ DECISIVE = (
     "sim/kernel.py",
     "sim/simd.py",
     "sim/observation.py",
-    "sim/observe.py",
+    "sim/observation_kernel.py",
+    "sim/parameters.py",
     "sim/reaction.py",
     "sim/rules.py",
     "sim/scenario.py",
-    "sim/sharing.py",
     "sim/state.py",
     "sim/steward.py",
     "sim/timing.py",
     "sim/track/__init__.py",
     "sim/tyre_curve.py",
+    "sim/work_stealing.py",
     "sim/world.py",
     "policies/sources",
     "policies/checkpoint.py",
@@ -58,13 +59,26 @@ SUFFIXES = (".py", ".toml", ".csv")
 """Of the files that count in a folder."""
 
 
-def files(package: Path = PACKAGE) -> Iterator[Path]:
-    """The decisive files in the order of DECISIVE, those of a folder by name.
+EPISODES = (
+    "arena/worlds",
+    "arena/match.py",
+    "arena/results.py",
+    "policies/general",
+    "policies/isolation.py",
+    "policies/mlp.py",
+    "policies/patience.py",
+    "policies/sources",
+)
+"""What decides, in the same way, how an episode of another world ends, beside that world's own files."""
+
+
+def files(package: Path = PACKAGE, names: tuple[str, ...] = DECISIVE) -> Iterator[Path]:
+    """The decisive files in the order of `names`, those of a folder by name.
 
     Raises:
         FileNotFoundError: if one that is listed does not exist.
     """
-    for name in DECISIVE:
+    for name in names:
         path = package / name
         if path.is_dir():
             yield from sorted(file for file in path.rglob("*") if file.suffix in SUFFIXES)
@@ -75,17 +89,18 @@ def files(package: Path = PACKAGE) -> Iterator[Path]:
 
 
 @lru_cache
-def fingerprint(package: Path = PACKAGE) -> str:
+def fingerprint(package: Path = PACKAGE, names: tuple[str, ...] = DECISIVE) -> str:
     """SHA-256 in hexadecimal of the places and contents of the decisive files.
 
     Args:
         package: a folder laid out as `nathlon`.
+        names: files and folders in it, DECISIVE or EPISODES.
 
     Raises:
         FileNotFoundError: if a file that is listed does not exist.
     """
     digest = hashlib.sha256()
-    for path in files(package):
+    for path in files(package, names):
         content = path.read_bytes()
         digest.update(f"{path.relative_to(package).as_posix()}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()

@@ -14,7 +14,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.reaction import Perception
 from nathlon.sim.scenario import Scenario, load_scenario
-from nathlon.sim.state import CONTACT
+from nathlon.sim.state import CONTACT, Races
 from nathlon.sim.timing import gaps
 from nathlon.sim.track import load_track
 from nathlon.sim.world import DYNAMICS_HZ, World
@@ -68,17 +68,17 @@ class Moment(NamedTuple):
         endings: as of `Episodes`.
     """
 
-    arrays: tuple[np.ndarray, ...]
+    arrays: Races
     endings: NDArray[np.str_]
 
     @property
     def state(self) -> NDArray[np.void]:
         """CAR_STATE of the cars."""
-        return self.arrays[0]
+        return self.arrays.cars
 
     def of(self, race: int) -> Moment:
         """A copy of the moment of one race, without the dimension of races."""
-        return Moment(tuple(array[race].copy() for array in self.arrays), self.endings[race].copy())
+        return Moment(Races._make(array[race].copy() for array in self.arrays), self.endings[race].copy())
 
 
 class View:
@@ -183,7 +183,7 @@ class Episodes:
 
     def moment(self) -> Moment:
         """The present moment of all races."""
-        return Moment(tuple(array.copy() for array in self.world.arrays()), self.endings.copy())
+        return Moment(Races._make(array.copy() for array in self.world.arrays()), self.endings.copy())
 
     def _look(self) -> None:
         for view in self._views:

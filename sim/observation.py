@@ -26,6 +26,11 @@ AHEAD_M = 80.0
 BEHIND_M = 40.0
 """Opponents further away than this are not seen."""
 
+LINES, CENTRE = 3, 1
+"""Lines of the course, left edge, centre line and right edge, and the place of the centre line among them."""
+POINT_SIZE = 3 * LINES
+"""Numbers of a course point: x of the lines, then y, then z."""
+
 OPPONENT = (
     ("present", 0.0, 1.0),
     ("x", -80.0, 80.0),
@@ -36,6 +41,14 @@ OPPONENT = (
     ("acceleration_y", -25.0, 25.0),
 )
 """What is seen of an opponent, relative to the car: centre of mass, m, m/s, m/s^2. Absent ones are 0."""
+OPPONENT_SIZE = len(OPPONENT)
+
+# Where they stand among the numbers of an opponent.
+_NAMES = [name for name, _, _ in OPPONENT]
+PRESENT = _NAMES.index("present")
+X, Y = _NAMES.index("x"), _NAMES.index("y")
+VELOCITY_X, VELOCITY_Y = _NAMES.index("velocity_x"), _NAMES.index("velocity_y")
+ACCELERATION_X, ACCELERATION_Y = _NAMES.index("acceleration_x"), _NAMES.index("acceleration_y")
 
 
 @dataclass(frozen=True)
@@ -58,6 +71,29 @@ class Field:
 
 def _flat(name: str, size: int, unit: str, low: float, high: float) -> Field:
     return Field(name, unit, (low,) * size, (high,) * size)
+
+
+OWN = (
+    _flat("velocity", 2, "m/s", -10.0, 90.0),
+    _flat("yaw_rate", 1, "rad/s", -1.5, 1.5),
+    _flat("acceleration", 2, "m/s^2", -25.0, 25.0),
+    _flat("tyre_load", 4, "N", 0.0, 8000.0),
+    _flat("slip_angle", 4, "rad", -0.3, 0.3),
+    _flat("progress", 2, "sin, cos of lap angle", -1.0, 1.0),
+    _flat("heading_error", 1, "rad", -0.8, 0.8),
+    _flat("inclination", 2, "gradient forward, left", -0.2, 0.2),
+    _flat("wall_contact", 1, "flag", 0.0, 1.0),
+    _flat("off_course", 1, "flag", 0.0, 1.0),
+    _flat("steering", 1, "full lock", -1.0, 1.0),
+    _flat("throttle", 1, "share", 0.0, 1.0),
+    _flat("brake", 1, "share", 0.0, 1.0),
+    _flat("car_contact", 1, "flag", 0.0, 1.0),
+    _flat("slipstream", 1, "share of full draught", 0.0, 1.0),
+    _flat("penalty", 1, "s to serve", 0.0, 10.0),
+    _flat("tyre_wear", 4, "1 is worn out", 0.0, 1.0),
+    _flat("fuel", 1, "share of the tank", 0.0, 1.0),
+)
+"""What a car sees of itself, with which every vector begins."""
 
 
 @dataclass(frozen=True)
@@ -96,31 +132,11 @@ class ObservationSpec:
     @cached_property
     def fields(self) -> tuple[Field, ...]:
         """The fields in the order in which they stand in the vector."""
-        own = (
-            _flat("velocity", 2, "m/s", -10.0, 90.0),
-            _flat("yaw_rate", 1, "rad/s", -1.5, 1.5),
-            _flat("acceleration", 2, "m/s^2", -25.0, 25.0),
-            _flat("tyre_load", 4, "N", 0.0, 8000.0),
-            _flat("slip_angle", 4, "rad", -0.3, 0.3),
-            _flat("progress", 2, "sin, cos of lap angle", -1.0, 1.0),
-            _flat("heading_error", 1, "rad", -0.8, 0.8),
-            _flat("inclination", 2, "gradient forward, left", -0.2, 0.2),
-            _flat("wall_contact", 1, "flag", 0.0, 1.0),
-            _flat("off_course", 1, "flag", 0.0, 1.0),
-            _flat("steering", 1, "full lock", -1.0, 1.0),
-            _flat("throttle", 1, "share", 0.0, 1.0),
-            _flat("brake", 1, "share", 0.0, 1.0),
-            _flat("car_contact", 1, "flag", 0.0, 1.0),
-            _flat("slipstream", 1, "share of full draught", 0.0, 1.0),
-            _flat("penalty", 1, "s to serve", 0.0, 10.0),
-            _flat("tyre_wear", 4, "1 is worn out", 0.0, 1.0),
-            _flat("fuel", 1, "share of the tank", 0.0, 1.0),
-        )
         # Point i lies i/n of the horizon ahead, so its range grows with i: near points stay sharp.
         reach = tuple(
             share * (15.0 + point / self.course_points * self.horizon_s * TOP_SPEED)
             for point in range(self.course_points)
-            for share in (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, *(STEEP,) * 3)
+            for share in (*(1.0,) * 2 * LINES, *(STEEP,) * LINES)
         )
         course = (Field("course", "m", tuple(-x for x in reach), reach),) if reach else ()
         lists = tuple(
@@ -133,7 +149,7 @@ class ObservationSpec:
             for where, count in (("ahead", self.cars_ahead), ("behind", self.cars_behind))
             if count
         )
-        return own + course + lists
+        return OWN + course + lists
 
     @cached_property
     def size(self) -> int:
@@ -152,6 +168,14 @@ class ObservationSpec:
                 return slice(start, start + field.size)
             start += field.size
         raise KeyError(name)
+
+    def start(self, name: str) -> int:
+        """Where the named field begins in the vector.
+
+        Raises:
+            KeyError: if there is no such field.
+        """
+        return int(self.slice(name).start)
 
     def to_dict(self) -> dict[str, Any]:
         """The spec as plain JSON values."""

@@ -1,113 +1,169 @@
-"""The state of one car as a record; a world holds an array of them, (races, cars)."""
+"""The state of a world: cars and contacts as records, races as arrays of them."""
 
-from typing import Any, TypeAlias
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple, Protocol, TypeAlias, get_args, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
-CarRecord: TypeAlias = Any
-"""One record of CAR_STATE: kernels read and write its fields as attributes, which types cannot say."""
+FourWheels: TypeAlias = Annotated[NDArray[np.float64], 4]
+"""Front left, front right, rear left, rear right."""
+ThreeSectors: TypeAlias = Annotated[NDArray[np.float64], 3]
+"""Of each sector, or of the timing line at which it begins."""
 
-CAR_STATE = np.dtype(
-    [
-        # Motion of the centre of mass on the map, world frame (x east, y north), m, rad, s.
-        ("x", "f8"),
-        ("y", "f8"),
-        ("yaw", "f8"),
-        ("world_velocity_x", "f8"),
-        ("world_velocity_y", "f8"),
-        ("yaw_rate", "f8"),
-        ("cos_yaw", "f8"),  # kept beside the yaw, which is needed many times a step
-        ("sin_yaw", "f8"),
-        # The same in the car's frame, x forward, y left.
-        ("velocity_x", "f8"),
-        ("velocity_y", "f8"),
-        ("acceleration_x", "f8"),
-        ("acceleration_y", "f8"),
-        # The road under the car: height, m; gradient in the car's frame; m/s^2 by which following
-        # the road's shape lifts the car that goes straight on.
-        ("z", "f8"),
-        ("slope_x", "f8"),
-        ("slope_y", "f8"),
-        ("heave", "f8"),
-        # Tyre forces over mass as the springs have carried them, m/s^2, for the load transfer.
-        ("carried_x", "f8"),
-        ("carried_y", "f8"),
-        # Wheels: front left, front right, rear left, rear right.
-        ("spin", "f8", 4),  # rad/s
-        ("load", "f8", 4),  # N
-        ("slip_ratio", "f8", 4),
-        ("slip_angle", "f8", 4),  # rad
-        ("wear", "f8", 4),  # 1 is worn out
-        # Controls as applied.
-        ("steering", "f8"),  # rad at the road wheels
-        ("throttle", "f8"),
-        ("brake", "f8"),
-        ("gear", "i8"),  # 0 is first
-        ("shifting", "f8"),  # s left of the torque cut
-        ("draught", "f8"),  # share of full slipstream
-        ("fuel", "f8"),  # kg
-        ("mass", "f8"),  # kg, with fuel
-        # Place on the circuit.
-        ("row", "i8"),  # of the track table
-        ("along", "f8"),  # m from there
-        ("wraps", "i8"),  # times the row went over the line
-        ("progress", "f8"),  # m along the centre line, not wrapped; 0 is the line
-        ("lateral", "f8"),  # m left of the centre line
-        ("heading_error", "f8"),  # rad, yaw minus the direction of the centre line
-        # Flags of the last step, and what has gathered since the start.
-        ("off_course", "?"),
-        ("wall_contact", "?"),
-        ("car_contact", "?"),
-        ("off_course_s", "f8"),
-        ("wall_s", "f8"),
-        ("contacts", "i8"),
-        ("contacts_faster_behind", "i8"),
-        ("contacts_at_fault", "i8"),
-        ("contact_s", "f8"),  # time of the last touch
-        ("stationary_s", "f8"),  # since the car last moved
-        # Before the stewards.
-        ("out_s", "f8"),  # of the present excursion: time, way, progress at its start
-        ("out_path", "f8"),
-        ("out_from", "f8"),
-        ("out_excused", "?"),
-        ("warnings", "i8"),
-        ("penalties", "i8"),
-        ("penalty_s", "f8"),  # still to serve
-        # Laps and sectors, timed by interpolating the crossing of their lines.
-        ("start", "f8"),  # progress at the start, m
-        ("laps", "i8"),
-        ("line", "i8"),  # next timing line, counted from the line of lap 0
-        ("line_s", "f8", 3),  # time of the last crossing of each line; nan before the first
-        ("sector_s", "f8", 3),  # last time of each sector; nan before
-        ("last_lap_s", "f8"),  # nan before a full lap
-        ("best_lap_s", "f8"),
-        ("finish", "f8"),  # progress at which the run is over, m
-        ("finish_s", "f8"),  # nan until then; with the penalties not served
-        ("driving", "?"),
-    ],
-    align=True,
-)
+
+def record_dtype(fields: type) -> np.dtype[np.void]:
+    """The record whose fields are the annotated attributes of a class, in their order.
+
+    Kernels see the record, mypy the class.
+
+    Args:
+        fields: attributes are float, int, bool, or float64 arrays of as many numbers as `Annotated` says.
+    """
+    kinds = {float: "f8", int: "i8", bool: "?"}
+    columns: list[tuple[str, str, int] | tuple[str, str]] = []
+    for name, kind in get_type_hints(fields, include_extras=True).items():
+        columns.append((name, kinds[kind]) if kind in kinds else (name, "f8", get_args(kind)[1]))
+    return np.dtype(columns, align=True)
+
+
+class CarRecord(Protocol):
+    """One record of CAR_STATE, as kernels read and write it."""
+
+    # Motion of the centre of mass on the map, world frame (x east, y north), m, rad, s.
+    x: float
+    y: float
+    yaw: float
+    world_velocity_x: float
+    world_velocity_y: float
+    yaw_rate: float
+    cos_yaw: float  # kept beside the yaw, which is needed many times a step
+    sin_yaw: float
+    # The same in the car's frame, x forward, y left.
+    velocity_x: float
+    velocity_y: float
+    acceleration_x: float
+    acceleration_y: float
+    # The road under the car: height, m; gradient in the car's frame; m/s^2 by which following
+    # the road's shape lifts the car that goes straight on.
+    z: float
+    slope_x: float
+    slope_y: float
+    heave: float
+    # Tyre forces over mass as the springs have carried them, m/s^2, for the load transfer.
+    carried_x: float
+    carried_y: float
+    # Wheels: front left, front right, rear left, rear right.
+    spin: FourWheels  # rad/s
+    load: FourWheels  # N
+    slip_ratio: FourWheels
+    slip_angle: FourWheels  # rad
+    wear: FourWheels  # 1 is worn out
+    # Controls as applied.
+    steering: float  # rad at the road wheels
+    throttle: float
+    brake: float
+    gear: int  # 0 is first
+    shifting: float  # s left of the torque cut
+    draught: float  # share of full slipstream
+    fuel: float  # kg
+    mass: float  # kg, with fuel
+    # Place on the circuit.
+    row: int  # of the track table
+    along: float  # m from there
+    wraps: int  # times the row went over the line
+    progress: float  # m along the centre line, not wrapped; 0 is the line
+    lateral: float  # m left of the centre line
+    heading_error: float  # rad, yaw minus the direction of the centre line
+    # Flags of the last step, and what has gathered since the start.
+    off_course: bool
+    wall_contact: bool
+    car_contact: bool
+    off_course_s: float
+    wall_s: float
+    contacts: int
+    contacts_faster_behind: int
+    contacts_at_fault: int
+    contact_s: float  # time of the last touch
+    stationary_s: float  # since the car last moved
+    # Before the stewards.
+    out_s: float  # of the present excursion: time, way, progress at its start
+    out_path: float
+    out_from: float
+    out_excused: bool
+    warnings: int
+    penalties: int
+    penalty_s: float  # still to serve
+    # Laps and sectors, timed by interpolating the crossing of their lines.
+    start: float  # progress at the start, m
+    laps: int
+    line: int  # next timing line, counted from the line of lap 0
+    line_s: ThreeSectors  # time of the last crossing of each line; nan before the first
+    sector_s: ThreeSectors  # last time of each sector; nan before
+    last_lap_s: float  # nan before a full lap
+    best_lap_s: float
+    finish: float  # progress at which the run is over, m
+    finish_s: float  # nan until then; with the penalties not served
+    driving: bool
+
+
+Cars: TypeAlias = Sequence[CarRecord]
+"""The cars of one race, as kernels see a row of a world's state."""
+
+CAR_STATE = record_dtype(CarRecord)
 
 REAR_END, SIDE_SWIPE, OTHER = range(3)
 GEOMETRIES = ("rear_end", "side_swipe", "other")
 
-CONTACT = np.dtype(
-    [
-        ("time", "f8"),  # s since the start of the race
-        ("behind", "i8"),  # indices of the two cars by progress
-        ("ahead", "i8"),
-        ("x", "f8"),  # of the point of contact, world frame, m
-        ("y", "f8"),
-        ("closing", "f8"),  # m/s, along the normal of the contact
-        ("relative_x", "f8"),  # velocity of the car behind less that of the car ahead, m/s,
-        ("relative_y", "f8"),  # in the frame of the car ahead
-        ("geometry", "i8"),  # index of GEOMETRIES
-        ("faster", "i8"),  # index of the car that was
-        ("fault", "i8"),  # index of the car whose fault the stewards find it, or -1
-        ("section_behind", "i8"),  # sections of the circuit, or -1
-        ("section_ahead", "i8"),
-        ("penalty_s", "f8"),  # given for it
-    ],
-    align=True,
-)
+
+class ContactRecord(Protocol):
+    """One record of CONTACT, as kernels write it."""
+
+    time: float  # s since the start of the race
+    behind: int  # indices of the two cars by progress
+    ahead: int
+    x: float  # of the point of contact, world frame, m
+    y: float
+    closing: float  # m/s, along the normal of the contact
+    relative_x: float  # velocity of the car behind less that of the car ahead, m/s,
+    relative_y: float  # in the frame of the car ahead
+    geometry: int  # index of GEOMETRIES
+    faster: int  # index of the car that was
+    fault: int  # index of the car whose fault the stewards find it, or -1
+    section_behind: int  # sections of the circuit, or -1
+    section_ahead: int
+    penalty_s: float  # given for it
+
+
+CONTACT = record_dtype(ContactRecord)
 """A contact of two cars at its beginning."""
+
+
+class Races(NamedTuple):
+    """All that changes in a step.
+
+    Attributes:
+        cars: (races, cars) CAR_STATE.
+        ticks: (races,) int64, dynamics steps since each race's start.
+        touched: (races, cars, cars) float64, when two cars touched last, s since the start; -inf for never.
+        contacts: (races, pairs) CONTACT, those that began in the last step, oldest first.
+        contact_count: (races,) int64, how many of them there are.
+    """
+
+    cars: np.ndarray
+    ticks: np.ndarray
+    touched: np.ndarray
+    contacts: np.ndarray
+    contact_count: np.ndarray
+
+
+class Race(NamedTuple):
+    """Rows of the arrays of one of the races, whose own `ticks` and `contact_count` come first."""
+
+    cars: Cars
+    ticks: np.ndarray
+    touched: np.ndarray
+    contacts: Sequence[ContactRecord]
+    contact_count: np.ndarray

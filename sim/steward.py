@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-
-import numpy as np
+from typing import NamedTuple
 
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.physics.body import speed_squared
 from nathlon.sim.physics.contact import Touch
 from nathlon.sim.physics.course import CourseParameters, facing
 from nathlon.sim.rules import RuleParameters
-from nathlon.sim.state import OTHER, REAR_END, SIDE_SWIPE, CarRecord
+from nathlon.sim.state import OTHER, REAR_END, SIDE_SWIPE, CarRecord, Cars, ContactRecord
 from nathlon.sim.track import SECTION, TANGENT_X, TANGENT_Y, ZONE
 
 SAME_WAY = 0.5
@@ -20,6 +19,19 @@ END_ON = 0.7
 """Cosine of the angle between normal and heading from which a contact is one of front and tail."""
 SLOWING = 0.35
 """Share of the brakes with which a car is slowed for each m/s that it is too fast."""
+
+
+class Approach(NamedTuple):
+    """How two cars came together.
+
+    Attributes:
+        relative_x, relative_y: velocity of the second car less that of the first, world frame, m/s.
+        faster: index of the car that was faster.
+    """
+
+    relative_x: float
+    relative_y: float
+    faster: int
 
 
 @lean_inlined
@@ -31,9 +43,7 @@ def penalise(car: CarRecord, seconds: float) -> None:
 
 
 @lean_inlined
-def watch_limits(
-    car: CarRecord, off: bool, now: float, dt: float, course: CourseParameters, rules: RuleParameters
-) -> None:
+def watch_limits(car: CarRecord, off: bool, now: float, dt: float, rules: RuleParameters) -> None:
     """Follow a car's excursion off the course, and judge it at its end.
 
     An excursion has cut a corner if it gained more of the centre line than the way that was driven.
@@ -122,15 +132,13 @@ def judge(
 
 @lean_inlined
 def note_contact(
-    cars: np.ndarray,
+    cars: Cars,
     i: int,
     j: int,
     touch: Touch,
-    relative_x: float,
-    relative_y: float,
-    faster: int,
+    approach: Approach,
     now: float,
-    note: CarRecord,
+    note: ContactRecord,
     course: CourseParameters,
     rules: RuleParameters,
 ) -> None:
@@ -139,14 +147,14 @@ def note_contact(
     Args:
         cars: of the race.
         i, j: indices of the two; `touch` has its normal from i to j.
-        relative_x, relative_y: velocity of j less that of i before, world frame, m/s.
-        faster: index of the car that was faster before.
+        approach: of j to i.
         now: s since the start.
         note: a CONTACT record.
     """
     gap = cars[j].progress - cars[i].progress
     gap -= math.floor(gap / course.length + 0.5) * course.length
     behind, ahead = i, j
+    relative_x, relative_y = approach.relative_x, approach.relative_y
     if gap < 0.0:
         behind, ahead = j, i
         touch = Touch(touch.closing, touch.x, touch.y, -touch.normal_x, -touch.normal_y)
@@ -163,14 +171,14 @@ def note_contact(
     note.relative_x = relative_x * b.cos_yaw + relative_y * b.sin_yaw
     note.relative_y = relative_y * b.cos_yaw - relative_x * b.sin_yaw
     note.geometry = geometry
-    note.faster = faster
+    note.faster = approach.faster
     note.section_behind = int(course.table[a.row, SECTION])
     note.section_ahead = int(course.table[b.row, SECTION])
     note.fault = -1
     note.penalty_s = 0.0
     a.contacts += 1
     b.contacts += 1
-    if faster == behind:
+    if approach.faster == behind:
         a.contacts_faster_behind += 1
     if fault < 0:
         return

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.car import Car, CarParameters, parameters
+from nathlon.sim.car import Car, parameters
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observe import blocks, observe_cars
+from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars
+from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.body import set_body_velocity, set_direction, speed_squared
 from nathlon.sim.physics.chassis import GRAVITY, Rates, advance
 from nathlon.sim.physics.contact import collide
@@ -26,12 +27,13 @@ from nathlon.sim.physics.course import (
     stand_on,
 )
 from nathlon.sim.physics.draught import set_draught
-from nathlon.sim.rules import RuleParameters, Rules, load_rules, rule_parameters
-from nathlon.sim.sharing import Tally, Threads, finish, take
-from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord
-from nathlon.sim.steward import note_contact, serve_penalty, watch_limits
+from nathlon.sim.physics.tyre import Ground
+from nathlon.sim.rules import Rules, load_rules, rule_parameters
+from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, Race, Races
+from nathlon.sim.steward import Approach, note_contact, serve_penalty, watch_limits
 from nathlon.sim.timing import first_line, time_lines
 from nathlon.sim.track import Track
+from nathlon.sim.work_stealing import Tally, ThreadPool, finish, take
 
 DYNAMICS_HZ = 60
 DYNAMICS_DT = 1.0 / DYNAMICS_HZ
@@ -80,83 +82,62 @@ class Conditions:
 
 @lean_kernel
 def step_races(
-    state: np.ndarray,
+    races: Races,
     actions: np.ndarray,
-    ticks: np.ndarray,
-    touched: np.ndarray,
-    contacts: np.ndarray,
-    contact_count: np.ndarray,
     substeps: int,
-    tyres: np.ndarray,
-    p: CarParameters,
-    course: CourseParameters,
-    rates: Rates,
-    rules: RuleParameters,
+    ground: Ground,
+    p: WorldParameters,
     tally: Tally,
     thread: int,
 ) -> None:
     """Advance the races that a thread takes by some dynamics steps; see `step_race` and
-    `nathlon.sim.sharing`.
+    `nathlon.sim.work_stealing`.
     """
     while True:
-        race = take(tally, thread, len(state))
-        if race < 0:
+        index = take(tally, thread, len(races.cars))
+        if index < 0:
             return
-        step_race(
-            state[race],
-            actions[race],
-            ticks[race:],
-            touched[race],
-            contacts[race],
-            contact_count[race:],
-            substeps,
-            tyres,
-            p,
-            course,
-            rates,
-            rules,
-        )
+        step_race(race_of(races, index), actions[index], substeps, ground, p)
         finish(tally, thread)
 
 
 @lean_inlined
-def step_race(
-    cars: np.ndarray,
-    actions: np.ndarray,
-    ticks: np.ndarray,
-    touched: np.ndarray,
-    contacts: np.ndarray,
-    contact_count: np.ndarray,
-    substeps: int,
-    tyres: np.ndarray,
-    p: CarParameters,
-    course: CourseParameters,
-    rates: Rates,
-    rules: RuleParameters,
-) -> None:
+def race_of(races: Races, index: int) -> Race:
+    """One of the races, without copying."""
+    return Race(
+        races.cars[index],
+        races.ticks[index:],
+        races.touched[index],
+        races.contacts[index],
+        races.contact_count[index:],
+    )
+
+
+@lean_inlined
+def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p: WorldParameters) -> None:
     """Advance one race by some dynamics steps.
 
     Args:
-        cars, actions, touched, contacts: of the race; see `World`.
-        ticks, contact_count: those of the race come first.
+        race: changed in place.
+        actions: (cars, 2), see `World.step`.
         substeps: how many steps.
-        tyres: (3, 4) scratch.
-        p, course, rates, rules: the kernels' view of car, circuit, conditions and rules.
+        ground: scratch.
+        p: of the world.
     """
-    grip, drag, shake = tyres[0], tyres[1], tyres[2]
-    worn = rates.wear > 0.0
-    reach_squared = 4.0 * (p.half_length * p.half_length + p.half_width * p.half_width)
+    cars, ticks, course = race.cars, race.ticks, p.course
+    worn = p.rates.wear > 0.0
+    reach_squared = 4.0 * (p.car.half_length * p.car.half_length + p.car.half_width * p.car.half_width)
     count = len(cars)
     for i in range(count):
         car = cars[i]
         car.off_course = car.wall_contact = car.car_contact = False
-    contact_count[0] = 0
+    race.contact_count[0] = 0
     for _ in range(substeps):
         now = ticks[0] * DYNAMICS_DT
         if ticks[0] % RENEWAL_SUBSTEPS == 0:
             for i in range(count):
                 set_direction(cars[i])
-            set_draught(cars, 2.0 * p.half_length, course)
+            set_draught(cars, 2.0 * p.car.half_length, course)
         for i in range(count):
             car = cars[i]
             if not car.driving:
@@ -166,17 +147,17 @@ def step_race(
             car.throttle = max(actions[i, 0], 0.0)
             car.brake = max(-actions[i, 0], 0.0)
             sine, cosine = facing(car, course)
-            off = stand_on(car, sine, cosine, worn, grip, drag, shake, p, course) >= 3
+            off = stand_on(car, sine, cosine, worn, ground, p.car, course) >= 3
             if off:
                 car.off_course = True
                 car.off_course_s += DYNAMICS_DT
-            watch_limits(car, off, now, DYNAMICS_DT, course, rules)
-            serve_penalty(car, DYNAMICS_DT, course, rules)
+            watch_limits(car, off, now, DYNAMICS_DT, p.rules)
+            serve_penalty(car, DYNAMICS_DT, course, p.rules)
             feel_road(car, sine, cosine, course)
-            advance(car, actions[i, 1] * p.full_lock, grip, drag, shake, DYNAMICS_DT, p, rates)
+            advance(car, actions[i, 1] * p.car.full_lock, ground, DYNAMICS_DT, p.car, p.rates)
             locate(car, course)
             sine, cosine = facing(car, course)
-            if meet_walls(car, sine, cosine, p, course):
+            if meet_walls(car, sine, cosine, p.car, course):
                 car.wall_contact = True
                 car.wall_s += DYNAMICS_DT
                 locate(car, course)
@@ -185,7 +166,7 @@ def step_race(
         for i in range(count):
             for j in range(i + 1, count):
                 if near(cars[i], cars[j], reach_squared) and not on_other_level(cars[i], cars[j], course):
-                    meet(cars, i, j, now, touched, contacts, contact_count, p, course, rules)
+                    meet(race, i, j, now, p)
         ticks[0] += 1
     for i in range(count):
         set_heading_error(cars[i], course)
@@ -199,37 +180,27 @@ def near(a: CarRecord, b: CarRecord, reach_squared: float) -> bool:
 
 
 @lean_kernel
-def meet(
-    cars: np.ndarray,
-    i: int,
-    j: int,
-    now: float,
-    touched: np.ndarray,
-    contacts: np.ndarray,
-    contact_count: np.ndarray,
-    p: CarParameters,
-    course: CourseParameters,
-    rules: RuleParameters,
-) -> None:
+def meet(race: Race, i: int, j: int, now: float, p: WorldParameters) -> None:
     """Resolve the contact of two cars of a race, if they touch, and note it if it is a new one."""
-    a, b = cars[i], cars[j]
+    a, b = race.cars[i], race.cars[j]
     relative_x = b.world_velocity_x - a.world_velocity_x
     relative_y = b.world_velocity_y - a.world_velocity_y
     faster = i if speed_squared(a) > speed_squared(b) else j
-    touch = collide(a, b, DYNAMICS_DT, p)
+    touch = collide(a, b, DYNAMICS_DT, p.car)
     if touch.closing < 0.0:
         return
     a.car_contact = b.car_contact = True
-    if now - touched[i, j] > CONTACT_GAP_S:
-        note = contacts[contact_count[0]]
-        note_contact(cars, i, j, touch, relative_x, relative_y, faster, now, note, course, rules)
-        contact_count[0] += 1
-    touched[i, j] = now
+    if now - race.touched[i, j] > CONTACT_GAP_S:
+        note = race.contacts[race.contact_count[0]]
+        approach = Approach(relative_x, relative_y, faster)
+        note_contact(race.cars, i, j, touch, approach, now, note, p.course, p.rules)
+        race.contact_count[0] += 1
+    race.touched[i, j] = now
     a.contact_s = b.contact_s = now
 
 
 @lean_kernel
-def locate_all(cars: np.ndarray, course: CourseParameters) -> None:
+def locate_all(cars: Cars, course: CourseParameters) -> None:
     """Locate every car of one race, their rows being near the truth."""
     for i in range(len(cars)):
         car = cars[i]
@@ -249,6 +220,7 @@ class World:
         ticks: (races,) int64, dynamics steps since each race's start.
         contacts: (races, pairs) CONTACT, the contacts that began in the last step, oldest first.
         contact_count: (races,) int64, how many of them there are.
+        parameters: the kernels' view of car, circuit, conditions and rules.
     """
 
     def __init__(
@@ -276,25 +248,27 @@ class World:
         """
         self.track = track
         self.car = car
-        self.parameters = parameters(car, conditions.compound)
-        self.course = course_parameters(track)
+        self.parameters = WorldParameters(
+            parameters(car, conditions.compound),
+            course_parameters(track),
+            Rates(float(conditions.wear_rate), float(conditions.fuel_rate)),
+            rule_parameters(rules or load_rules("free")),
+        )
         self.state = np.zeros((races, cars), CAR_STATE)
         self.ticks = np.zeros(races, np.int64)
         self.contacts = np.zeros((races, max(cars * (cars - 1) // 2, 1)), CONTACT)
         self.contact_count = np.zeros(races, np.int64)
-        self.rates = Rates(float(conditions.wear_rate), float(conditions.fuel_rate))
-        self.rules = rule_parameters(rules or load_rules("free"))
         self._touched = np.full((races, cars, cars), -np.inf)
-        self._threads = Threads(threads)
+        self._threads = ThreadPool(threads)
 
     @property
     def time(self) -> NDArray[np.float64]:
         """Time since each race's start, s, (races,)."""
         return self.ticks / DYNAMICS_HZ
 
-    def arrays(self) -> tuple[np.ndarray, ...]:
-        """All that changes in a step: state, ticks, times of the last touches, contacts, their number."""
-        return self.state, self.ticks, self._touched, self.contacts, self.contact_count
+    def arrays(self) -> Races:
+        """All that changes in a step, not copied."""
+        return Races(self.state, self.ticks, self._touched, self.contacts, self.contact_count)
 
     def reset(self, race: int, start: Start) -> None:
         """Put the cars of one race at their start, wheels rolling at the speed of the road."""
@@ -306,9 +280,9 @@ class World:
         cars["world_velocity_y"] = start.speed * np.sin(cars["yaw"])
         cars["spin"] = (start.speed / self.car.wheel.radius_m)[:, None]
         shift_up = self.car.engine.shift_up_rpm / 60.0 * 2.0 * np.pi
-        fastest = shift_up / self.parameters.ratios * self.car.wheel.radius_m
+        fastest = shift_up / self.parameters.car.ratios * self.car.wheel.radius_m
         cars["gear"] = np.minimum(np.searchsorted(fastest, start.speed), len(fastest) - 1)
-        cars["fuel"] = self.parameters.fuel_capacity
+        cars["fuel"] = self.parameters.car.fuel_capacity
         cars["mass"] = self.car.body.mass_kg
         cars["wraps"] = np.floor(start.distance / self.track.length)
         along = start.distance - cars["wraps"] * self.track.length
@@ -319,7 +293,7 @@ class World:
         cars["contact_s"] = -np.inf
         cars["driving"] = True
         cars["finish"] = start.finish
-        locate_all(cars, self.course)
+        locate_all(cars, self.parameters.course)
         cars["start"] = cars["progress"]
         cars["laps"] = np.maximum(cars["wraps"], 0)
         cars["line"] = first_line(start.distance, self.track.sectors, self.track.length)
@@ -345,24 +319,10 @@ class World:
         legal = np.clip(actions, -1.0, 1.0, dtype=np.float64)
 
         def work(tally: Tally, thread: int) -> None:
-            step_races(
-                self.state,
-                legal,
-                self.ticks,
-                self._touched,
-                self.contacts,
-                self.contact_count,
-                substeps,
-                np.empty((3, 4)),
-                self.parameters,
-                self.course,
-                self.rates,
-                self.rules,
-                tally,
-                thread,
-            )
+            ground = Ground(*np.empty((3, 4)))
+            step_races(self.arrays(), legal, substeps, ground, self.parameters, tally, thread)
 
-        self._threads.share(work, len(self.state))
+        self._threads.run(work, len(self.state))
 
     def new_contacts(self, race: int) -> NDArray[np.void]:
         """The contacts of one race that began in the last step, CONTACT."""
@@ -381,27 +341,12 @@ class World:
             (n, spec.size) float32.
         """
         out = np.empty((len(races), spec.size), np.float32)
-        mean, deviation = spec.scaling
-        scale = np.float32(1.0) / deviation
+        layout = layout_parameters(spec)
 
         def work(tally: Tally, thread: int) -> None:
-            observe_cars(
-                self.state,
-                races,
-                cars,
-                out,
-                mean,
-                scale,
-                spec.course_points,
-                spec.horizon_s,
-                spec.cars_ahead,
-                np.empty(spec.cars_ahead + spec.cars_behind, np.int64),
-                np.empty(spec.cars_ahead + spec.cars_behind),
-                self.parameters,
-                self.course,
-                tally,
-                thread,
-            )
+            listed = spec.cars_ahead + spec.cars_behind
+            nearby = Nearby(np.empty(listed, np.int64), np.empty(listed))
+            observe_cars(self.state, races, cars, out, layout, nearby, self.parameters, tally, thread)
 
-        self._threads.share(work, blocks(len(races)))
+        self._threads.run(work, blocks(len(races)))
         return out

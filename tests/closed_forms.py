@@ -149,7 +149,7 @@ def hills(height: float, count: int, radius: float = 600.0, bank: float = 0.0) -
 def energy(world: World) -> float:
     """Kinetic and potential energy of the first car per kilogram, J/kg."""
     cars = world.state[0].copy()
-    locate_all(cars, world.course)
+    locate_all(cars, world.parameters.course)
     car, body, wheel = cars[0], world.car.body, world.car.wheel
     climb = car["slope_x"] * car["velocity_x"] + car["slope_y"] * car["velocity_y"]
     moving = car["velocity_x"] ** 2 + car["velocity_y"] ** 2 + climb**2

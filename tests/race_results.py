@@ -37,6 +37,8 @@ DEFAULTS: dict[str, Any] = {
     "contacts_faster_behind": 0,
     "contacts_at_fault": 0,
     "penalties": 0,
+    "score": None,
+    "measures": None,
 }
 
 

@@ -22,7 +22,7 @@ from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.isolation import Apart
 from nathlon.policies.sources import PLUGIN
-from nathlon.sim.decisive import fingerprint
+from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
@@ -69,7 +69,7 @@ class EpisodeWorld(ABC):
 
     def facts(self, scenario: str) -> dict[str, Any]:
         """As of `nathlon.arena.worlds.contract.World`."""
-        return {"code": fingerprint(), "world_files": self.identity()}
+        return {"code": fingerprint(names=EPISODES), "world_files": self.identity()}
 
     def enter(self, source: str) -> Entrant:
         """As of `nathlon.arena.worlds.contract.World`."""

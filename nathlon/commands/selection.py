@@ -170,14 +170,21 @@ def _print_ranking(summary: Summary) -> None:
     if not ranking:
         say("Fewer than two entrants reached the round robin; see the report for the filter and the tests.")
         return
-    table = Table(title="Round robin with 95 % intervals")
-    for column in ("Rank", "Entrant", "Points a race", "Contacts per km", "Races"):
+    from nathlon.arena.worlds.registry import RACING
+
+    met, racing = "tournament" not in summary.stages_set_aside, summary.world == RACING
+    touches = racing or any(row.contacts_per_km is not None for row in ranking)
+    table = Table(title=f"{'Round robin' if met else 'n-athlon'} with 95 % intervals")
+    points_head = f"Points {'a race' if racing else 'an episode'}" if met else "Points"
+    heads = ["Rank", "Entrant", points_head, *(["Contacts per km"] if touches else [])]
+    for column in [*heads, *(["Races" if racing else "Episodes"] if met else [])]:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
     for row in ranking:
-        points = (row.points_per_race, row.points_low, row.points_high)
-        contacts = (row.contacts_per_km, row.contacts_low, row.contacts_high)
-        place = "–" if row.rank is None else str(row.rank)
-        table.add_row(place, row.name, _interval(*points), _interval(*contacts), str(row.races))
+        cells = ["–" if row.rank is None else str(row.rank), row.name]
+        cells.append(_interval(row.points_per_race, row.points_low, row.points_high))
+        if touches:
+            cells.append(_interval(row.contacts_per_km, row.contacts_low, row.contacts_high))
+        table.add_row(*cells, *([str(row.races)] if met else []))
     console.table(table)
 
 

@@ -53,11 +53,11 @@ class BatterySettings(Section):
     """The n-athlon.
 
     Attributes:
-        tests: shipped names, or paths of `.toml` files; with none, one for each of the world's scenarios.
+        tests: shipped names, or paths of `.toml` files.
         runs: of an entrant in every test, in place of the number that the test asks for.
     """
 
-    tests: tuple[str, ...] = DECATHLON
+    tests: Annotated[tuple[str, ...], Field(min_length=1)] = DECATHLON
     runs: Annotated[int, Field(ge=1, le=1000)] | None = None
 
 

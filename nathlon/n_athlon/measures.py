@@ -98,6 +98,8 @@ def measured(name: str, world: World) -> Measure:
     """
     if not name.startswith(OWN):
         return MEASURES[name]
+    if name.removeprefix(OWN) in KNOWN:
+        raise KeyError(name)
     declared = world.measures[name.removeprefix(OWN)]
     kind: Kind = "time" if declared.goal == "min" else "distance"
     return Measure(kind, declared.unit, False, _own(name.removeprefix(OWN)))

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from nathlon.arena.match import TESTED
 from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
-from nathlon.arena.worlds.contract import World
+from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.n_athlon.battery import MARKS
 from nathlon.n_athlon.measures import MEASURES, OWN, Measure, measured
@@ -216,7 +216,7 @@ def read_skill(path: Path, world: World | None = None) -> Skill:
     try:
         measured(skill.measure, world)
     except KeyError:
-        known = ", ".join([*MEASURES, *(OWN + name for name in world.measures)])
+        known = ", ".join([*MEASURES, *(OWN + name for name in world.measures if name not in KNOWN)])
         raise InputError(f"{path}: field measure is {skill.measure!r}: expected one of {known}") from None
     if max(skill.slots) > places:
         raise InputError(f"{path}: field slots is {list(skill.slots)}: expected places from 1 to {places}")

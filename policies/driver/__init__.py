@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from nathlon.policies.driver.control import drive
-from nathlon.policies.driver.disk_cache import noted
+from nathlon.policies.driver.disk_cache import cached
 from nathlon.policies.driver.envelope import envelope
 from nathlon.policies.driver.knowledge import Knowledge, layout
 from nathlon.policies.driver.margins import room, room_aside
@@ -136,8 +136,8 @@ def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
 @lru_cache
 def _profile(circuit: str, car: str, lane_m: float | None) -> Profile:
     track, model = load_track(circuit), load_car(car)
-    facts = track.table.tobytes(), repr((track.grid, track.length, model, lane_m)).encode()
-    offset, grip = noted(partial(_practised, track, model, lane_m), *facts)
+    key = track.table.tobytes(), repr((track.grid, track.length, model, lane_m)).encode()
+    offset, grip = cached(partial(_practised, track, model, lane_m), *key)
     return profile(track, offset, envelope(model), grip)
 
 

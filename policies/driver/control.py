@@ -10,6 +10,7 @@ from nathlon.policies.driver.knowledge import Knowledge, Layout, along, clip
 from nathlon.policies.driver.speed_profile import at_speed, corner_limit, demand, look_up
 from nathlon.policies.driver.traffic import mind_others
 from nathlon.sim.kernel import inlined, kernel
+from nathlon.sim.observation import CENTRE, LINES
 from nathlon.sim.physics.chassis import GRAVITY
 from nathlon.sim.physics.tyre import worn_grip
 from nathlon.sim.world import AGENT_DT
@@ -150,7 +151,7 @@ def drive_one(
     """
     velocity, sideways = values[where.velocity], values[where.velocity + 1]
     yaw_rate, heading = values[where.yaw_rate], values[where.heading]
-    centre_x, centre_y = values[where.course + 1], values[where.course + 4]
+    centre_x, centre_y = values[where.course + CENTRE], values[where.course + LINES + CENTRE]
     lateral = -(centre_x * math.sin(heading) + centre_y * math.cos(heading))
     lap_angle = math.atan2(values[where.progress], values[where.progress + 1])
     distance = lap_angle / (2.0 * math.pi) * knows.length

@@ -17,31 +17,31 @@ FOLDER = "nathlon"
 """In the user's folder of caches."""
 
 
-def _place(facts: tuple[bytes, ...]) -> Path:
+def _place(key: tuple[bytes, ...]) -> Path:
     digest = hashlib.sha256(fingerprint().encode())
-    for fact in facts:
-        digest.update(hashlib.sha256(fact).digest())
+    for part in key:
+        digest.update(hashlib.sha256(part).digest())
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home) / FOLDER / "notes" / f"{digest.hexdigest()[:32]}.npy"
+    return Path(home) / FOLDER / "driver" / f"{digest.hexdigest()[:32]}.npy"
 
 
-def noted(find: Callable[[], Line], *facts: bytes) -> Line:
-    """What `find` gives for these facts, from the disk where it is known, and put there where it is not.
+def cached(compute: Callable[[], Line], *key: bytes) -> Line:
+    """What `compute` gives for this key, from the disk where it is known, and put there where it is not.
 
     Args:
-        find: gives an array.
-        facts: all that the array depends on beside the code.
+        compute: gives an array.
+        key: all that the array depends on beside the code.
     """
-    path = _place(facts)
+    path = _place(key)
     try:
         known: Line = np.load(path, allow_pickle=False)
         return known
     except (OSError, ValueError, EOFError):
-        found = find()
+        computed = compute()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as partial, partial.open("wb") as file:
-            np.save(file, found)
+            np.save(file, computed)
     except OSError:
         pass  # without a writable home it is found out anew each time
-    return found
+    return computed

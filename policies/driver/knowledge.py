@@ -44,7 +44,7 @@ def layout(spec: ObservationSpec) -> Layout:
         "heading_error",
         "course",
     )
-    starts = [int(spec.slice(name).start) for name in (*fields, "cars_ahead", "cars_behind")]
+    starts = [spec.start(name) for name in (*fields, "cars_ahead", "cars_behind")]
     return Layout._make((*starts, spec.cars_ahead, spec.cars_behind))
 
 

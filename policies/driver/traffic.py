@@ -8,7 +8,7 @@ import numpy as np
 
 from nathlon.policies.driver.knowledge import Knowledge, Layout, along, clip
 from nathlon.sim.kernel import inlined
-from nathlon.sim.observation import OPPONENT
+from nathlon.sim.observation import OPPONENT_SIZE, PRESENT, VELOCITY_X, VELOCITY_Y, X, Y
 
 PASSING_GAP_M = 2.6
 """Lateral distance between centres at which two cars pass each other safely."""
@@ -28,8 +28,6 @@ FADE_M = 20.0
 BEHIND = 3.0
 """Care for others ends at the first distance, and is whole nearer by the second. A car behind counts as so
 many times as far away."""
-
-OPPONENT_SIZE = len(OPPONENT)
 
 
 @inlined
@@ -93,12 +91,13 @@ def mind_others(
             k = where.ahead + OPPONENT_SIZE * place
         else:
             k = where.behind + OPPONENT_SIZE * (place - where.cars_ahead)
-        if values[k] < 0.5:
+        if values[k + PRESENT] < 0.5:
             continue
-        ahead, there, turned = find(values[k + 1], values[k + 2], distance, lateral, heading, knows)
+        ahead, there, turned = find(values[k + X], values[k + Y], distance, lateral, heading, knows)
         # Both follow the same line: what counts is how far each is off it.
         there += line - along(knows.offset, distance + ahead, knows.spacing)
-        speed = (velocity + values[k + 3]) * math.cos(turned) + (sideways + values[k + 4]) * math.sin(turned)
+        speed = (velocity + values[k + VELOCITY_X]) * math.cos(turned)
+        speed += (sideways + values[k + VELOCITY_Y]) * math.sin(turned)
         gap = ahead - knows.car_length
         far = gap if ahead > 0.0 else -BEHIND * ahead
         care = max(care, clip((ALONE_M - far) / FADE_M, 0.0, 1.0))

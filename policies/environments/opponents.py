@@ -1,4 +1,4 @@
-"""Heats: races side by side in which policies drive some of the cars, and others are driven from outside."""
+"""Races side by side in which opponents drive some of the cars, and others are driven from outside."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Opponent:
         self._memory[cars] = self._policy.initial_memory(len(cars))
 
 
-class Heat:
-    """Races of one scenario, side by side.
+class OpponentWrapper:
+    """Episodes in which opponents act for some of the cars, as a Gymnasium wrapper changes an environment.
 
     Attributes:
         episodes: the races themselves, read them freely.
@@ -171,13 +171,13 @@ def single_seat(
     place: int | None,
     observation: ObservationSpec,
     opponents: Sequence[Policy],
-) -> Heat:
-    """A heat in which one car of each race is driven from outside.
+) -> OpponentWrapper:
+    """Episodes in which one car of each race is driven from outside.
 
     Args:
         episodes: the races.
         place: its starting place, 1 is the first; None for the last.
-        observation, opponents: as of `Heat`.
+        observation, opponents: as of `OpponentWrapper`.
 
     Raises:
         InputError: if there is no such place, or nobody drives the others.
@@ -187,4 +187,4 @@ def single_seat(
         place = cars
     if not 1 <= place <= cars:
         raise InputError(f"place is {place}, expected 1 to {cars} in scenario {episodes.scenario.name!r}")
-    return Heat(episodes, [place - 1], observation, opponents)
+    return OpponentWrapper(episodes, [place - 1], observation, opponents)

@@ -52,8 +52,8 @@ class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         spec = observation or ObservationSpec()
         self._episodes = Episodes(circuit, car, scenario)
-        self._heat = single_seat(self._episodes, place, spec, load_opponents(opponents, circuit, car))
-        self._car = int(self._heat.cars[0])
+        self._env = single_seat(self._episodes, place, spec, load_opponents(opponents, circuit, car))
+        self._car = int(self._env.cars[0])
         self.observation_space = observation_space(spec)
         self.action_space = action_space()
         self.render_mode = render_mode
@@ -73,10 +73,10 @@ class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             options: none are known.
         """
         super().reset(seed=seed)
-        self._heat.start([0], [self.np_random])
+        self._env.start([0], [self.np_random])
         if self._screen:
             self._screen.start()
-        return self._heat.seen[0], self._info()
+        return self._env.seen[0], self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Advance by a step, 0.1 s unless the scenario has another action rate.
@@ -87,12 +87,12 @@ class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         Raises:
             ValueError: if the action is not finite.
         """
-        reward = float(self._heat.step(np.reshape(action, (1, 2)))[0])
+        reward = float(self._env.step(np.reshape(action, (1, 2)))[0])
         if self._screen:
             self._screen.step()
         ending = self._episodes.endings[0, self._car]
         terminated, truncated = bool(ending in ("finished", "stuck")), bool(ending == "time_up")
-        return self._heat.seen[0], reward, terminated, truncated, self._info()
+        return self._env.seen[0], reward, terminated, truncated, self._info()
 
     def _info(self) -> dict[str, Any]:
         return info_of(self._episodes.facts(), 0, self._car)

@@ -54,7 +54,7 @@ class RaceVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         """
         spec = observation or ObservationSpec()
         self._episodes = Episodes(circuit, car, scenario, num_envs, threads)
-        self._heat = single_seat(self._episodes, place, spec, load_opponents(opponents, circuit, car))
+        self._env = single_seat(self._episodes, place, spec, load_opponents(opponents, circuit, car))
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self.num_envs = num_envs
         self.single_observation_space = observation_space(spec)
@@ -80,11 +80,11 @@ class RaceVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             if own is not None:
                 self._rngs[race] = np.random.default_rng(own)
         self._start(np.ones(self.num_envs, np.bool_))
-        return self._heat.seen, self._infos()
+        return self._env.seen, self._infos()
 
     def _start(self, which: Flags) -> None:
         races = np.flatnonzero(which).tolist()
-        self._heat.start(races, [self._rngs[race] for race in races])
+        self._env.start(races, [self._rngs[race] for race in races])
 
     def step(
         self, actions: Observations
@@ -97,27 +97,27 @@ class RaceVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         Raises:
             ValueError: if an action is not finite.
         """
-        reward = self._heat.step(actions)
-        ending = self._episodes.endings[self._heat.races, self._heat.cars]
+        reward = self._env.step(actions)
+        ending = self._episodes.endings[self._env.races, self._env.cars]
         terminated, truncated = (ending == "finished") | (ending == "stuck"), ending == "time_up"
         over = terminated | truncated
         if not over.any():
-            return self._heat.seen, reward, terminated, truncated, self._infos()
+            return self._env.seen, reward, terminated, truncated, self._infos()
         final_obs = np.full(self.num_envs, None, dtype=object)
         for race in np.flatnonzero(over):
-            final_obs[race] = self._heat.seen[race]
+            final_obs[race] = self._env.seen[race]
         final = {"final_obs": final_obs, "_final_obs": over, "_final_info": over}
         final_info = self._infos()
         final["final_info"] = {
             name: value & over if name.startswith("_") else value for name, value in final_info.items()
         }
         self._start(over)
-        return self._heat.seen, reward, terminated, truncated, {**self._infos(), **final}
+        return self._env.seen, reward, terminated, truncated, {**self._infos(), **final}
 
     def _infos(self) -> dict[str, Any]:
         infos: dict[str, Any] = {}
         for name, values in self._episodes.facts().items():
-            mine = values[self._heat.races, self._heat.cars]
+            mine = values[self._env.races, self._env.cars]
             known = np.isfinite(mine) if mine.dtype.kind == "f" else np.ones(mine.shape, np.bool_)
             infos[name], infos[f"_{name}"] = mine, known.reshape(self.num_envs, -1).any(axis=1)
         return infos

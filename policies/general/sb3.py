@@ -107,6 +107,4 @@ def _outputs(file: Sb3File, family: Family, actions: int) -> Outputs:
     texts = {name: " ".join(str(space.get(name)).split()) for name in names}
     if kind != "Box":
         return Outputs(None, "argmax", actions, texts)
-    # Without bounds it was trained behind a wrapper that clips, as we do.
-    bounds = {name: text for name, text in texts.items() if "inf" not in text}
-    return Outputs("unscale" if family.squashes else "clip", None, actions, bounds)
+    return Outputs("unscale" if family.squashes else "clip", None, actions, texts)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.environments.opponents import Heat, load_opponents
+from nathlon.policies.environments.opponents import OpponentWrapper, load_opponents
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import Demonstrators
@@ -92,12 +92,14 @@ class Rollout:
         opponents = rollouts.opponents or config.opponents
         self._population = Population(opponents, config.circuit, config.car)
         self.episodes, self._learners = episodes, learners
-        self._heat = Heat(episodes, learners.tolist(), config.observation.spec(), self._population.policies)
+        self._env = OpponentWrapper(
+            episodes, learners.tolist(), config.observation.spec(), self._population.policies
+        )
         self._demonstrators = Demonstrators(
             load_opponents(rollouts.demonstrators, config.circuit, config.car),
             episodes,
-            self._heat.races,
-            self._heat.cars,
+            self._env.races,
+            self._env.cars,
         )
         self._reward = Reward(config.reward, episodes.world.track)
         self._mistakes = Mistakes(episodes, learners)
@@ -112,7 +114,7 @@ class Rollout:
     @property
     def slots(self) -> int:
         """Cars that the learner drives."""
-        return len(self._heat.cars)
+        return len(self._env.cars)
 
     @property
     def demonstrated(self) -> bool:
@@ -122,7 +124,7 @@ class Rollout:
     @property
     def observation(self) -> Array:
         """What the learner's cars see, (slots, size) float32."""
-        return self._heat.seen
+        return self._env.seen
 
     def meet(self, current: Policy | None, past: Sequence[Path]) -> None:
         """Let the opponents `self` and `past` be what they are called.
@@ -134,22 +136,22 @@ class Rollout:
         Raises:
             InputError: if a checkpoint cannot be read.
         """
-        if not self._heat.others:
+        if not self._env.others:
             return
         for index in self._population.meet(current, past, self._rng):
-            self._heat.replace(index, self._population.policies[index])
+            self._env.replace(index, self._population.policies[index])
 
     def _start(self, races: list[int]) -> None:
-        if self._heat.others:
-            who = self._population.draw(len(races) * self._heat.others, self._rng)
-            self._heat.seat(races, who.reshape(len(races), -1))
+        if self._env.others:
+            who = self._population.draw(len(races) * self._env.others, self._rng)
+            self._env.seat(races, who.reshape(len(races), -1))
         again = {
             race: self._mistakes.draw(self._rng)
             for race in races
             if len(self._mistakes) and self._rng.random() < self._again
         }
         self._demonstrators.forget(races)
-        self._heat.start(races, repeat(self._rng, len(races)), again)
+        self._env.start(races, repeat(self._rng, len(races)), again)
         self._mistakes.restart(races)
         self.episodes.limit_s[races] = self.episodes.world.time[races] + self.episodes.scenario.time_s
 
@@ -159,11 +161,11 @@ class Rollout:
         Returns:
             the step, and the components of its reward by name, each (slots,).
         """
-        mine, episodes = (self._heat.races, self._heat.cars), self.episodes
+        mine, episodes = (self._env.races, self._env.cars), self.episodes
         before, after = episodes.world.state.copy(), episodes.world.state
         if self.demonstrated:
             action = self._demonstrators.act(self._rng)
-        self._heat.step(action)
+        self._env.step(action)
         everyone = self._reward.components(before, after, episodes.contacts, episodes.contact_races)
         components = {name: value[mine] for name, value in everyone.items()}
         reward = self._reward.total(components).astype(np.float32)
@@ -180,7 +182,7 @@ class Rollout:
         return step, components
 
     def _count(self, valid: Flags, laps_before: NDArray[np.int64]) -> None:
-        state = self.episodes.world.state[self._heat.races, self._heat.cars]
+        state = self.episodes.world.state[self._env.races, self._env.cars]
         timed = valid & (state["laps"] > laps_before) & np.isfinite(state["last_lap_s"])
         self.laps.extend(state["last_lap_s"][timed])
         self.driven_s += self.episodes.step_s * int(valid.sum())

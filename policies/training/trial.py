@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.checkpoint import load_checkpoint
-from nathlon.policies.environments.opponents import Heat
+from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.training.advantage import advantages, discounted
 from nathlon.policies.training.config import Rollouts, TrainingConfig
-from nathlon.policies.training.lapses import Lapse, Lapses
+from nathlon.policies.training.failures import Failure, Failures
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import CONTACTS, Reward
 from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of
@@ -27,7 +27,7 @@ from nathlon.sim.episode import Episodes
 GROUP = 32
 """Races that leave the same start."""
 HORIZON_S, AGAIN_S = 60.0, 25.0
-"""Driven from a start, and again from before a lapse."""
+"""Driven from a start, and again from before a failure."""
 DISCOUNT = 0.985
 """Of a step: what follows within seven seconds counts, which is a bend and the straight after it."""
 CONTACT_DISCOUNT = 0.95
@@ -105,12 +105,12 @@ class Trial:
         self._population = Population(rollouts.opponents or config.opponents, config.circuit, config.car)
         policy = load_checkpoint(checkpoint)
         self._population.meet(policy, (checkpoint,), np.random.default_rng(0))  # nothing to choose from
-        self._heat = Heat(
+        self._env = OpponentWrapper(
             self._episodes, learners.tolist(), policy.observation_spec, self._population.policies
         )
         weights = config.reward.model_copy(update={"steering": 0.0})
         self._reward = Reward(weights, self._episodes.world.track)
-        self.scenario, self.cars = scenario.name, len(self._heat.races)
+        self.scenario, self.cars = scenario.name, len(self._env.races)
 
     def drive(self, act: Act, rng: np.random.Generator) -> Drive:
         """Drive all races once, with noise; then some again, from moments before what went wrong.
@@ -120,9 +120,9 @@ class Trial:
             rng: draws starts, opponents, noise, and what is driven again.
         """
         self._start(rng)
-        lapses = Lapses(self._episodes, self._heat.races, self._heat.cars, rng) if self._again else None
-        driven, reward, steps = self._drive(HORIZON_S, act, rng, lapses=lapses)
-        again = lapses.draw(self._again) if lapses else []
+        failures = Failures(self._episodes, self._env.races, self._env.cars, rng) if self._again else None
+        driven, reward, steps = self._drive(HORIZON_S, act, rng, failures=failures)
+        again = failures.draw(self._again) if failures else []
         if not again:
             return Drive((driven,), reward, steps)
         self._start_again(again)
@@ -136,27 +136,27 @@ class Trial:
         rng: np.random.Generator,
         boldness: float = 1.0,
         kept: float = 0.0,
-        lapses: Lapses | None = None,
+        failures: Failures | None = None,
     ) -> tuple[Driven, float, int]:
         """What was done, the mean reward of a car without discount, and the steps driven by all."""
         step_s = self._episodes.step_s
         length, until = round(length_s / step_s), round((length_s - UNTOLD_S) / step_s)
         shape = (length, self.cars)
-        seen = np.empty((*shape, self._heat.seen.shape[1]), np.float32)
+        seen = np.empty((*shape, self._env.seen.shape[1]), np.float32)
         means = np.empty((*shape, 2), np.float32)
         noise = lasting(rng.standard_normal((*shape, 2), np.float32), kept)
         rewards, charges, driving = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
         motion = np.empty((*shape, len(MOTION)))
         for step in range(length):
-            cars = self._episodes.world.state[self._heat.races, self._heat.cars]
+            cars = self._episodes.world.state[self._env.races, self._env.cars]
             motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
             driving[step] = cars["driving"]
-            seen[step], means[step] = self._heat.seen, act(self._heat.seen)
+            seen[step], means[step] = self._env.seen, act(self._env.seen)
             rewards[step], charges[step] = self._step(
                 np.clip(means[step] + boldness * DEVIATION * noise[step], -1.0, 1.0)
             )
-            if lapses:
-                lapses.watch()
+            if failures:
+                failures.watch()
         reward = float((rewards + charges).sum(axis=0).mean())
         returns, charges = discounted(rewards, DISCOUNT), discounted(charges, CONTACT_DISCOUNT)
         advantage = advantages(*(self._grouped(each[:until]) for each in (returns, charges, motion)))
@@ -172,35 +172,35 @@ class Trial:
         return np.swapaxes(values.reshape(steps, GROUP, cars // GROUP, *more), 1, 2)
 
     def _start(self, rng: np.random.Generator) -> None:
-        others = self._heat.others
+        others = self._env.others
         if others:
             who = self._population.draw(self._starts * others, rng).reshape(self._starts, others)
-            self._heat.seat(range(GROUP * self._starts), np.tile(who, (GROUP, 1)))
+            self._env.seat(range(GROUP * self._starts), np.tile(who, (GROUP, 1)))
         seeds = rng.integers(2**63, size=self._starts).tolist() * GROUP
-        self._heat.start(range(len(seeds)), map(np.random.default_rng, seeds))
+        self._env.start(range(len(seeds)), map(np.random.default_rng, seeds))
         self._episodes.world.state["finish"] = np.inf  # so that who is faster goes farther, not home
         self._episodes.limit_s[:] = np.inf
 
-    def _start_again(self, lapses: Sequence[Lapse]) -> None:
+    def _start_again(self, failures: Sequence[Failure]) -> None:
         """Have a group begin at each of the moments, at most one a start; the other races stand still."""
         which = np.arange(GROUP * self._starts) % self._starts
-        races = np.flatnonzero(which < len(lapses))
-        if self._heat.others:
-            self._heat.seat(races, self._heat.seated([lapses[which[race]].race for race in races]))
-        moments = {int(race): lapses[which[race]].moment for race in races}
+        races = np.flatnonzero(which < len(failures))
+        if self._env.others:
+            self._env.seat(races, self._env.seated([failures[which[race]].race for race in races]))
+        moments = {int(race): failures[which[race]].moment for race in races}
         self._episodes.world.state["driving"] = False
-        self._heat.start(list(moments), map(np.random.default_rng, moments), moments)
+        self._env.start(list(moments), map(np.random.default_rng, moments), moments)
         self._episodes.limit_s[:] = np.inf
 
     def _step(self, actions: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Rewards of a step with actions (cars, 2), without contacts and of these alone, (cars,) each."""
         episodes = self._episodes
         before, after = episodes.world.state.copy(), episodes.world.state
-        self._heat.step(actions)
+        self._env.step(actions)
         components = self._reward.components(before, after, episodes.contacts, episodes.contact_races)
         charged = {name: components.pop(name) for name in CONTACTS}
         rewards, charges = (
-            np.where(before["driving"], self._reward.total(part), 0.0)[self._heat.races, self._heat.cars]
+            np.where(before["driving"], self._reward.total(part), 0.0)[self._env.races, self._env.cars]
             for part in (components, charged)
         )
         return rewards, charges

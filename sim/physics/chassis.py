@@ -21,7 +21,7 @@ from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.body import set_body_velocity, turn
 from nathlon.sim.physics.powertrain import drive_torque, shift
-from nathlon.sim.physics.tyre import Four
+from nathlon.sim.physics.tyre import Four, Ground
 from nathlon.sim.physics.wheels import step_wheels
 from nathlon.sim.simd import load, multiply, store
 from nathlon.sim.state import CarRecord
@@ -76,9 +76,7 @@ def set_loads(car: CarRecord, steepness: float, shake: np.ndarray, p: CarParamet
 def advance(
     car: CarRecord,
     steer: float,
-    grip: np.ndarray,
-    drag: np.ndarray,
-    shake: np.ndarray,
+    ground: Ground,
     dt: float,
     p: CarParameters,
     rates: Rates,
@@ -88,9 +86,7 @@ def advance(
     Args:
         car: CAR_STATE record, changed in place.
         steer: wanted angle of the front wheels, rad.
-        grip: (4,) grip under each tyre, 1 is a new tyre on dry road.
-        drag: (4,) rolling resistance under each tyre, share of the load.
-        shake: (4,) what kerbs make of each tyre's load, 1 is nothing.
+        ground: under the tyres.
         dt: s.
         p: the car's parameters.
         rates: of wear and fuel.
@@ -99,7 +95,7 @@ def advance(
     car.steering += min(max(steer - car.steering, -most), most)
     steep_x, steep_y = 1.0 + car.slope_x * car.slope_x, 1.0 + car.slope_y * car.slope_y
     steep = steep_x + steep_y - 1.0
-    loads = set_loads(car, math.sqrt(steep), shake, p)
+    loads = set_loads(car, math.sqrt(steep), ground.shake, p)
 
     driven_spin = (1.0 - p.drive_front) * 0.5 * (car.spin[2] + car.spin[3])
     driven_spin += p.drive_front * 0.5 * (car.spin[0] + car.spin[1])
@@ -110,7 +106,7 @@ def advance(
         car.fuel = max(car.fuel - burnt, 0.0)
         car.mass = p.dry_mass + car.fuel
 
-    tyres_x, tyres_y, moment = step_wheels(car, loads, torque, engine_inertia, grip, drag, dt, p, rates.wear)
+    tyres_x, tyres_y, moment = step_wheels(car, loads, torque, engine_inertia, ground, dt, p, rates.wear)
     follow = dt / (p.load_lag + dt)
     car.carried_x += (tyres_x / car.mass - car.carried_x) * follow
     car.carried_y += (tyres_y / car.mass - car.carried_y) * follow

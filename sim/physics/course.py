@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.contact import hit_wall
-from nathlon.sim.physics.tyre import four, worn_grip
+from nathlon.sim.physics.tyre import Ground, four, worn_grip
 from nathlon.sim.simd import store
 from nathlon.sim.state import CarRecord
 from nathlon.sim.track import (
@@ -165,18 +165,16 @@ def stand_on(
     sine: float,
     cosine: float,
     worn: bool,
-    grip: np.ndarray,
-    drag: np.ndarray,
-    shake: np.ndarray,
+    ground: Ground,
     p: CarParameters,
     course: CourseParameters,
 ) -> int:
-    """Set grip, rolling resistance and shaking of each tyre by the surface under it.
+    """Set what is under each tyre.
 
     Args:
         sine, cosine: of the heading error.
         worn: whether tyres wear at all.
-        grip, drag, shake: (4,), set.
+        ground: set.
 
     Returns:
         the number of tyres out of bounds.
@@ -185,11 +183,11 @@ def stand_on(
     wear = car.wear
     if worn:
         left = (worn_grip(wear[0]), worn_grip(wear[1]), worn_grip(wear[2]), worn_grip(wear[3]))
-        store(grip, 0, left)
+        store(ground.grip, 0, left)
     else:
-        store(grip, 0, four(1.0))
-    store(drag, 0, four(p.rolling_resistance))
-    store(shake, 0, four(1.0))
+        store(ground.grip, 0, four(1.0))
+    store(ground.drag, 0, four(p.rolling_resistance))
+    store(ground.shake, 0, four(1.0))
     reach = p.a * abs(sine) + p.half_front_track * abs(cosine) + 2.0 * abs(line[CURVATURE])
     if car.lateral + reach < line[LEFT] and car.lateral - reach > -line[RIGHT]:
         return 0
@@ -213,9 +211,9 @@ def stand_on(
             surface = int(runoff)
         else:
             rib = (car.progress + x) / KERB_PITCH
-            shake[wheel] += KERB_SHAKE * (4.0 * abs(rib - math.floor(rib) - 0.5) - 1.0)
-        grip[wheel] *= SURFACE_GRIP[surface]
-        drag[wheel] += SURFACE_DRAG[surface]
+            ground.shake[wheel] += KERB_SHAKE * (4.0 * abs(rib - math.floor(rib) - 0.5) - 1.0)
+        ground.grip[wheel] *= SURFACE_GRIP[surface]
+        ground.drag[wheel] += SURFACE_DRAG[surface]
     return out
 
 

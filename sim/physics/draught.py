@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.physics.course import CourseParameters, on_other_level
+from nathlon.sim.state import Cars
 
 LENGTH = 45.0  # m over which a wake fades by a factor e
 WIDTH = 1.1  # m, half-width of the wake right behind the car
@@ -28,7 +27,7 @@ def wake(behind: float, beside: float) -> float:
 
 
 @lean_inlined
-def set_draught(cars: np.ndarray, car_length: float, course: CourseParameters) -> None:
+def set_draught(cars: Cars, car_length: float, course: CourseParameters) -> None:
     """Sum the wakes that each car of one race sits in, at most 1."""
     for i in range(len(cars)):
         follower = cars[i]

@@ -6,7 +6,10 @@ Source: Perantoni & Limebeer, "Optimal control for a Formula One car with variab
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import lean_inlined
@@ -21,6 +24,20 @@ LEAST_GRIP = 0.5
 
 Four = tuple[float, float, float, float]
 """A number of each wheel: front left, front right, rear left, rear right."""
+
+
+class Ground(NamedTuple):
+    """What is under the tyres; each is (4,) float64.
+
+    Attributes:
+        grip: 1 is a new tyre on dry road.
+        drag: rolling resistance, share of the load.
+        shake: what kerbs make of each tyre's load, 1 is nothing.
+    """
+
+    grip: NDArray[np.float64]
+    drag: NDArray[np.float64]
+    shake: NDArray[np.float64]
 
 
 @lean_inlined

@@ -9,12 +9,10 @@ before there were vectors, and races driven then are to be driven again.
 
 from __future__ import annotations
 
-import numpy as np
-
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.body import small_sin_cos
-from nathlon.sim.physics.tyre import Four, four, highest, lowest, tyre_force
+from nathlon.sim.physics.tyre import Four, Ground, four, highest, lowest, tyre_force
 from nathlon.sim.simd import (
     absolute,
     add,
@@ -121,8 +119,7 @@ def step_wheels(
     loads: Four,
     torque: float,
     engine_inertia: float,
-    grip: np.ndarray,
-    drag: np.ndarray,
+    ground: Ground,
     dt: float,
     p: CarParameters,
     wear_rate: float,
@@ -134,7 +131,7 @@ def step_wheels(
         loads: of the tyres, N.
         torque: that drives the axles, N m.
         engine_inertia: as the axles feel it, kg m^2.
-        grip, drag: (4,) grip and rolling resistance under each tyre.
+        ground: under the tyres.
         dt: s.
         p: the car's parameters.
         wear_rate: see `Rates`.
@@ -169,7 +166,7 @@ def step_wheels(
     slip_angle = multiply(negate(across), per_reference)
     store(car.slip_ratio, 0, slip_ratio)
     store(car.slip_angle, 0, slip_angle)
-    _, fy, stiffness, most_squared = tyre_force(slip_ratio, slip_angle, loads, load(grip, 0), p)
+    _, fy, stiffness, most_squared = tyre_force(slip_ratio, slip_angle, loads, load(ground.grip, 0), p)
     most = sqrt(most_squared)
     per_speed = divide(stiffness, highest(absolute(after), four(SLOWEST)))
     gain = multiply(per_speed, p.radius)
@@ -194,7 +191,7 @@ def step_wheels(
     if wear_rate > 0.0:
         slide = add(absolute(multiply(pull, sliding)), absolute(multiply(fy, across)))
         store(car.wear, 0, fma(wear_rate * p.wear_per_joule * dt, slide, load(car.wear, 0)))
-    rolled = multiply(multiply(load(drag, 0), loads), along)
+    rolled = multiply(multiply(load(ground.drag, 0), loads), along)
     pull = subtract(pull, divide(rolled, add(absolute(along), ROLLING_SPEED)))
     x = fma(cosines, pull, multiply(negate(sines), fy))
     y = fma(cosines, fy, multiply(sines, pull))

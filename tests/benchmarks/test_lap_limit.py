@@ -11,11 +11,12 @@ from benchmarks.lap_limit.guess import follow
 from benchmarks.lap_limit.model import CONTROLS, STATES, point_of_lap
 from benchmarks.lap_limit.problem import FIRST_BARRIER, Lap, solve
 from nathlon.policies.driver.speed_profile import Path, Profile
-from nathlon.sim.car import Car, load_car, parameters
+from nathlon.sim.car import Car, CarParameters, load_car, parameters
 from nathlon.sim.kernel import kernel
 from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY, Rates, advance
 from nathlon.sim.physics.powertrain import RPM, engine_torque
-from nathlon.sim.state import CAR_STATE
+from nathlon.sim.physics.tyre import Ground
+from nathlon.sim.state import CAR_STATE, Cars
 from tests.driving import circle
 
 WALL_M = 1.3  # from the centre line, where a car is 2 m wide and slides at an angle
@@ -23,18 +24,9 @@ TICK = 1e-7  # s: short enough to tell rates from
 
 
 @kernel
-def advance_one(
-    cars: np.ndarray,
-    steer: float,
-    grip: np.ndarray,
-    drag: np.ndarray,
-    shake: np.ndarray,
-    dt: float,
-    p: tuple,
-    rates: Rates,
-) -> None:
+def advance_one(cars: Cars, steer: float, ground: Ground, dt: float, p: CarParameters, rates: Rates) -> None:
     """One dynamics step of the simulator's for the only car of an array."""
-    advance(cars[0], steer, grip, drag, shake, dt, p, rates)
+    advance(cars[0], steer, ground, dt, p, rates)
 
 
 def simulated(
@@ -62,8 +54,8 @@ def simulated(
     driven = p.drive_front * spin[:2].mean() + (1.0 - p.drive_front) * spin[2:].mean()
     cars["gear"] = int(np.argmax(np.append(driven * p.ratios[:-1] * RPM < car.engine.shift_up_rpm, True)))
     before = cars.copy()
-    new = np.ones(4)
-    advance_one(cars, x["steering"], new, np.full(4, p.rolling_resistance), new, TICK, p, Rates(0.0, 0.0))
+    road = Ground(np.ones(4), np.full(4, p.rolling_resistance), np.ones(4))
+    advance_one(cars, x["steering"], road, TICK, p, Rates(0.0, 0.0))
 
     def rate(name: str) -> float:
         return float((cars[name][0] - before[name][0]) / TICK)

@@ -11,7 +11,7 @@ import pytest
 from pydantic import ValidationError
 
 from nathlon.arena.entrant import enter
-from nathlon.arena.match import Match
+from nathlon.arena.match import TESTED, Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import BATTERY, RESULTS, SKILLS
 from nathlon.arena.store import Store
@@ -54,7 +54,12 @@ def keep(store: Store, matches: Sequence[Match], lap: Lap) -> None:
         rows = [
             DEFAULTS
             | {"match": match.key, "stage": "battery", "race": index, "seed": race.seed, "laps": 4}
-            | {"entrant": match.entrants[0], "best_lap_s": best, "race_time_s": best and 4 * best + 0.4}
+            | {
+                "entrant": match.entrants[0],
+                "team": TESTED,
+                "best_lap_s": best,
+                "race_time_s": best and 4 * best + 0.4,
+            }
             for index, race in enumerate(match.races)
         ]
         store.add_match(match.key, "battery", match.spec(), pl.DataFrame(rows, schema=RESULTS))

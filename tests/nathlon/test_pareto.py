@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from polars.testing import assert_frame_equal
 
+from nathlon.arena.match import NO_TEAM, TESTED
 from nathlon.arena.results import OBJECTIVES, PARETO, RESULTS
 from nathlon.pareto import (
     SPREADS,
@@ -39,6 +40,7 @@ def drives(test: str, columns: dict[str, NDArray], shape: tuple[int, int]) -> pl
         "match": np.char.mod(f"{test} %05d", entrant).ravel(),
         "entrant": np.char.mod("entrant %05d", entrant).ravel(),
         "race": race.ravel(),
+        "team": TESTED,
     }
     return rows(plain | {name: column.ravel() for name, column in columns.items()}, entrant.size)
 
@@ -221,12 +223,10 @@ def test_a_race_with_a_simulator_fault_is_void_and_still_shown() -> None:
     assert objectives_table(pl.DataFrame(schema=RESULTS), STANDARD).schema == OBJECTIVES
 
 
-def test_only_the_car_that_starts_last_counts_and_an_opponents_fault_of_the_simulator_voids_its_race() -> (
-    None
-):
-    own = drives("race", {"contacts": np.array([[1, 3]]), "slot": np.array([[8, 8]])}, (1, 2))
+def test_only_who_is_tested_counts_and_an_opponents_fault_of_the_simulator_voids_its_race() -> None:
+    own = drives("race", {"contacts": np.array([[1, 3]])}, (1, 2))
     opponents = own.with_columns(
-        slot=pl.lit(7, pl.Int64), contacts=pl.lit(9, pl.Int64), car=pl.lit(6, pl.Int64)
+        team=pl.lit(NO_TEAM, pl.Int64), contacts=pl.lit(9, pl.Int64), car=pl.lit(6, pl.Int64)
     )
     assert measure(own_runs(pl.concat([own, opponents])), CONTACTS).cost.tolist() == [0.2]
     faulty = opponents.with_columns(

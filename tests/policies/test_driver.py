@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from nathlon.policies.driver import Driver, Follower
-from nathlon.policies.driver.disk_cache import noted
+from nathlon.policies.driver.disk_cache import cached
 from nathlon.policies.driver.envelope import SPEEDS, WEIGHTS, envelope
 from nathlon.policies.driver.margins import room
 from nathlon.policies.driver.practice import LEAST_GRIP, practise
@@ -197,24 +197,24 @@ def test_practice_takes_grip_only_from_places_that_go_wrong() -> None:
     assert LEAST_GRIP <= hurried.min() < 0.99
 
 
-def test_notes_are_kept_for_the_same_facts_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_holds_for_the_same_key_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     found: list[NDArray[np.float64]] = []
 
-    def find() -> NDArray[np.float64]:
+    def compute() -> NDArray[np.float64]:
         found.append(np.random.default_rng(len(found)).random((2, 5)))
         return found[-1]
 
-    first = noted(find, b"circuit", b"car")
-    np.testing.assert_array_equal(noted(find, b"circuit", b"car"), first)
+    first = cached(compute, b"circuit", b"car")
+    np.testing.assert_array_equal(cached(compute, b"circuit", b"car"), first)
     assert len(found) == 1
-    assert (noted(find, b"circuitc", b"ar") != first).all()
+    assert (cached(compute, b"circuitc", b"ar") != first).all()
     assert len(found) == 2
     for file in tmp_path.rglob("*.npy"):
         file.write_bytes(b"torn")
-    noted(find, b"circuit", b"car")
+    cached(compute, b"circuit", b"car")
     assert len(found) == 3
-    np.testing.assert_array_equal(noted(find, b"circuit", b"car"), found[2])
+    np.testing.assert_array_equal(cached(compute, b"circuit", b"car"), found[2])
 
 
 @pytest.mark.parametrize("bank", [0.0, -0.15, 0.1])

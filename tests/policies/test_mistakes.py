@@ -138,7 +138,7 @@ def test_the_moment_before_a_mistake_is_kept() -> None:
     assert len(noted) == len(mistakes) == 1
     moment = mistakes.draw(np.random.default_rng(0))
     assert not out_of_control(moment.state).any()
-    age_s = (noted[0] + 1) * 0.1 - moment.arrays[1] / 60.0
+    age_s = (noted[0] + 1) * 0.1 - moment.arrays.ticks / 60.0
     assert 3.0 < round(float(age_s), 6) <= 4.0
 
 

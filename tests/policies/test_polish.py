@@ -17,7 +17,7 @@ from nathlon.policies.training import polish, trial
 from nathlon.policies.training.advantage import advantages
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps
-from nathlon.policies.training.lapses import Lapse, Lapses
+from nathlon.policies.training.failures import Failure, Failures
 from nathlon.policies.training.polish import Polish
 from nathlon.policies.training.rewards import Reward
 from nathlon.policies.training.trial import Driven, Trial, lasting
@@ -105,12 +105,12 @@ def test_what_went_wrong_is_driven_again(settings: TrainingConfig, monkeypatch: 
     monkeypatch.setattr(trial, "AGAIN_S", 11.0)
     asked, moments = [], []
 
-    def draw(self: Lapses, count: int) -> list[Lapse]:
+    def draw(self: Failures, count: int) -> list[Failure]:
         asked.append(count)
         moments.append(races._episodes.moment().of(5))
-        return [Lapse(5, moments[0])] * count
+        return [Failure(5, moments[0])] * count
 
-    monkeypatch.setattr(Lapses, "draw", draw)
+    monkeypatch.setattr(Failures, "draw", draw)
     rollouts = settings.rollouts[0].model_copy(update={"mistakes": 0.5})
     races = Trial(settings, rollouts, 2, CHECKPOINT, threads=1)
     network = load_checkpoint(CHECKPOINT).network
@@ -125,9 +125,9 @@ def test_what_went_wrong_is_driven_again(settings: TrainingConfig, monkeypatch: 
     assert not np.array_equal(again.seen[4], again.seen[5])
     episodes = races._episodes
     episodes.start([0], [np.random.default_rng(0)], {0: moments[0]})
-    assert np.array_equal(races._heat.seen[0], begun[0])
+    assert np.array_equal(races._env.seen[0], begun[0])
     if settings is TRAFFIC:
-        assert np.array_equal(races._heat.seated([0, 2, 4, 6]), races._heat.seated([5] * 4))
+        assert np.array_equal(races._env.seated([0, 2, 4, 6]), races._env.seated([5] * 4))
     noise = again.noise.reshape(100, 8)
     assert noise.std() == pytest.approx(1.0 / trial.BOLDNESS, rel=0.2)
     assert np.corrcoef(noise[1:].ravel(), noise[:-1].ravel())[0, 1] == pytest.approx(trial.KEPT, abs=0.15)

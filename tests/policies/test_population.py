@@ -7,7 +7,7 @@ import pytest
 
 from nathlon.policies import bundled
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
-from nathlon.policies.environments.opponents import Heat
+from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.policy import Batch
 from nathlon.policies.training.config import Opponent, Rollouts, TrainingConfig
 from nathlon.policies.training.population import Population
@@ -84,24 +84,24 @@ def test_an_unknown_opponent_is_refused() -> None:
         population("driver", "nobody.safetensors")
 
 
-class TestHeat:
-    def heat(self, *policies: Constant, races: int = 4) -> Heat:
+class TestOpponentWrapper:
+    def wrapper(self, *policies: Constant, races: int = 4) -> OpponentWrapper:
         episodes = Episodes("lindenring", "gt3", "1v3", races)
-        return Heat(episodes, [3], ObservationSpec(course_points=1), policies)
+        return OpponentWrapper(episodes, [3], ObservationSpec(course_points=1), policies)
 
-    def start(self, heat: Heat, races: list[int]) -> None:
-        heat.start(races, [np.random.default_rng(race) for race in races])
+    def start(self, wrapper: OpponentWrapper, races: list[int]) -> None:
+        wrapper.start(races, [np.random.default_rng(race) for race in races])
 
     def test_all_cars_of_a_policy_act_in_one_call(self) -> None:
         a, b = Constant(1.0), Constant(-1.0)
-        heat = self.heat(a, b)
-        self.start(heat, [0, 1, 2, 3])
-        heat.step(np.zeros((4, 2), np.float32))
-        heat.seat([0, 2], np.array([[0, 0, 0], [0, 0, 1]]))
-        self.start(heat, [0, 2])
-        heat.step(np.zeros((4, 2), np.float32))
+        wrapper = self.wrapper(a, b)
+        self.start(wrapper, [0, 1, 2, 3])
+        wrapper.step(np.zeros((4, 2), np.float32))
+        wrapper.seat([0, 2], np.array([[0, 0, 0], [0, 0, 1]]))
+        self.start(wrapper, [0, 2])
+        wrapper.step(np.zeros((4, 2), np.float32))
         assert (a.calls, b.calls) == ([6, 7], [6, 5])
-        braking = heat.episodes.world.state["brake"] > 0.5
+        braking = wrapper.episodes.world.state["brake"] > 0.5
         assert braking.tolist() == [
             [False, False, False, False],
             [True, False, True, False],
@@ -111,24 +111,24 @@ class TestHeat:
 
     def test_a_start_forgets_what_was_remembered_there_only(self) -> None:
         a = Constant(1.0)
-        heat = self.heat(a, races=2)
-        self.start(heat, [0, 1])
+        wrapper = self.wrapper(a, races=2)
+        self.start(wrapper, [0, 1])
         for _ in range(3):
-            heat.step(np.zeros((2, 2), np.float32))
-        self.start(heat, [1])
-        heat.step(np.zeros((2, 2), np.float32))
-        assert heat._opponents[0]._memory[:, 0].tolist() == [4.0] * 3 + [1.0] * 3
+            wrapper.step(np.zeros((2, 2), np.float32))
+        self.start(wrapper, [1])
+        wrapper.step(np.zeros((2, 2), np.float32))
+        assert wrapper._opponents[0]._memory[:, 0].tolist() == [4.0] * 3 + [1.0] * 3
 
     def test_another_policy_takes_over(self) -> None:
         a, b, c = Constant(1.0), Constant(-1.0), Constant(-0.5)
         c.observation_spec = ObservationSpec(course_points=3)
-        heat = self.heat(a, b)
-        self.start(heat, [0, 1, 2, 3])
-        heat.step(np.zeros((4, 2), np.float32))
-        heat.replace(0, c)
-        heat.step(np.zeros((4, 2), np.float32))
+        wrapper = self.wrapper(a, b)
+        self.start(wrapper, [0, 1, 2, 3])
+        wrapper.step(np.zeros((4, 2), np.float32))
+        wrapper.replace(0, c)
+        wrapper.step(np.zeros((4, 2), np.float32))
         assert (a.calls, b.calls, c.calls) == ([6], [6, 6], [6])
-        assert sorted(set(heat.episodes.world.state["brake"].ravel().tolist())) == [0.0, 0.5, 1.0]
+        assert sorted(set(wrapper.episodes.world.state["brake"].ravel().tolist())) == [0.0, 0.5, 1.0]
 
 
 CONFIG = TrainingConfig.model_validate(

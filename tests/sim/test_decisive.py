@@ -13,6 +13,9 @@ from nathlon.sim.decisive import DECISIVE, PACKAGE, files, fingerprint
 
 CARRIERS = {
     "arena/entrant.py",  # gives ids, which are in the key
+    "arena/worlds/__init__.py",
+    "arena/worlds/contract.py",
+    "arena/worlds/registry.py",
     "policies/__init__.py",
     "sim/__init__.py",
     "sim/decisive.py",

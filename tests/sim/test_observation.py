@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import OPPONENT, VERSION, ObservationSpec
+from nathlon.sim.observation import OPPONENT, OPPONENT_SIZE, VERSION, ObservationSpec
 from nathlon.sim.track import Track
 from nathlon.sim.world import Conditions, World
 from tests.driving import GT3, drive, road, stadium, world_with
@@ -35,7 +35,7 @@ def raw(world: World, spec: ObservationSpec, car: int = 0) -> dict[str, NDArray[
 
 def seen(values: NDArray[np.float64]) -> list[dict[str, float]]:
     """The opponents of a list who are present."""
-    rows = values.reshape(-1, len(OPPONENT))
+    rows = values.reshape(-1, OPPONENT_SIZE)
     opponents = [dict(zip((name for name, _, _ in OPPONENT), row, strict=True)) for row in rows]
     return [opponent for opponent in opponents if opponent["present"] > 0.5]
 
@@ -129,7 +129,7 @@ class TestOwnCar:
         assert (see["tyre_wear"] > 0.0).all()
         np.testing.assert_allclose(see["tyre_wear"], car["wear"], atol=1e-6)
         assert 0.5 < see["fuel"][0] < 1.0
-        assert see["fuel"][0] == pytest.approx(car["fuel"] / world.parameters.fuel_capacity, abs=1e-6)
+        assert see["fuel"][0] == pytest.approx(car["fuel"] / world.parameters.car.fuel_capacity, abs=1e-6)
         assert see["penalty"] == pytest.approx(3.5)
 
     def test_flags_rise_where_they_should(self) -> None:
@@ -259,7 +259,7 @@ class TestOpponents:
         zero = -mean / deviation
         behind = self.SPEC.slice("cars_behind")
         np.testing.assert_allclose(see[behind], zero[behind], rtol=1e-6)
-        second = slice(self.SPEC.slice("cars_ahead").start + len(OPPONENT), behind.start)
+        second = slice(self.SPEC.slice("cars_ahead").start + OPPONENT_SIZE, behind.start)
         np.testing.assert_allclose(see[second], zero[second], rtol=1e-6)
 
     def test_motion_is_relative_in_the_frame_of_the_seeing_car(self) -> None:

@@ -13,6 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from nathlon.sim.car import Car
 from nathlon.sim.physics.course import stand_on
+from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.world import Conditions
 from tests.closed_forms import (
@@ -139,7 +140,7 @@ class TestStraight:
         assert state["off_course"]
         speed = state["velocity_x"]
         load = car.body.mass_kg * G + downforce(car, speed)
-        ratio = world.parameters.ratios[state["gear"]]
+        ratio = world.parameters.car.ratios[state["gear"]]
         turning = 4 * car.wheel.inertia_kg_m2 + car.engine.inertia_kg_m2 * ratio**2
         wanted = air_drag(car, speed) + (car.wheel.rolling_resistance + drag) * load * speed / (speed + 0.5)
         wanted /= car.body.mass_kg + turning / car.wheel.radius_m**2
@@ -160,16 +161,15 @@ class TestStraight:
         kerb = [{"side": "left", "start_m": 500.0, "end_m": 4000.0, "width_m": 2.0}]
         track = road(points[:, 0], points[:, 1], 8.0, 20.0, kerb=kerb)
         world = world_with(track, [1000.0], lateral=8.0)
-        grip, drag, shake = np.empty(4), np.empty(4), np.empty(4)
+        ground = Ground(*np.empty((3, 4)))
         shakes = []
         for place in np.linspace(0.0, 23.0, 230, endpoint=False):
             world.state[0, 0]["progress"] = 1000.0 + place
-            out = stand_on(
-                world.state[0, 0], 0.0, 1.0, False, grip, drag, shake, world.parameters, world.course
-            )
-            shakes.append(shake.copy())
+            p = world.parameters
+            out = stand_on(world.state[0, 0], 0.0, 1.0, False, ground, p.car, p.course)
+            shakes.append(ground.shake.copy())
             assert out == 0
-            np.testing.assert_allclose(grip, [0.92, 1.0, 0.92, 1.0])
+            np.testing.assert_allclose(ground.grip, [0.92, 1.0, 0.92, 1.0])
         np.testing.assert_allclose(np.mean(shakes, axis=0), 1.0, atol=1e-3)
         np.testing.assert_allclose(np.ptp(shakes, axis=0), [0.4, 0.0, 0.4, 0.0], atol=0.05)
 

@@ -10,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nathlon.sim.kernel import kernel
-from nathlon.sim.physics.chassis import Rates, advance
+from nathlon.sim.parameters import WorldParameters
+from nathlon.sim.physics.chassis import advance
 from nathlon.sim.physics.course import facing, feel_road, locate, stand_on
+from nathlon.sim.physics.tyre import Ground
+from nathlon.sim.state import Cars
 from nathlon.sim.world import DYNAMICS_DT
 from tests.closed_forms import CARS, FREE, G, changed, downforce, energy, follow, hills
 from tests.driving import GT3, STRAIGHT_M, circle, drive, road, stadium, world_with
@@ -107,18 +110,15 @@ class TestRoadInSpace:
 
 
 @kernel
-def run(
-    cars: np.ndarray, steer: float, steps: int, dt: float, p: object, course: object, rates: Rates
-) -> None:
+def run(cars: Cars, ground: Ground, steer: float, steps: int, dt: float, p: WorldParameters) -> None:
     """Some steps of one car of any length."""
-    grip, drag, shake = np.empty(4), np.empty(4), np.empty(4)
     car = cars[0]
     for _ in range(steps):
-        sine, cosine = facing(car, course)
-        stand_on(car, sine, cosine, False, grip, drag, shake, p, course)
-        feel_road(car, sine, cosine, course)
-        advance(car, steer, grip, drag, shake, dt, p, rates)
-        locate(car, course)
+        sine, cosine = facing(car, p.course)
+        stand_on(car, sine, cosine, False, ground, p.car, p.course)
+        feel_road(car, sine, cosine, p.course)
+        advance(car, steer, ground, dt, p.car, p.rates)
+        locate(car, p.course)
 
 
 @pytest.mark.parametrize("throttle", [0.0, 0.4, -0.3])
@@ -129,7 +129,8 @@ def test_steps_converge_in_first_order(throttle: float) -> None:
         cars = world.state[0]
         cars["throttle"], cars["brake"] = max(throttle, 0.0), max(-throttle, 0.0)
         steps = 120 * fineness
-        run(cars, 0.02, steps, DYNAMICS_DT / fineness, world.parameters, world.course, Rates(0.0, 0.0))
+        ground = Ground(*np.empty((3, 4)))
+        run(cars, ground, 0.02, steps, DYNAMICS_DT / fineness, world.parameters)
         places.append((cars["x"][0], cars["y"][0]))
     errors = np.hypot(*(np.array(places[:-1]) - places[-1]).T)
     # A step moves with the velocity at its end: of the 25 m/s by which that turns within two seconds,

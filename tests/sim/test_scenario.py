@@ -256,7 +256,7 @@ class TestConditions:
         for _ in range(20):
             world.step(np.ones((3, 2, 2)))
         assert (world.state[0]["wear"] == 0.0).all()
-        assert (world.state[0]["fuel"] == world.parameters.fuel_capacity).all()
+        assert (world.state[0]["fuel"] == world.parameters.car.fuel_capacity).all()
 
     def test_wear_and_fuel_go_at_their_rates(self, tmp_path: Path) -> None:
         used = []
@@ -268,7 +268,7 @@ class TestConditions:
             for _ in range(20):
                 world.step(np.broadcast_to([1.0, 0.1], (1, 2, 2)))
             cars = world.state[0]
-            used.append((world.parameters.fuel_capacity - cars["fuel"], cars["wear"][:, 2:].mean(axis=1)))
+            used.append((world.parameters.car.fuel_capacity - cars["fuel"], cars["wear"][:, 2:].mean(axis=1)))
         for slow, fast in zip(*used, strict=True):
             # Lighter and more worn, the second car drives a little differently.
             assert (slow > 0.0).all()

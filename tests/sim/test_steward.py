@@ -182,7 +182,7 @@ def excursion(
     way = 40.0 * DYNAMICS_DT
     car["velocity_x"] = car["world_velocity_x"] = 40.0
     for step in range(steps + 1):
-        watch_limits(car[0], step < steps, began + step * DYNAMICS_DT, DYNAMICS_DT, COURSE, rules)
+        watch_limits(car[0], step < steps, began + step * DYNAMICS_DT, DYNAMICS_DT, rules)
         car["progress"] += way + saved / steps
 
 
@@ -211,7 +211,7 @@ class TestLimits:
             now = 100.0 + step * DYNAMICS_DT
             if touched <= now:
                 car["contact_s"] = touched
-            watch_limits(car[0], step < 60, now, DYNAMICS_DT, COURSE, RULES)
+            watch_limits(car[0], step < 60, now, DYNAMICS_DT, RULES)
         assert car["warnings"] == warnings
         excursion(car, 0.5, began=200.0)
         assert car["warnings"] == warnings + 1

@@ -118,7 +118,7 @@ class TestConsumption:
             spin, gear = state["spin"][2:].mean(), state["gear"]
             world.step(np.array([[[0.8, 0.0]]]), 1)
             if state["shifting"] <= 0.0:
-                speed = spin * world.parameters.ratios[gear]
+                speed = spin * world.parameters.car.ratios[gear]
                 work += engine_torque(0.8, speed * 60 / (2 * np.pi), P) * speed * DYNAMICS_DT
         burnt = GT3.fuel.capacity_kg - state["fuel"]
         # Steps in which a gear change begins or ends are counted by one of the two only.

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.physics.course import course_parameters, facing, stand_on
+from nathlon.sim.physics.course import facing, stand_on
+from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.reaction import Perception, Reaction
 from nathlon.sim.rules import Serving, load_rules
 from nathlon.sim.state import CAR_STATE, CONTACT
@@ -249,11 +250,10 @@ class TestCourse:
 
     def stand(self, lateral: float, heading: float) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
         world = world_with(self.KERBED, [1000.0], lateral=lateral, heading=heading)
-        grip, drag, shake = np.empty(4), np.empty(4), np.empty(4)
-        course = course_parameters(world.track)
+        ground, p = Ground(*np.empty((3, 4))), world.parameters
         car = world.state[0, 0]
-        count = stand_on(car, *facing(car, course), False, grip, drag, shake, world.parameters, course)
-        return int(count), grip, shake
+        count = stand_on(car, *facing(car, p.course), False, ground, p.car, p.course)
+        return int(count), ground.grip, ground.shake
 
     @given(st.floats(-30.0, 30.0), st.floats(-3.1, 3.1))
     @settings(deadline=None, max_examples=100)

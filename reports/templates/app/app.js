@@ -28,7 +28,7 @@ function show() {
   }
 }
 
-const links = Object.entries(VIEWS).filter(([, [title]]) => title).map(([view, [title]]) => h("a", { href: to(view), "data-view": view }, title));
+const links = Object.entries(VIEWS).filter(([view, [title]]) => title && (met || view !== "matchups")).map(([view, [title]]) => h("a", { href: to(view), "data-view": view }, title));
 
 // Light or dark: what the system prefers, until the button says otherwise; it says nothing where both agree.
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");

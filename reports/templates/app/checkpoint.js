@@ -17,13 +17,13 @@ function checkpoint([key]) {
       card.source && ["Source", h("code", {}, card.source)], ["Id", h("code", { class: "id" }, card.entrant)],
     ]),
     wayThrough(index),
-    section("Racing line", lapView(index)),
+    racing && section("Racing line", lapView(index)),
     trained(card),
     skillsOf.has(index) && section("n-athlon", profile([index])),
-    rankingOf.has(index) && section("Matchups", ownMatchups(index)),
+    met && rankingOf.has(index) && section("Matchups", ownMatchups(index)),
     ballotsOn(card),
-    section("Best laps", laps(index)),
-    section("Races", ownRaces(index)),
+    lapped && section("Best laps", bestLaps(index)),
+    section(racing ? "Races" : "Episodes", ownRaces(index)),
   ];
 }
 
@@ -37,8 +37,8 @@ function wayThrough(index) {
     box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
       (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
     box("n-athlon", "n-athlon", battery, [`rank ${battery?.rank}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
-    box("leaderboard", "Team races", ranking, [`rank ${ranking?.rank ?? ABSENT}`], `${number(ranking?.points_per_race, 1)} points a race (${between(ranking?.points_low, ranking?.points_high, 1)}), `,
-      `${number(ranking?.contacts_per_km, 2)} contacts per km, ${number(ranking?.at_fault_per_km, 2)} at fault, ${count(ranking?.faults ?? 0, "fault")}`));
+    met && box("leaderboard", MEETINGS, ranking, [`rank ${ranking?.rank ?? ABSENT}`], `${number(ranking?.points_per_race, 1)} points ${EACH} (${between(ranking?.points_low, ranking?.points_high, 1)}), `,
+      touches && `${number(ranking?.contacts_per_km, 2)} contacts per km, `, blames && `${number(ranking?.at_fault_per_km, 2)} at fault, `, `${count(ranking?.faults ?? 0, "fault")}`));
 }
 
 // Where it stands in its training run, if the run left a curve.
@@ -74,9 +74,9 @@ function ownMatchups(index) {
   const bars = barScale(rows, ["difference", "difference_low", "difference_high"], 0, "points");
   return dataTable("own-matchups", [
     { key: "name", head: "Opponent", kind: "name", first: "ascending", value: (row) => nameOf(row.opponent), cell: (row) => link(to("matchup", [entrants[index].key, entrants[row.opponent].key]), nameOf(row.opponent)) },
-    { key: "difference", head: "Points difference, a race", value: (row) => row.difference, cell: (row) => [h("strong", {}, signed(row.difference)), " ", interval(row.difference_low, row.difference_high, 1)] },
+    { key: "difference", head: `Points difference, ${EACH}`, value: (row) => row.difference, cell: (row) => [h("strong", {}, signed(row.difference)), " ", interval(row.difference_low, row.difference_high, 1)] },
     { key: "drawn", head: "", unseen: "Difference, drawn", kind: "drawn", cell: bars },
-    { key: "contacts", head: "Contacts per km", value: (row) => row.contacts_per_km, cell: (row) => number(row.contacts_per_km, 2) },
+    touches && { key: "contacts", head: "Contacts per km", value: (row) => row.contacts_per_km, cell: (row) => number(row.contacts_per_km, 2) },
     { key: "units", head: "Units", value: (row) => row.pairs },
   ], rows, { sort: "-difference", prefix: "matchups-", label: "Matchups" });
 }
@@ -100,7 +100,7 @@ function ownCars(index) {
   return racesOf(index).flatMap((race) => carsOf(race).filter((car) => car.entrant === index).map((car) => ({ ...car, race })));
 }
 
-function laps(index) {
+function bestLaps(index) {
   const timed = ownCars(index).filter((car) => car.best_lap_s !== null).map((car) => ({ ...car, test: plain(car.race.test) }));
   if (!timed.length) return empty("It completed no flying lap.");
   const kinds = [...new Set(timed.map((car) => car.test))];
@@ -116,19 +116,20 @@ function laps(index) {
 }
 
 function ownRaces(index) {
-  const own = ownCars(index);
-  if (!own.length) return empty("It has not raced.");
+  const driven = ownCars(index);
+  if (!driven.length) return empty("It has not raced.");
   return dataTable("own-races", [
-    { key: "race", head: "Race", kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${plain(row.race.test)} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
+    { key: "race", head: racing ? "Race" : "Episode", kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${plain(row.race.test)} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
     { key: "stage", head: "Stage", kind: "text", first: "ascending", value: (row) => plain(row.race.stage) },
-    { key: "grid", head: "Grid", first: "ascending", value: (row) => row.slot },
-    { key: "place", head: "Place", first: "ascending", value: (row) => row.place, cell: (row) => [number(row.place), " ", gained(row.slot - row.place)] },
+    { key: "grid", head: racing ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot },
+    { key: "place", head: "Place", first: "ascending", value: (row) => row.place, cell: (row) => [number(row.place), " ", racing && gained(row.slot - row.place)] },
     { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points) },
-    { key: "lap", head: "Best lap, s", first: "ascending", value: (row) => row.best_lap_s, cell: (row) => number(row.best_lap_s, 3) },
-    { key: "contacts", head: "Contacts", value: (row) => row.contacts },
-    { key: "blame", head: "At fault", value: (row) => row.contacts_at_fault },
-    { key: "penalties", head: "Penalties", value: (row) => row.penalties },
-    { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
+    ...ownColumns(),
+    lapped && { key: "lap", head: "Best lap, s", first: "ascending", value: (row) => row.best_lap_s, cell: (row) => number(row.best_lap_s, 3) },
+    measured("contacts") && { key: "contacts", head: "Contacts", value: (row) => row.contacts },
+    blames && { key: "blame", head: "At fault", value: (row) => row.contacts_at_fault },
+    measured("penalties") && { key: "penalties", head: "Penalties", value: (row) => row.penalties },
+    measured("off_course_s") && { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
     { key: "ending", head: "Ending", kind: "text", first: "ascending", value: (row) => plain(row.ending) },
-  ], own, { sort: "-race", prefix: "races-", text: (row) => `${plain(row.race.test)} ${row.race.stage} ${plain(row.ending)}`, label: "Races", shown: 50 });
+  ], driven, { sort: "-race", prefix: "races-", text: (row) => `${plain(row.race.test)} ${row.race.stage} ${plain(row.ending)}`, label: "Races", shown: 50 });
 }

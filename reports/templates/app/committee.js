@@ -1,6 +1,6 @@
 // What the committee was asked, what its members said, and what followed.
 
-const QUESTIONS = { shortlist: "Who goes on to the team races?", selection: "Who is sent?" };
+const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };
 
 function committee() {
   return [

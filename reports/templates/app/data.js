@@ -48,10 +48,20 @@ const races = rowsOf(data.races).map((race, number) => ({
 }));
 const raceByKey = new Map(races.map((race) => [`${race.key.slice(0, 12)}/${race.race}`, race]));
 
+// What the world measures: columns and sections of anything else are left out.
+const racing = summary.world === "racing";
+const measured = (name) => racing || (data.cars[name]?.some((value) => value !== null) ?? false);
+const [lapped, touches, blames] = [measured("best_lap_s"), measured("contacts") && measured("distance_m"), measured("contacts_at_fault")];
+const [EPISODE, EACH] = racing ? ["race", "a race"] : ["episode", "an episode"];
+const MEETINGS = racing ? "Team races" : "Round robin";
+const met = racing || matches.some((match) => match.stage === "tournament");
+const ownNames = racing ? [] : Object.keys(JSON.parse(data.cars.measures?.find((text) => text !== null) ?? "{}"));
+
 const carAt = (index) => {
   const car = {};
   for (const name in data.cars) car[name] = data.cars[name][index];
   car.ending = data.endings[car.ending];
+  car.own = ownNames.length ? JSON.parse(car.measures ?? "{}") : {};
   return car;
 };
 const carsOf = (race) => Array.from({ length: race.end - race.first }, (_, i) => carAt(race.first + i));

@@ -1,11 +1,11 @@
-// The team races: points and contacts with their intervals, and two entrants side by side.
+// The meetings: points and contacts with their intervals, and two entrants side by side.
 
 const GATED = "barred only if the whole interval is above the gate's limit";
 
 function leaderboard() {
   const rows = tables.ranking.map((row) => ({ ...row, skill: batteryOf.get(row.entrant)?.points ?? null }));
   const title = h("h1", {}, "Leaderboard");
-  if (!rows.length) return [title, empty("No entrant reached the team races.")];
+  if (!rows.length) return [title, empty(`No entrant reached the ${MEETINGS.toLowerCase()}.`)];
   const points = barScale(rows, ["points_per_race", "points_low", "points_high"], d3.mean(rows, (row) => row.points_per_race) ?? 0, "points");
   const contacts = barScale(rows, ["contacts_per_km", "contacts_low", "contacts_high"], 0, "contacts");
   const figure = (key, head, digits, [value, low, high], extra = {}) => ({
@@ -14,28 +14,29 @@ function leaderboard() {
   });
   return [
     title,
+    !met && note(`The entrants did not meet: ${summary.stages_set_aside.tournament}.`),
     note(`Rank: 1 + the number of entrants proven better, after Holm's correction. Equal ranks are statistical ties. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
       rankColumn(rows),
       entrantColumn(),
-      figure("points", "Points a race", 1, ["points_per_race", "points_low", "points_high"]),
+      figure("points", met ? `Points ${EACH}` : "Points", 1, ["points_per_race", "points_low", "points_high"]),
       { key: "drawn", head: "", unseen: "Points, drawn", kind: "drawn", cell: points },
-      figure("contacts", "Contacts per km", 2, ["contacts_per_km", "contacts_low", "contacts_high"], { first: "ascending", title: GATED }),
-      { key: "contacts-drawn", head: "", unseen: "Contacts, drawn", kind: "drawn", cell: contacts },
-      figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts for which the stewards blame its cars; ${GATED}` }),
-      { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
+      touches && figure("contacts", "Contacts per km", 2, ["contacts_per_km", "contacts_low", "contacts_high"], { first: "ascending", title: GATED }),
+      touches && { key: "contacts-drawn", head: "", unseen: "Contacts, drawn", kind: "drawn", cell: contacts },
+      blames && figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts for which the stewards blame its cars; ${GATED}` }),
+      met && { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
       ...limitColumn(),
-      { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
-      { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
+      met && { key: "races", head: racing ? "Races" : "Episodes", value: (row) => row.races, cell: (row) => number(row.races) },
+      met && { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),
     ratings(),
   ];
 }
 
 function ratings() {
-  if (!tables.ratings.length && !data.notes.length) return null;
+  if (!met || (!tables.ratings.length && !data.notes.length)) return null;
   const rows = [...tables.ratings].sort((a, b) => a.bradley_terry_rank - b.bradley_terry_rank);
   return section("Ratings",
     note("A check on the points, not a second ranking."),
@@ -83,20 +84,20 @@ function compare([first, second]) {
   const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
   const rows = [
     ["Rank", shown(rankingOf, "rank", 0)],
-    ["Points a race", shown(rankingOf, "points_per_race", 1, "points_low", "points_high")],
-    ["Contacts per km", shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high")],
-    ["At fault per km", shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high")],
+    [met ? `Points ${EACH}` : "Points", shown(rankingOf, "points_per_race", 1, "points_low", "points_high")],
+    touches && ["Contacts per km", shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high")],
+    blames && ["At fault per km", shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high")],
     ["Faults", shown(rankingOf, "faults", 0)],
     ["n-athlon, sum", shown(batteryOf, "points", 0, "points_low", "points_high")],
     ...tests.map(skillRow),
     ...objectives.map((name) => [objectiveTitle(name), numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: 3 }))]),
-  ];
-  const met = tables.matchups.find((row) => row.entrant === numbers[0] && row.opponent === numbers[1]);
+  ].filter(Boolean);
+  const both = tables.matchups.find((row) => row.entrant === numbers[0] && row.opponent === numbers[1]);
   return [
     h("h1", {}, `${two[0].name} and ${two[1].name}`),
-    met
-      ? h("p", { class: "why" }, `Against each other: ${signed(met.difference)} points a race for ${two[0].name} (${signed(met.difference_low)} to ${signed(met.difference_high)}) in ${count(met.pairs, "unit")}. `, link(to("matchup", [first, second]), "Their races"))
-      : note("They did not meet in the team races."),
+    both
+      ? h("p", { class: "why" }, `Against each other: ${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. `, link(to("matchup", [first, second]), `Their ${EPISODE}s`))
+      : note(`They did not meet in the ${MEETINGS.toLowerCase()}.`),
     scroll("Side by side", h("table", { class: "sides" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))), h("th", { scope: "col", class: "number" }, "Difference"))),
       h("tbody", {}, rows.map(([label, [a, b]]) => h("tr", {}, h("th", { scope: "row", class: "name" }, label),

@@ -5,24 +5,24 @@ function matchups() {
   const cells = new Map(tables.matchups.filter((row) => row.difference !== null).map((row) => [`${row.entrant} ${row.opponent}`, row]));
   if (!cells.size) return [title, empty("No two entrants met.")];
   const order = [...tables.ranking].sort((a, b) => (a.rank ?? Infinity) - (b.rank ?? Infinity) || b.points_per_race - a.points_per_race).map((row) => row.entrant);
-  const contacts = here().params.get("of") === "contacts";
+  const contacts = touches && here().params.get("of") === "contacts";
   const value = (row) => (contacts ? row.contacts_per_km : row.difference);
   const largest = d3.max(cells.values(), (row) => Math.abs(value(row) ?? 0));
   const radio = (of, text) => h("label", {}, h("input", { type: "radio", name: "of", checked: contacts === (of === "contacts"), onchange: () => { keep("of", of); show(); } }), ` ${text} `);
   const drawn = (row) => {
     const [from, against] = [entrants[row.entrant], entrants[row.opponent]];
     const decided = !contacts && (row.difference_low > 0 || row.difference_high < 0);
-    const about = `${from.name} against ${against.name}: ${signed(row.difference)} points a race (${signed(row.difference_low)} to ${signed(row.difference_high)}), ${number(row.contacts_per_km, 2)} contacts per km, ${count(row.pairs, "unit")}`;
+    const about = `${from.name} against ${against.name}: ${signed(row.difference)} points ${EACH} (${signed(row.difference_low)} to ${signed(row.difference_high)}), ${touches ? `${number(row.contacts_per_km, 2)} contacts per km, ` : ""}${count(row.pairs, "unit")}`;
     const shown = contacts ? number(row.contacts_per_km, 2) : signed(row.difference);
     return h("td", { class: `cell ${contacts ? shade(-value(row), largest) : shade(value(row), largest)}${decided ? " decided" : ""}` },
       h("a", { href: to("matchup", [from.key, against.key]), title: about }, shown));
   };
   return [
     title,
-    h("fieldset", { class: "controls" }, h("legend", { class: "unseen" }, "What is shown"), radio("", "Points"), radio("contacts", "Contacts")),
+    touches && h("fieldset", { class: "controls" }, h("legend", { class: "unseen" }, "What is shown"), radio("", "Points"), radio("contacts", "Contacts")),
     contacts
       ? note("Contacts per km of the row's cars when racing the column.", shadeKey(["h0", "n1", "n2", "n3", "n4", "n5"], "0", number(largest, 2)))
-      : note("Points a race, row minus column. Bold: the interval excludes zero. A click opens the races.", shadeKey(BOTH, signed(-largest), signed(largest))),
+      : note(`Points ${EACH}, row minus column. Bold: the interval excludes zero. A click opens the ${EPISODE}s.`, shadeKey(BOTH, signed(-largest), signed(largest))),
     scroll("Matchups", h("table", { class: "matrix", id: "matchups" },
       h("thead", {}, h("tr", {}, h("td"), order.map((index) => h("th", { scope: "col" }, h("span", { title: nameOf(index) }, nameOf(index)))))),
       h("tbody", {}, order.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row)),
@@ -38,7 +38,7 @@ function matchup([first, second]) {
   const two = [first, second].map((key) => entrantByKey.get(key));
   if (two.includes(undefined)) return missing("entrant");
   const [a, b] = two.map((one) => one.number);
-  const met = tables.matchups.find((row) => row.entrant === a && row.opponent === b);
+  const both = tables.matchups.find((row) => row.entrant === a && row.opponent === b);
   const other = tables.matchups.find((row) => row.entrant === b && row.opponent === a);
   const theirs = racesOf(a).filter((race) => race.stage === "tournament" && racesOf(b).includes(race)).map((race) => {
     const cars = carsOf(race);
@@ -47,16 +47,16 @@ function matchup([first, second]) {
   });
   return [
     h("h1", {}, `${two[0].name} against ${two[1].name}`),
-    met && h("p", { class: "why" }, `${signed(met.difference)} points a race for ${two[0].name} (${signed(met.difference_low)} to ${signed(met.difference_high)}) in ${count(met.pairs, "unit")}. Contacts per km: ${number(met.contacts_per_km, 2)} and ${number(other?.contacts_per_km, 2)}. `, link(to("compare", [first, second]), "Side by side")),
+    both && h("p", { class: "why" }, `${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. ${touches ? `Contacts per km: ${number(both.contacts_per_km, 2)} and ${number(other?.contacts_per_km, 2)}. ` : ""}`, link(to("compare", [first, second]), "Side by side")),
     theirs.length ? dataTable("races", [
-      { key: "race", head: "Race", kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${row.race.test} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
+      { key: "race", head: racing ? "Race" : "Episode", kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${row.race.test} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
       { key: "seed", head: "Seed", value: (row) => row.seed },
       { key: "mirrored", head: "Mirrored", value: (row) => row.race.mirrored, cell: (row) => (row.race.mirrored ? "yes" : "no") },
       { key: "points", head: `Points ${two[0].name}`, value: (row) => row.points, cell: (row) => number(row.points) },
       { key: "against", head: `Points ${two[1].name}`, value: (row) => row.against, cell: (row) => number(row.against) },
       { key: "difference", head: "Difference", value: (row) => row.points - row.against, cell: (row) => h("strong", {}, signed(row.points - row.against, 0)) },
-      { key: "contacts", head: "Contacts", value: (row) => row.contacts, cell: (row) => number(row.contacts) },
-      { key: "blame", head: "At fault, each", value: (row) => row.blame, cell: (row) => `${number(row.blame)} : ${number(row.theirs)}` },
-    ], theirs, { sort: "race", label: "Races of the matchup" }) : empty("They did not meet."),
+      touches && { key: "contacts", head: "Contacts", value: (row) => row.contacts, cell: (row) => number(row.contacts) },
+      blames && { key: "blame", head: "At fault, each", value: (row) => row.blame, cell: (row) => `${number(row.blame)} : ${number(row.theirs)}` },
+    ], theirs, { sort: "race", label: `${racing ? "Races" : "Episodes"} of the matchup` }) : empty("They did not meet."),
   ];
 }

@@ -28,13 +28,13 @@ function pareto() {
   const choice = (name, label, otherwise) =>
     h("label", {}, `${label} `, h("select", { onchange: (event) => { keep(name, event.target.value); params.set(name, event.target.value); show(); } },
       objectiveNames.map((one) => h("option", { value: one, selected: one === axis(name, otherwise) }, objectiveTitle(one)))));
-  if (objectiveNames.length) show();
+  if (objectiveNames.length > 1) show();
   return [
     title,
-    note(`${number(front.length)} of ${number(rows.length)} survive: non-dominated in at least 5\u00a0% of the draws from the objectives' uncertainty. The chart has only two of the objectives, so a survivor may lie behind the front.`),
-    objectiveNames.length > 0 && [h("div", { class: "controls" }, choice("x", "Across", 0), choice("y", "Upwards", 1)), host],
+    note(`${number(front.length)} of ${number(rows.length)} survive: non-dominated in at least 5\u00a0% of the draws from the objectives' uncertainty.${objectiveNames.length > 2 ? " The chart has only two of the objectives, so a survivor may lie behind the front." : ""}`),
+    objectiveNames.length > 1 && [h("div", { class: "controls" }, choice("x", "Across", 0), choice("y", "Upwards", 1)), host],
     section("All entrants", data.limit !== null && note(limitNote().trim()), dataTable("pareto", [
-      entrantColumn((row) => (row.finalist ? chip("", "team races") : null)),
+      entrantColumn((row) => (row.finalist ? chip("", racing ? "team races" : "finalist") : null)),
       ...objectiveNames.map((name) => ({
         key: name, head: objectiveTitle(name), first: objectiveUnit.get(name).goal === "max" ? "descending" : "ascending",
         value: (row) => row[`= ${name}`], cell: (row) => number(row[`= ${name}`], 3),
@@ -42,7 +42,7 @@ function pareto() {
       ...limitColumn(),
       { key: "nondominated", head: "Non-dominated, %", title: "share of the draws in which no other entrant was better in every objective", value: (row) => row.nondominated_probability, cell: (row) => percent(row.nondominated_probability) },
       { key: "survives", head: "Survives", value: (row) => row.survives, cell: (row) => (row.survives ? "yes" : "no") },
-      { key: "races", head: "Races", value: (row) => row.races, cell: (row) => number(row.races) },
+      { key: "races", head: racing ? "Races" : "Episodes", value: (row) => row.races, cell: (row) => number(row.races) },
     ], rows, { sort: "-nondominated", text: (row) => nameOf(row.entrant), label: "Pareto filter" })),
   ];
 }
@@ -63,7 +63,7 @@ function front2d(rows, x, y) {
   };
   const [across, upwards] = [range("x"), range("y")];
   const beyond = points.filter((p) => p.x < across[0] || p.x > across[1] || p.y < upwards[0] || p.y > upwards[1]).length;
-  const describe = (p) => [p.name, ...objectiveNames.map((name) => `${objectiveTitle(name)} ${number(p[`= ${name}`], 3)}`), p.finalist ? "reached the team races" : p.survives ? "survives" : "left out"].join("\n");
+  const describe = (p) => [p.name, ...objectiveNames.map((name) => `${objectiveTitle(name)} ${number(p[`= ${name}`], 3)}`), p.finalist ? `reached the ${MEETINGS.toLowerCase()}` : p.survives ? "survives" : "left out"].join("\n");
   const draw = (width, texts) => Plot.plot({
     width, height: Math.round(Math.min(560, Math.max(340, width * 0.6))), marginLeft: 56, marginRight: 20, marginBottom: 44, inset: 10,
     ariaLabel: `${objectiveTitle(x)} against ${objectiveTitle(y)}`,
@@ -85,7 +85,7 @@ function front2d(rows, x, y) {
       plot.addEventListener("click", () => { if (plot.value) location.hash = to("checkpoint", [entrants[plot.value.entrant].key]); });
       return plot;
     }),
-    h("p", { class: "key" }, h("i", { class: "field" }), "left out ", h("i", { class: "survivor" }), "survives ", h("i", { class: "finalist" }), "reached the team races. A click opens the checkpoint.",
+    h("p", { class: "key" }, h("i", { class: "field" }), "left out ", h("i", { class: "survivor" }), "survives ", h("i", { class: "finalist" }), `${met ? `reached the ${MEETINGS.toLowerCase()}` : "shortlisted"}. A click opens the checkpoint.`,
       beyond > 0 && ` ${number(beyond)} lie outside of the axes and are drawn at the edge.`,
       unseen > 0 && ` ${number(unseen)} without ${unseen === 1 ? "a value is" : "values are"} not drawn.`),
   ];

@@ -11,27 +11,28 @@ function raceView([key, index]) {
   const flagged = (value) => (value ? h("span", { class: "fault" }, number(value)) : "0");
   return [
     h("p", { class: "over" }, `${plain(race.stage)} · ${plain(race.test)}`),
-    h("h1", {}, `Race ${race.key.slice(0, 12)}/${race.race}`),
+    h("h1", {}, `${racing ? "Race" : "Episode"} ${race.key.slice(0, 12)}/${race.race}`),
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)))}`])),
     facts([
-      ["Seed", race.seed], ["Grid", race.mirrored ? "mirrored" : "as drawn"],
-      ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
-      ["Penalties", number(sum(cars.map((one) => one.penalties)))],
+      ["Seed", race.seed], [racing ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
+      racing && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
+      measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
-      { key: "grid", head: "Grid", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", gained(row.slot - row.place)] },
+      { key: "grid", head: racing ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", racing && gained(row.slot - row.place)] },
       { ...entrantColumn(), cell: (row) => [row.team >= 0 && h("i", { class: `team team${row.team}`, title: `team ${row.team + 1}` }), entrantLink(row.entrant)] },
       { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points) },
-      { key: "time", head: "Time, s", first: "ascending", value: (row) => row.race_time_s, cell: (row) => (row.race_time_s === null ? plain(row.ending) : number(row.race_time_s, 3)) },
-      { key: "lap", head: "Best lap, s", first: "ascending", value: (row) => row.best_lap_s, cell: (row) => number(row.best_lap_s, 3) },
-      { key: "laps", head: "Laps", value: (row) => row.laps },
-      { key: "contacts", head: "Contacts", value: (row) => row.contacts },
-      { key: "blame", head: "At fault", value: (row) => row.contacts_at_fault, cell: (row) => flagged(row.contacts_at_fault) },
-      { key: "penalties", head: "Penalties", value: (row) => row.penalties, cell: (row) => flagged(row.penalties) },
-      { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
-      { key: "wall", head: "Wall, s", value: (row) => row.wall_s, cell: (row) => number(row.wall_s, 1) },
+      ...ownColumns(),
+      measured("race_time_s") && { key: "time", head: "Time, s", first: "ascending", value: (row) => row.race_time_s, cell: (row) => (row.race_time_s === null ? plain(row.ending) : number(row.race_time_s, 3)) },
+      lapped && { key: "lap", head: "Best lap, s", first: "ascending", value: (row) => row.best_lap_s, cell: (row) => number(row.best_lap_s, 3) },
+      measured("laps") && { key: "laps", head: "Laps", value: (row) => row.laps },
+      measured("contacts") && { key: "contacts", head: "Contacts", value: (row) => row.contacts },
+      blames && { key: "blame", head: "At fault", value: (row) => row.contacts_at_fault, cell: (row) => flagged(row.contacts_at_fault) },
+      measured("penalties") && { key: "penalties", head: "Penalties", value: (row) => row.penalties, cell: (row) => flagged(row.penalties) },
+      measured("off_course_s") && { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
+      measured("wall_s") && { key: "wall", head: "Wall, s", value: (row) => row.wall_s, cell: (row) => number(row.wall_s, 1) },
       { key: "ending", head: "Ending", kind: "text", first: "ascending", value: (row) => plain(row.ending) },
     ], cars, { sort: "place", label: "Result" })),
     player && later(player, (ready) => [
@@ -40,7 +41,7 @@ function raceView([key, index]) {
       section("Incidents", incidents(ready)),
       section("Where cars pass", passesView(ready)),
     ]),
-    watched(race, shown),
+    racing && watched(race, shown),
   ];
 }
 

@@ -1,12 +1,13 @@
 // A table that sorts by its heads and filters by a field; both are kept in the address.
 
-// columns: key, head, and optionally kind (class), value (row => what it sorts by), cell (row => what is shown),
+// columns (those that are false are left out): key, head, and optionally kind (class), value (row => what it sorts by), cell (row => what is shown),
 // first ("descending" unless said otherwise), title. Without `value` a column does not sort.
 function dataTable(id, columns, rows, { sort, text = null, prefix = "", grouped = null, label = id, shown = 200 }) {
   const { params } = here();
   let [descending, by] = /^(-?)(.*)$/.exec(params.get(`${prefix}sort`) ?? sort).slice(1);
   let query = params.get(`${prefix}q`) ?? "";
   let limit = shown;
+  columns = columns.filter(Boolean);
   const column = () => columns.find((one) => one.key === by && one.value) ?? columns.find((one) => one.value);
   const compare = (a, b) => (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true }));
   const absent = (value) => value === null || value === undefined;
@@ -68,6 +69,13 @@ function dataTable(id, columns, rows, { sort, text = null, prefix = "", grouped 
   fill();
   return [filter && h("div", { class: "controls" }, filter, said), scroll(label, table), more];
 }
+
+// What another world measures of a seat.
+const ownColumns = () => [
+  !racing && measured("score") && { key: "score", head: "Score", value: (row) => row.score, cell: (row) => number(row.score, 2) },
+  ...ownNames.map((name) => ({ key: `own-${name}`, head: plain(name), value: (row) => row.own[name] ?? null, cell: (row) => number(row.own[name] ?? null, 2) })),
+  !racing && measured("distance_m") && { key: "distance", head: "Distance, m", value: (row) => row.distance_m, cell: (row) => number(row.distance_m, 1) },
+];
 
 const entrantColumn = (extra = () => null) => ({
   key: "name", head: "Entrant", kind: "name", first: "ascending",

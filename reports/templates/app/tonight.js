@@ -13,22 +13,22 @@ function tonight() {
       link("ranking.xlsx", "The spreadsheet")),
     funnel(),
     h("div", { class: "halves" }, section("What changed", changes()), section("Run health", health())),
-    section("Races to look at", summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one), clipsOf(one)))) : empty("No race was recorded.")),
+    racing && section("Races to look at", summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one), clipsOf(one)))) : empty("No race was recorded.")),
     section("The run", facts([
-      ["Circuit", summary.circuit], ["Car", summary.car], ["Seed", String(summary.seed ?? ABSENT)],
+      ...(racing ? [["Circuit", summary.circuit], ["Car", summary.car]] : [["World", summary.world]]), ["Seed", String(summary.seed ?? ABSENT)],
       ...Object.entries(summary.versions).map(([name, version]) => [name, version]),
     ]), note("All tables of this report are also in the folder ", h("code", {}, "tables"), " as CSV and Parquet.")),
   ];
 }
 
 function funnel() {
-  const raced = { pareto: "Pareto filter", battery: "n-athlon", tournament: "Team races", committee: "Committee" };
+  const raced = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
   const view = { pareto: "pareto", battery: "n-athlon", tournament: "leaderboard", committee: "committee" };
   return summary.stages.length > 0 && h("ol", { class: "funnel" }, summary.stages.map((stage) =>
     h("li", {},
       link(to(view[stage.name] ?? "tonight"), raced[stage.name] ?? plain(stage.name)),
       h("span", { class: "counts" }, number(stage.in), h("span", { class: "arrow" }, "→"), number(stage.out)),
-      h("span", { class: "cost" }, stage.races ? `${count(stage.races, "race")}, ${duration(stage.wall_s)}` : "ballots"))));
+      h("span", { class: "cost" }, stage.races ? `${count(stage.races, EPISODE)}, ${duration(stage.wall_s)}` : "ballots"))));
 }
 
 function health() {
@@ -44,15 +44,17 @@ function health() {
   const of = (names) => names.filter((name) => endings.get(name)).map((name) => `${plain(name)} ${number(endings.get(name))}`).join(", ");
   const worst = [...faulty].sort((a, b) => b[1] - a[1]).slice(0, 5);
   const set = Object.entries(summary.tests_set_aside);
+  const aside = Object.entries(summary.stages_set_aside);
   return [
     facts([
-      ["Car runs", number(summary.car_runs)],
+      [racing ? "Car runs" : "Runs of a seat", number(summary.car_runs)],
       ["Ended by a policy's fault", [number(summary.faults), h("small", {}, of(["policy_raised", "illegal_action", "timed_out"]))]],
-      ["Void", [number(summary.void), h("small", {}, of(["simulator_fault", "interrupted"]))], "ended by a fault of the simulator; the race does not count"],
+      ["Void", [number(summary.void), h("small", {}, of(["simulator_fault", "interrupted"]))], `ended by a fault of the simulator; the ${EPISODE} does not count`],
       ["Files set aside", number(summary.excluded.length)],
-      ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), "the more negative, the more races mirroring saves"],
+      met && ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), `the more negative, the more ${EPISODE}s mirroring saves`],
     ]),
     worst.length > 0 && h("p", {}, "Most faults: ", worst.map(([entrant, faults], i) => [i > 0 && ", ", entrantLink(entrant), ` ${number(faults)}`])),
+    aside.length > 0 && h("ul", {}, aside.map(([stage, reason]) => h("li", {}, `${plain(stage)} was not held: ${reason}`))),
     set.length > 0 && h("ul", {}, set.map(([test, reason]) => h("li", {}, `${plain(test)} was not held: ${reason}`))),
     summary.excluded.length > 0 && h("details", { open: summary.excluded.length < 6 }, h("summary", {}, "Files set aside"),
       h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),

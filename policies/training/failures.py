@@ -1,4 +1,4 @@
-"""Lapses: what goes wrong while a policy drives, and the moments from which it is worth trying again."""
+"""Failures: what goes wrong while a policy drives, and the moments from which it is worth trying again."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from nathlon.policies.training.mistakes import spinning
 from nathlon.sim.episode import Episodes, Moment
 
 KINDS = {"spin": 3.0, "contact": 2.0, "off_course": 1.0}
-"""How often a lapse of each kind is drawn: more often what costs more. A contact is one at fault."""
+"""How often a failure of each kind is drawn: more often what costs more. A contact is one at fault."""
 EXCURSION_S = 0.25
-"""Off course for longer is a lapse."""
+"""Off course for longer is a failure."""
 EVERY_S = 1.0
 EARLIEST_S = 8.0
-"""A lapse is tried again from any of the moments kept, one a second, up to so long before."""
+"""A failure is tried again from any of the moments kept, one a second, up to so long before."""
 STRAIGHT_RAD = 0.6
 """Angle to the road up to which a car may still be saved."""
 
@@ -26,15 +26,15 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 
-class Lapse(NamedTuple):
+class Failure(NamedTuple):
     """A moment before some car of a race came to grief, and which race it was."""
 
     race: int
     moment: Moment
 
 
-class Lapses:
-    """The first lapse of each kind of some cars, of races that are watched step by step from their start."""
+class Failures:
+    """The first failure of each kind of some cars, in races that are watched from their start."""
 
     def __init__(self, episodes: Episodes, races: Indices, cars: Indices, rng: np.random.Generator) -> None:
         """Nothing has gone wrong yet.
@@ -42,14 +42,14 @@ class Lapses:
         Args:
             episodes: the races.
             races, cars: (n,) indices of the cars that are watched.
-            rng: draws from how long before a lapse is tried again.
+            rng: draws from how long before a failure is tried again.
         """
         self._episodes, self._races, self._cars, self._rng = episodes, races, cars, rng
         self._period = round(EVERY_S / episodes.step_s)
         self._recent: deque[Moment] = deque([episodes.moment()], 1 + round(EARLIEST_S / EVERY_S))
         self._steps = 0
         self._before, self._faults = self._astray(), self._watched["contacts_at_fault"]
-        self._found: dict[str, dict[int, Lapse]] = {kind: {} for kind in KINDS}
+        self._found: dict[str, dict[int, Failure]] = {kind: {} for kind in KINDS}
 
     @property
     def _watched(self) -> NDArray[np.void]:
@@ -83,10 +83,10 @@ class Lapses:
         own = moment.state[race, car]
         on_its_way = abs(own["heading_error"]) <= STRAIGHT_RAD and not own["off_course"]
         if on_its_way and moment.endings[race, car] == "":
-            self._found[kind][index] = Lapse(race, moment.of(race))
+            self._found[kind][index] = Failure(race, moment.of(race))
 
-    def draw(self, count: int) -> list[Lapse]:
-        """So many lapses, or none where there were none.
+    def draw(self, count: int) -> list[Failure]:
+        """So many failures, or none where there were none.
 
         A kind is drawn first, then one of that kind; none comes twice before all of its kind have.
         """

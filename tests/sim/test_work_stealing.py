@@ -1,4 +1,4 @@
-"""Work shared among threads: all of it is done, each thing once, whoever comes late."""
+"""Threads that steal work: all of it is done, each thing once, whoever comes late."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nathlon.sim.kernel import lean_kernel
-from nathlon.sim.sharing import LINE, Tally, Threads, finish, take
+from nathlon.sim.work_stealing import LINE, Tally, ThreadPool, finish, take
 
 
 @lean_kernel
@@ -48,15 +48,15 @@ def test_one_thread_does_what_others_leave_its_own_share_first(
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
 def test_each_thing_is_done_once_and_all_are_done_on_return(count: int) -> None:
-    threads = Threads(count)
+    threads = ThreadPool(count)
     for things in (0, 1, 2, 50, 3_000) * 20:
         done, by = np.zeros(things, np.int64), np.zeros(things, np.int64)
-        threads.share(partial(mark, done, by), things)
+        threads.run(partial(mark, done, by), things)
         np.testing.assert_array_equal(done, 1)
 
 
 def test_the_caller_does_not_wait_for_a_thread_that_comes_late() -> None:
-    threads, late = Threads(2), threading.Event()
+    threads, late = ThreadPool(2), threading.Event()
     done, by = np.zeros(50, np.int64), np.full(50, -1)
 
     def work(tally: Tally, thread: int) -> None:
@@ -64,14 +64,14 @@ def test_the_caller_does_not_wait_for_a_thread_that_comes_late() -> None:
             assert late.wait(30.0)
         mark(done, by, tally, thread)
 
-    threads.share(work, len(done))
+    threads.run(work, len(done))
     late.set()
     np.testing.assert_array_equal(done, 1)
     np.testing.assert_array_equal(by, 0)
 
 
 def test_the_caller_waits_for_what_another_thread_has_begun() -> None:
-    threads, begun = Threads(2), threading.Event()
+    threads, begun = ThreadPool(2), threading.Event()
     done = np.zeros(2, np.int64)
 
     def work(tally: Tally, thread: int) -> None:
@@ -84,26 +84,26 @@ def test_the_caller_waits_for_what_another_thread_has_begun() -> None:
             done[index] += 1
             finish(tally, thread)
 
-    threads.share(work, len(done))
+    threads.run(work, len(done))
     np.testing.assert_array_equal(done, 1)
 
 
 def test_an_error_reaches_the_caller_and_the_threads_go_on() -> None:
-    threads = Threads(3)
+    threads = ThreadPool(3)
 
     def fail(tally: Tally, thread: int) -> None:
         raise ValueError("no")
 
     with pytest.raises(ValueError, match="no"):
-        threads.share(fail, 5)
+        threads.run(fail, 5)
     done, by = np.zeros(50, np.int64), np.zeros(50, np.int64)
-    threads.share(partial(mark, done, by), len(done))
+    threads.run(partial(mark, done, by), len(done))
     np.testing.assert_array_equal(done, 1)
 
 
 def test_the_threads_end_with_their_owner() -> None:
     before = set(threading.enumerate())
-    threads = Threads(4)
+    threads = ThreadPool(4)
     helpers = set(threading.enumerate()) - before
     assert len(helpers) == 3
     del threads

@@ -1,4 +1,4 @@
-"""Work on many like things shared among threads: each takes the next until none is left.
+"""Work stealing: threads share work on many like things, and each takes the next until none is left.
 
 To wake a thread takes tens of microseconds, and all that a world has to do takes some hundreds. So nobody is
 waited for who wakes late, or shares a core with another program: the others take its share. What is taken
@@ -105,7 +105,7 @@ def _help(jobs: SimpleQueue[tuple[Work, Tally, int] | None]) -> None:
         del job, work, tally
 
 
-class Threads:
+class ThreadPool:
     """The caller's thread and others that help it."""
 
     def __init__(self, count: int) -> None:
@@ -116,7 +116,7 @@ class Threads:
             Thread(target=_help, args=(self._jobs,), daemon=True).start()
             finalize(self, self._jobs.put, None)
 
-    def share(self, work: Work, count: int) -> None:
+    def run(self, work: Work, count: int) -> None:
         """Have the threads work on `count` things; returns when all are done."""
         tally = np.zeros((2, self._count, LINE), np.int64)
         for thread in range(1, self._count):

@@ -3,24 +3,97 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import lean_inlined, lean_kernel
-from nathlon.sim.observation import AHEAD_M, BEHIND_M, OPPONENT, ObservationSpec
+from nathlon.sim.observation import (
+    ACCELERATION_X,
+    ACCELERATION_Y,
+    AHEAD_M,
+    BEHIND_M,
+    LINES,
+    OPPONENT_SIZE,
+    POINT_SIZE,
+    PRESENT,
+    VELOCITY_X,
+    VELOCITY_Y,
+    ObservationSpec,
+    X,
+    Y,
+)
+from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.course import CourseParameters, on_other_level
-from nathlon.sim.sharing import Tally, finish, take
 from nathlon.sim.simd import add, load, multiply, store, subtract
-from nathlon.sim.state import CarRecord
+from nathlon.sim.state import CarRecord, Cars
+from nathlon.sim.work_stealing import Tally, finish, take
 
 BLOCK = 8
 """Rows that a thread takes at once: between two takes a core cannot work ahead."""
 SLOWEST = 10.0  # m/s: course points span the horizon at no less than this speed
-OPPONENT_SIZE = len(OPPONENT)
 Numbers = tuple[np.floating, np.floating, np.floating, np.floating]
-OWN_SIZE = ObservationSpec(1, 1.0, 0, 0).size - 9
-"""Numbers about the car itself, before the course points."""
+OWN = ObservationSpec(course_points=0, cars_ahead=0, cars_behind=0)
+"""What the car sees of itself, with which every vector begins."""
+OWN_SIZE = OWN.size
+
+# Where the fields begin. The compiler takes them for numbers that it knows.
+VELOCITY = OWN.start("velocity")
+YAW_RATE = OWN.start("yaw_rate")
+ACCELERATION = OWN.start("acceleration")
+TYRE_LOAD = OWN.start("tyre_load")
+SLIP_ANGLE = OWN.start("slip_angle")
+PROGRESS = OWN.start("progress")
+HEADING_ERROR = OWN.start("heading_error")
+INCLINATION = OWN.start("inclination")
+WALL_CONTACT = OWN.start("wall_contact")
+OFF_COURSE = OWN.start("off_course")
+STEERING = OWN.start("steering")
+THROTTLE = OWN.start("throttle")
+BRAKE = OWN.start("brake")
+CAR_CONTACT = OWN.start("car_contact")
+SLIPSTREAM = OWN.start("slipstream")
+PENALTY = OWN.start("penalty")
+TYRE_WEAR = OWN.start("tyre_wear")
+FUEL = OWN.start("fuel")
+
+
+class LayoutParameters(NamedTuple):
+    """What the kernel reads of a spec.
+
+    Attributes:
+        mean, scale: (size,) float32, of its scaling; the scale is one over the deviation.
+        points: on each line of the course.
+        horizon: s of travel that they span.
+        ahead: length of the list of cars ahead.
+    """
+
+    mean: NDArray[np.float32]
+    scale: NDArray[np.float32]
+    points: int
+    horizon: float
+    ahead: int
+
+
+def layout_parameters(spec: ObservationSpec) -> LayoutParameters:
+    """The kernel's view of a spec."""
+    mean, deviation = spec.scaling
+    return LayoutParameters(
+        mean, np.float32(1.0) / deviation, spec.course_points, spec.horizon_s, spec.cars_ahead
+    )
+
+
+class Nearby(NamedTuple):
+    """The cars in sight, first those of the list ahead, then those of the list behind.
+
+    Attributes:
+        nearest: (ahead + behind,) int64, indices, -1 for none.
+        distance: (ahead + behind,) float64, squared, m^2.
+    """
+
+    nearest: NDArray[np.int64]
+    distance: NDArray[np.float64]
 
 
 @lean_inlined
@@ -35,15 +108,9 @@ def observe_cars(
     races: np.ndarray,
     cars: np.ndarray,
     out: np.ndarray,
-    mean: np.ndarray,
-    scale: np.ndarray,
-    points: int,
-    horizon: float,
-    ahead: int,
-    nearest: np.ndarray,
-    distance: np.ndarray,
-    p: CarParameters,
-    course: CourseParameters,
+    layout: LayoutParameters,
+    nearby: Nearby,
+    p: WorldParameters,
     tally: Tally,
     thread: int,
 ) -> None:
@@ -53,11 +120,10 @@ def observe_cars(
         state: (races, cars) CAR_STATE.
         races, cars: (n,) indices of the cars that look.
         out: (n, size) float32, set.
-        mean, scale: (size,) float32, of the spec's scaling; the scale is one over the deviation.
-        points, horizon, ahead: of the spec.
-        nearest, distance: scratch for each of the opponents seen, (n,) int64 and float64.
-        p, course: car model and circuit.
-        tally, thread: see `nathlon.sim.sharing`.
+        layout: of the spec.
+        nearby: scratch.
+        p: of the world.
+        tally, thread: see `nathlon.sim.work_stealing`.
     """
     rows = len(races)
     while True:
@@ -65,37 +131,18 @@ def observe_cars(
         if block < 0:
             return
         for row in range(BLOCK * block, min(BLOCK * (block + 1), rows)):
-            observe_car(
-                state[races[row]],
-                cars[row],
-                out[row],
-                mean,
-                scale,
-                points,
-                horizon,
-                ahead,
-                nearest,
-                distance,
-                p,
-                course,
-            )
+            observe_car(state[races[row]], cars[row], out[row], layout, nearby, p)
         finish(tally, thread)
 
 
 @lean_inlined
 def observe_car(
-    field: np.ndarray,
+    field: Cars,
     index: int,
     values: np.ndarray,
-    mean: np.ndarray,
-    scale: np.ndarray,
-    points: int,
-    horizon: float,
-    ahead: int,
-    nearest: np.ndarray,
-    distance: np.ndarray,
-    p: CarParameters,
-    course: CourseParameters,
+    layout: LayoutParameters,
+    nearby: Nearby,
+    p: WorldParameters,
 ) -> None:
     """Fill in what one car of a race sees.
 
@@ -103,65 +150,56 @@ def observe_car(
         field: the cars of the race.
         index: of the car that looks.
         values: (size,) float32, set.
-        mean, scale, points, horizon, ahead: as in `observe_cars`.
-        nearest, distance: scratch for each of the opponents seen.
-        p, course: car model and circuit.
+        layout, nearby, p: as in `observe_cars`.
     """
-    lists = OWN_SIZE + 9 * points
-    see_self(field[index], values, p, course)
-    find_cars(field, index, ahead, nearest, distance, course)
-    see_cars(field, index, nearest, values[lists:])
+    mean, scale = layout.mean, layout.scale
+    lists = OWN_SIZE + POINT_SIZE * layout.points
+    observe_self(field[index], values, p)
+    find_opponents(field, index, layout.ahead, nearby, p.course)
+    observe_opponents(field, index, nearby.nearest, values[lists:])
     for k in range(OWN_SIZE):
         values[k] = (values[k] - mean[k]) * scale[k]
     for k in range(lists, len(values)):
         values[k] = (values[k] - mean[k]) * scale[k]
-    see_course(field[index], values[OWN_SIZE:lists], scale[OWN_SIZE:lists], points, horizon, course)
+    observe_course(field[index], values[OWN_SIZE:lists], layout, p.course)
 
 
 @lean_inlined
-def see_self(car: CarRecord, values: np.ndarray, p: CarParameters, course: CourseParameters) -> None:
+def observe_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
-    values[0] = car.velocity_x
-    values[1] = car.velocity_y
-    values[2] = car.yaw_rate
-    values[3] = car.acceleration_x
-    values[4] = car.acceleration_y
+    values[VELOCITY], values[VELOCITY + 1] = car.velocity_x, car.velocity_y
+    values[YAW_RATE] = car.yaw_rate
+    values[ACCELERATION], values[ACCELERATION + 1] = car.acceleration_x, car.acceleration_y
     for wheel in range(4):
-        values[5 + wheel] = car.load[wheel]
-        values[9 + wheel] = car.slip_angle[wheel]
-    angle = 2.0 * math.pi * car.progress / course.length
-    values[13] = math.sin(angle)
-    values[14] = math.cos(angle)
-    values[15] = car.heading_error
-    values[16] = car.slope_x
-    values[17] = car.slope_y
-    values[18] = 1.0 if car.wall_contact else 0.0
-    values[19] = 1.0 if car.off_course else 0.0
-    values[20] = car.steering / p.full_lock
-    values[21] = car.throttle
-    values[22] = car.brake
-    values[23] = 1.0 if car.car_contact else 0.0
-    values[24] = car.draught
-    values[25] = car.penalty_s
+        values[TYRE_LOAD + wheel] = car.load[wheel]
+        values[SLIP_ANGLE + wheel] = car.slip_angle[wheel]
+    angle = 2.0 * math.pi * car.progress / p.course.length
+    values[PROGRESS], values[PROGRESS + 1] = math.sin(angle), math.cos(angle)
+    values[HEADING_ERROR] = car.heading_error
+    values[INCLINATION], values[INCLINATION + 1] = car.slope_x, car.slope_y
+    values[WALL_CONTACT] = 1.0 if car.wall_contact else 0.0
+    values[OFF_COURSE] = 1.0 if car.off_course else 0.0
+    values[STEERING] = car.steering / p.car.full_lock
+    values[THROTTLE] = car.throttle
+    values[BRAKE] = car.brake
+    values[CAR_CONTACT] = 1.0 if car.car_contact else 0.0
+    values[SLIPSTREAM] = car.draught
+    values[PENALTY] = car.penalty_s
     for wheel in range(4):
-        values[26 + wheel] = car.wear[wheel]
-    values[30] = car.fuel / p.fuel_capacity
+        values[TYRE_WEAR + wheel] = car.wear[wheel]
+    values[FUEL] = car.fuel / p.car.fuel_capacity
 
 
 @lean_inlined
-def see_course(
-    car: CarRecord,
-    values: np.ndarray,
-    scale: np.ndarray,
-    points: int,
-    horizon: float,
-    course: CourseParameters,
+def observe_course(
+    car: CarRecord, values: np.ndarray, layout: LayoutParameters, course: CourseParameters
 ) -> None:
     """Standardised points of left edge, centre line and right edge over the next seconds."""
+    points, scale = layout.points, layout.scale[OWN_SIZE:]
     x, y, z = alike(car.x), alike(car.y), alike(car.z)
     cos_yaw, sin_yaw = alike(car.cos_yaw), alike(car.sin_yaw)
     slope_x, slope_y = alike(car.slope_x), alike(car.slope_y)
-    gap = max(car.velocity_x, SLOWEST) * horizon / points / course.spacing
+    gap = max(car.velocity_x, SLOWEST) * layout.horizon / points / course.spacing
     rows = len(course.edges)
     at = car.row + car.along / course.spacing
     for point in range(points):
@@ -181,11 +219,11 @@ def see_course(
         aside = subtract(multiply(dy, cos_yaw), multiply(dx, sin_yaw))
         above = subtract(subtract(dz, multiply(slope_x, ahead)), multiply(slope_y, aside))
         # The fourth number of a vector is no line's, and gives way to the next vector's first.
-        k = 9 * point
+        k = POINT_SIZE * point
         store(values, k, multiply(ahead, load(scale, k)))
-        store(values, k + 3, multiply(aside, load(scale, k + 3)))
-        for line in range(3):
-            values[k + 6 + line] = above[line] * scale[k + 6 + line]
+        store(values, k + LINES, multiply(aside, load(scale, k + LINES)))
+        for line in range(LINES):
+            values[k + 2 * LINES + line] = above[line] * scale[k + 2 * LINES + line]
         at += gap
 
 
@@ -210,12 +248,11 @@ def between(here: np.ndarray, there: np.ndarray, axis: int, share: Numbers) -> N
 
 
 @lean_inlined
-def find_cars(
-    field: np.ndarray,
+def find_opponents(
+    field: Cars,
     index: int,
     ahead: int,
-    nearest: np.ndarray,
-    distance: np.ndarray,
+    nearby: Nearby,
     course: CourseParameters,
 ) -> None:
     """Sort the cars in sight into two lists, nearest first.
@@ -224,10 +261,10 @@ def find_cars(
         field: the cars of the race.
         index: of the car that looks.
         ahead: length of the list of cars ahead.
-        nearest: (ahead + behind,) set to indices of cars ahead, then of cars behind; -1 for none.
-        distance: (ahead + behind,) scratch.
+        nearby: set.
         course: where bridges hide cars from each other.
     """
+    nearest, distance = nearby
     car = field[index]
     nearest[:] = -1
     distance[:] = np.inf
@@ -251,7 +288,7 @@ def find_cars(
 
 
 @lean_inlined
-def see_cars(field: np.ndarray, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
+def observe_opponents(field: Cars, index: int, nearest: np.ndarray, values: np.ndarray) -> None:
     """What is seen of the listed cars, relative in the car's frame."""
     car = field[index]
     values[:] = 0.0
@@ -265,10 +302,12 @@ def see_cars(field: np.ndarray, index: int, nearest: np.ndarray, values: np.ndar
         turn_cos = other.cos_yaw * car.cos_yaw + other.sin_yaw * car.sin_yaw
         turn_sin = other.sin_yaw * car.cos_yaw - other.cos_yaw * car.sin_yaw
         k = OPPONENT_SIZE * place
-        values[k] = 1.0
-        values[k + 1] = dx * car.cos_yaw + dy * car.sin_yaw
-        values[k + 2] = dy * car.cos_yaw - dx * car.sin_yaw
-        values[k + 3] = dvx * car.cos_yaw + dvy * car.sin_yaw
-        values[k + 4] = dvy * car.cos_yaw - dvx * car.sin_yaw
-        values[k + 5] = other.acceleration_x * turn_cos - other.acceleration_y * turn_sin - car.acceleration_x
-        values[k + 6] = other.acceleration_x * turn_sin + other.acceleration_y * turn_cos - car.acceleration_y
+        values[k + PRESENT] = 1.0
+        values[k + X] = dx * car.cos_yaw + dy * car.sin_yaw
+        values[k + Y] = dy * car.cos_yaw - dx * car.sin_yaw
+        values[k + VELOCITY_X] = dvx * car.cos_yaw + dvy * car.sin_yaw
+        values[k + VELOCITY_Y] = dvy * car.cos_yaw - dvx * car.sin_yaw
+        forward = other.acceleration_x * turn_cos - other.acceleration_y * turn_sin
+        aside = other.acceleration_x * turn_sin + other.acceleration_y * turn_cos
+        values[k + ACCELERATION_X] = forward - car.acceleration_x
+        values[k + ACCELERATION_Y] = aside - car.acceleration_y

@@ -1,0 +1,19 @@
+"""What the kernels read of a world and never change."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from nathlon.sim.car import CarParameters
+from nathlon.sim.physics.chassis import Rates
+from nathlon.sim.physics.course import CourseParameters
+from nathlon.sim.rules import RuleParameters
+
+
+class WorldParameters(NamedTuple):
+    """The kernels' view of car, circuit, wear and fuel, and rules."""
+
+    car: CarParameters
+    course: CourseParameters
+    rates: Rates
+    rules: RuleParameters
