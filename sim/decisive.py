@@ -68,6 +68,7 @@ EPISODES = (
     "policies/mlp.py",
     "policies/patience.py",
     "policies/sources",
+    "sim/wire.py",
 )
 """What decides, in the same way, how an episode of another world ends, beside that world's own files."""
 

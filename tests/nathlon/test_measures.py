@@ -50,4 +50,4 @@ def test_who_did_not_finish_has_set_no_time_but_may_have_set_a_lap() -> None:
 
 def test_less_is_better_in_times_and_places() -> None:
     kinds = {name: measure.kind for name, measure in MEASURES.items()}
-    assert {name for name, kind in kinds.items() if kind == "distance"} == {"lead", "distance"}
+    assert {name for name, kind in kinds.items() if kind == "distance"} == {"lead", "distance", "score"}
