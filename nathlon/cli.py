@@ -29,6 +29,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # rich takes longer to load than the help to read
 )
 for command in (
     demo, evaluate, pareto, battery, init, nightly, status, report, train, polish, ablate, race, replay,

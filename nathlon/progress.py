@@ -17,7 +17,7 @@ from rich.progress import (
 )
 
 from nathlon.selection.run import RECORDINGS, STAGES, OnMatch
-from nathlon.terminal import aside, warn
+from nathlon.terminal import console, warn
 
 
 def worker_count(asked: int | None) -> int:
@@ -34,7 +34,7 @@ def progress_bars(shown: bool = True) -> Progress:
         TextColumn("{task.fields[note]}", markup=False),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        console=aside,
+        console=console(stderr=True),
         disable=not shown,
     )
 
@@ -46,7 +46,7 @@ def stage_progress(shown: bool, stages: Sequence[str] = (*STAGES, RECORDINGS)) -
     Yields:
         what is to be told of matches that have ended.
     """
-    if shown and not (aside.is_terminal or aside.is_jupyter):
+    if shown and not (console(stderr=True).is_terminal or console(stderr=True).is_jupyter):
         lines = _Lines()
         try:
             yield lines.on_match

@@ -4,53 +4,44 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.measure import Measurement
-from rich.table import Table
-from rich.text import Text
+if TYPE_CHECKING:
+    from rich.table import Table
 
-from nathlon.sim.names import printable
-
-WIDEST = 10_000
-"""Letters in a line of a table."""
+    from nathlon.console import Terminal
 
 
-class Terminal(Console):
-    """A console on which text is text: nothing in names or paths is markup, an emoji or a control code."""
+@cache
+def console(stderr: bool = False) -> Terminal:
+    """Where results are printed, or what is none; rich takes long to load for who prints nothing."""
+    from nathlon.console import Terminal
 
-    def __init__(self, *, stderr: bool = False) -> None:
-        super().__init__(stderr=stderr, markup=False, emoji=False, highlight=False)
-
-    def table(self, table: Table) -> None:
-        """Print a table; one that is wider than the terminal goes on beyond its edge, and nothing is cut."""
-        for column in table.columns:
-            column.no_wrap = True
-        needed = Measurement.get(self, self.options.update(max_width=WIDEST), table).maximum
-        own, self.width = self.width, max(self.width, needed)
-        try:
-            self.print(table)
-        finally:
-            self.width = own
-
-    def render_str(self, text: str, **options: Any) -> Text:
-        """See `Console.render_str`."""
-        return super().render_str(printable(text), **options)
+    return Terminal(stderr=stderr)
 
 
-console = Terminal()
-aside = Terminal(stderr=True)
+def new_table(title: str | None = None, lean: bool = False) -> Table:
+    """A table without rows; a lean one has a line below its head only."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    return Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0)) if lean else Table(title=title)
+
+
+def print_table(table: Table) -> None:
+    """Print a table, nothing of it cut."""
+    console().table(table)
 
 
 def say(text: str) -> None:
     """Print a line as it is: paths stay whole."""
-    console.print(text, soft_wrap=True)
+    console().print(text, soft_wrap=True)
 
 
 def warn(text: str) -> None:
     """Print a line that is no result to standard error, as it is."""
-    aside.print(text, soft_wrap=True)
+    console(stderr=True).print(text, soft_wrap=True)
 
 
 def print_json(value: Any) -> None:

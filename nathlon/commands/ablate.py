@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from nathlon.bounds import MOST_PAIRS, MOST_WORKERS
 from nathlon.commands.options import AsJson, Out
 from nathlon.commands.selection import stoppable
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
-from nathlon.terminal import console, print_json, tell, warn
+from nathlon.terminal import new_table, print_json, print_table, tell, warn
 
 if TYPE_CHECKING:
     import polars as pl
@@ -167,7 +166,7 @@ def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame | None = None) 
 
 
 def _print_effects(found: pl.DataFrame) -> None:
-    shown = Table(title="Last checkpoints minus the base's, 95 % confidence intervals")
+    shown = new_table("Last checkpoints minus the base's, 95 % confidence intervals")
     for column in ("Variant", "Seeds", "Measure", "Difference", "Interval"):
         shown.add_column(column, justify="right" if column in ("Seeds", "Difference") else "left")
     for row in found.iter_rows(named=True):
@@ -178,4 +177,4 @@ def _print_effects(found: pl.DataFrame) -> None:
         known = row["low"] is not None
         interval = f"{row['low']:+.2f} to {row['high']:+.2f}" if known else "one seed, or all alike"
         shown.add_row(row["variant"], *cells, f"{row['difference']:+.2f}", interval)
-    console.table(shown)
+    print_table(shown)

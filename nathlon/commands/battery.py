@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
 from nathlon.policies.sources import find_sources
-from nathlon.terminal import console, print_json, say
+from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
     import polars as pl
@@ -70,7 +69,7 @@ def _as_json(answer: BatteryAnswer, names: dict[str, str]) -> dict[str, Any]:
 
 
 def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
-    ranking = Table(title="N-athlon with 95 % intervals")
+    ranking = new_table("N-athlon with 95 % intervals")
     for column in ("Rank", "Entrant", "Points"):
         ranking.add_column(column, justify="right" if column in ("Rank", "Points") else "left")
     for row in _named(answer.tables["battery"], names):
@@ -78,9 +77,9 @@ def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
         if row["points_low"] is not None:
             points += f" ({row['points_low']:.0f} to {row['points_high']:.0f})"
         ranking.add_row(str(row["rank"]), row["name"], points)
-    console.table(ranking)
+    print_table(ranking)
 
-    tests = Table(title="Tests")
+    tests = new_table("Tests")
     for column in ("Test", "500 points", "1,000 points", "Best", "Mean", "Points"):
         tests.add_column(column, justify="left" if column in ("Test", "Best") else "right")
     rows = _named(answer.tables["skills"], names)
@@ -89,6 +88,6 @@ def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
         mean = "–" if best["measure"] is None else f"{best['measure']:.2f}"
         worth = [f"{mark:.2f} {best['unit']}" for mark in (marks.base, marks.reference)]
         tests.add_row(test, *worth, best["name"], mean, f"{best['points']:.0f}")
-    console.table(tests)
+    print_table(tests)
     for test, reason in answer.set_aside.items():
         say(f"Set aside: {test}: {reason}")

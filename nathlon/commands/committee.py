@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
-
-from rich.box import SIMPLE
-from rich.table import Table
+from typing import TYPE_CHECKING, Any
 
 import nathlon.committee as committee
 from nathlon.arena.store import Store
@@ -18,7 +15,10 @@ from nathlon.committee.event_log import EventLog
 from nathlon.committee.events import Compared, Entry, Opened, Reopened, Voted
 from nathlon.committee.rules import Question
 from nathlon.sim.errors import InputError
-from nathlon.terminal import console, print_json, say
+from nathlon.terminal import new_table, print_json, print_table, say
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 SHORTEST_ID = 6
 
@@ -156,7 +156,7 @@ def _print(decision: Decision) -> None:
     if decision.result is None and decision.waits_for:
         state += f", waits for {decision.waits_for} more"
     say(f"{decision.name}: {wanted} wanted, {state}")
-    console.table(_standings(decision))
+    print_table(_standings(decision))
     names = decision.opened.candidates
     for said in decision.said.values():
         for entry in said:
@@ -171,7 +171,7 @@ def _standings(decision: Decision) -> Table:
     """Evidence and standing of every candidate, from first to last."""
     result = decision.result or decision.tally()
     shown = {row["entrant"]: row for row in decision.opened.evidence.rows}
-    table = Table(box=SIMPLE, padding=(0, 1, 0, 0))
+    table = new_table(lean=True)
     table.add_column("")
     table.add_column("Entrant")
     for column in (

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from nathlon.commands.options import AsJson, ConfigFile, Workers
 from nathlon.commands.selection import print_places, print_verdict, stoppable
 from nathlon.sim.errors import InputError
-from nathlon.terminal import console, print_json, say, tell
+from nathlon.terminal import new_table, print_json, print_table, say, tell
 
 if TYPE_CHECKING:
     from nathlon.arena.store import Store
@@ -88,7 +87,7 @@ def status(
     if as_json:
         print_json({"runs": nights, "disagreements": faults})
         return
-    table = Table()
+    table = new_table()
     for column in ("Run", "Began (UTC)", "Status", "Entrants", "Filter", "Round robin", "Outcome"):
         table.add_column(column)
     for night in nights:
@@ -101,7 +100,7 @@ def status(
             *(str(counts[name]) for name in ("entrants", "pareto", "ranking")),
             outcome.get("reason", _under_way(night["facts"])),
         )
-    console.table(table)
+    print_table(table)
     for fault in faults:
         say(fault)
 

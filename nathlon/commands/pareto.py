@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
 from nathlon.policies.sources import find_sources
 from nathlon.sim.whole_file import whole_file
-from nathlon.terminal import console, print_json, say
+from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
     import polars as pl
@@ -87,11 +85,11 @@ def pareto_table(entrants: Sequence[Entrant], answer: Answer) -> pl.DataFrame:
 
 
 def _print_front(front: pl.DataFrame, entered: int, objectives: Sequence[Objective]) -> None:
-    shown = Table(title=f"{front.height} of {entered} checkpoints may be on the front")
+    shown = new_table(f"{front.height} of {entered} checkpoints may be on the front")
     names = [objective.name for objective in objectives]
     for column in ("Entrant", *names, "Probability", "Races"):
         shown.add_column(column, justify="left" if column == "Entrant" else "right")
     for row in front.iter_rows(named=True):
         values = [f"{row[name]:.4g}" for name in names]
         shown.add_row(row["name"], *values, f"{row['nondominated_probability']:.2f}", str(row["races"]))
-    console.table(shown)
+    print_table(shown)

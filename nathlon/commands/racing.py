@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.box import SIMPLE
-from rich.table import Table
 
 from nathlon.commands.options import AsJson, Out, Seed
 from nathlon.policies.sources import find_sources
-from nathlon.terminal import console, print_json, say, warn
+from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:
     import polars as pl
@@ -68,16 +66,16 @@ def race(
 
 
 def _print_qualifying(timed: pl.DataFrame) -> None:
-    table = Table(title="Qualifying")
+    table = new_table("Qualifying")
     table.add_column("Entrant")
     table.add_column("Lap s", justify="right")
     for name, lap_s in timed.iter_rows():
         table.add_row(name, "no time" if lap_s is None else f"{lap_s:.3f}")
-    console.table(table)
+    print_table(table)
 
 
 def _print_race(title: str, results: pl.DataFrame) -> None:
-    table = Table(title=title, box=SIMPLE)
+    table = new_table(title, lean=True)
     columns = ("Place", "Grid", "Entrant", "Time s", "Gap s", "Lap s", "Off s", "Contacts", "Fault", "Pen.")
     for column in columns:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
@@ -98,4 +96,4 @@ def _print_race(title: str, results: pl.DataFrame) -> None:
             f"{row['off_course_s']:.1f}",
             *(str(row[count]) for count in ("contacts", "contacts_at_fault", "penalties")),
         )
-    console.table(table)
+    print_table(table)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from nathlon.commands.options import (
     AsJson,
@@ -24,7 +23,7 @@ from nathlon.commands.options import (
 )
 from nathlon.policies.sources import find_sources
 from nathlon.sim.errors import InputError
-from nathlon.terminal import console, print_json, say, warn
+from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
@@ -174,7 +173,7 @@ def _print_ranking(summary: Summary) -> None:
 
     met, racing = "tournament" not in summary.stages_set_aside, summary.world == RACING
     touches = racing or any(row.contacts_per_km is not None for row in ranking)
-    table = Table(title=f"{'Round robin' if met else 'n-athlon'} with 95 % intervals")
+    table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals")
     points_head = f"Points {'a race' if racing else 'an episode'}" if met else "Points"
     heads = ["Rank", "Entrant", points_head, *(["Contacts per km"] if touches else [])]
     for column in [*heads, *(["Races" if racing else "Episodes"] if met else [])]:
@@ -185,7 +184,7 @@ def _print_ranking(summary: Summary) -> None:
         if touches:
             cells.append(_interval(row.contacts_per_km, row.contacts_low, row.contacts_high))
         table.add_row(*cells, *([str(row.races)] if met else []))
-    console.table(table)
+    print_table(table)
 
 
 def _interval(value: float | None, low: float | None, high: float | None) -> str:

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from nathlon.commands.options import AsJson
 from nathlon.sim.names import file_stem
-from nathlon.terminal import console, print_json, say
+from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
     from nathlon.sim.track import NamedSection, Track
@@ -60,7 +59,7 @@ def show_track(
     if as_json:
         print_json({"name": circuit.name, "length_m": circuit.length, "sections": sections, "map": path})
         return
-    table = Table(title=f"{circuit.name}, {circuit.length:.0f} m")
+    table = new_table(f"{circuit.name}, {circuit.length:.0f} m")
     for column in ("Section", "Kind", "From m", "To m", "Turn", "Least radius m"):
         table.add_column(column, justify="left" if column in ("Section", "Kind", "Turn") else "right")
     for row in sections:
@@ -73,7 +72,7 @@ def show_track(
             ", ".join(row["turns"]),
             "" if radius is None else f"{radius:.0f}",
         )
-    console.table(table)
+    print_table(table)
     say(f"Map          {path}")
 
 
