@@ -30,9 +30,7 @@ COMMANDS = {
 
 def main() -> None:
     """Call all commands, and keep the medians."""
-    parser = argparse.ArgumentParser(
-        prog="benchmarks.commands", description="How long commands take"
-    )
+    parser = argparse.ArgumentParser(prog="benchmarks.commands", description="How long commands take")
     parser.add_argument("--json", type=Path, required=True, help="where the figures go")
     chosen = parser.parse_args()
     wall: defaultdict[str, list[float]] = defaultdict(list)

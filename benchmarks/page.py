@@ -87,6 +87,21 @@ def more(difference: Figures | None) -> str:
     return f"{difference['difference']:+.1f} ({low:+.1f} to {high:+.1f})"
 
 
+def less(compared: Figures) -> str:
+    """A difference of means with its interval, and the other's steps; nothing where it is the same one."""
+    if compared["verdict"] == "same":
+        return ""
+    low, high = compared["low"], compared["high"]
+    return f"{compared['difference']:+.2f} ({low:+.2f} to {high:+.2f}), step {compared['steps']:,}"
+
+
+def tally(worlds: Figures, name: str) -> str:
+    """How often each verdict came, over all worlds and runs."""
+    verdicts = [run[name]["verdict"] for runs in worlds.values() for run in runs.values()]
+    told = {"win": "won", "tie": "tied", "loss": "lost", "same": "the same checkpoint"}
+    return ", ".join(f"{verdicts.count(verdict)} {word}" for verdict, word in told.items())
+
+
 def page(results: Mapping[str, Result]) -> str:
     """The page, from results by name."""
     environment = Environment(
@@ -105,6 +120,8 @@ def page(results: Mapping[str, Result]) -> str:
         "each_car": each_car,
         "spread": spread,
         "more": more,
+        "less": less,
+        "tally": tally,
     }
     environment.globals |= {"rate": rate, "pooled": pooled, "sessions": sessions}
     return environment.get_template(TEMPLATE).render(results=results)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field
 
@@ -25,6 +26,7 @@ from nathlon.publishing.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.sim.data_file import Section, read_toml
 
+SectionT = TypeVar("SectionT", bound=Section)
 Share = Annotated[float, Field(ge=0, le=1)]
 
 TEMPLATE = Path(__file__).parent.parent / "data" / "nathlon.toml"
@@ -155,9 +157,6 @@ def read_config(path: Path) -> Config:
     def files(names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(located(name) if name.endswith(".toml") else name for name in names)
 
-    # A default stays one that is not set: another world has others.
-    tests = {"tests": files(config.battery.tests)} if "tests" in config.battery.model_fields_set else {}
-    anchors = tuple(map(located, config.nightly.anchors))
     event = config.tournament.event
     world = config.world
     if ".py:" in world:
@@ -168,10 +167,15 @@ def read_config(path: Path) -> Config:
             "checkpoints": tuple(map(located, config.checkpoints)),
             "store": located(config.store),
             "out": located(config.out),
-            "battery": config.battery.model_copy(update=tests),
+            "battery": _changed(config.battery, "tests", files),
             "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
-            "nightly": config.nightly.model_copy(
-                update={"anchors": anchors} if "anchors" in config.nightly.model_fields_set else {}
-            ),
+            "nightly": _changed(config.nightly, "anchors", lambda names: tuple(map(located, names))),
         }
     )
+
+
+def _changed(section: SectionT, field: str, change: Callable[[Any], Any]) -> SectionT:
+    """A section with a field changed if it was given; what was not stays a default, which worlds replace."""
+    if field not in section.model_fields_set:
+        return section
+    return section.model_copy(update={field: change(getattr(section, field))})

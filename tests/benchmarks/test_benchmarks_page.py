@@ -92,3 +92,14 @@ def test_a_result_without_a_machine_is_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps({"command": "", "date": "", "versions": {}, "figures": 1}))
     with pytest.raises(InputError, match=r"world\.json: field machine"):
         read_result(path)
+
+
+def test_verdicts_are_counted_over_worlds_and_runs() -> None:
+    same, win = (
+        {"verdict": "same"},
+        {"verdict": "win", "difference": 0.5, "low": 0.1, "high": 0.9, "steps": 2000},
+    )
+    worlds = {"a": {"1": {"last": win}, "2": {"last": same}}, "b": {"1": {"last": win}}}
+    assert page.tally(worlds, "last") == "2 won, 0 tied, 0 lost, 1 the same checkpoint"
+    assert page.less(win) == "+0.50 (+0.10 to +0.90), step 2,000"
+    assert page.less(same) == ""

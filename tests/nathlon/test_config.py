@@ -92,3 +92,11 @@ def test_a_file_that_is_gone_is_one_sentence(folder: Path) -> None:
     os.remove(folder / "event.toml")
     with pytest.raises(InputError, match=r"event\.toml: cannot read the event file"):
         digest(folder)
+
+
+def test_what_a_file_leaves_out_stays_a_default(tmp_path: Path) -> None:
+    path = tmp_path / "nathlon.toml"
+    path.write_text("[battery]\nruns = 3\n[nightly]\nincumbents = 1\n", "utf-8")
+    config = read_config(path)
+    assert config.battery.model_fields_set == {"runs"}
+    assert config.nightly.model_fields_set == {"incumbents"}

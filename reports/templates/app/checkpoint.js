@@ -123,7 +123,7 @@ function ownRaces(index) {
     { key: "stage", head: "Stage", kind: "text", first: "ascending", value: (row) => plain(row.race.stage) },
     { key: "grid", head: racing ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot },
     { key: "place", head: "Place", first: "ascending", value: (row) => row.place, cell: (row) => [number(row.place), " ", racing && gained(row.slot - row.place)] },
-    { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points) },
+    { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points, POINT_DIGITS) },
     ...ownColumns(),
     lapped && { key: "lap", head: "Best lap, s", first: "ascending", value: (row) => row.best_lap_s, cell: (row) => number(row.best_lap_s, 3) },
     measured("contacts") && { key: "contacts", head: "Contacts", value: (row) => row.contacts },

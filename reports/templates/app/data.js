@@ -55,6 +55,7 @@ const [lapped, touches, blames] = [measured("best_lap_s"), measured("contacts") 
 const [EPISODE, EACH] = racing ? ["race", "a race"] : ["episode", "an episode"];
 const MEETINGS = racing ? "Team races" : "Round robin";
 const met = racing || matches.some((match) => match.stage === "tournament");
+const POINT_DIGITS = racing || data.cars.points.every(Number.isInteger) ? 0 : 2;
 const ownNames = racing ? [] : Object.keys(JSON.parse(data.cars.measures?.find((text) => text !== null) ?? "{}"));
 
 const carAt = (index) => {

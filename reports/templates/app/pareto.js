@@ -4,7 +4,7 @@ const objectiveNames = [...new Set(tables.objectives.map((row) => row.objective)
 const objectiveUnit = new Map(tables.objectives.map((row) => [row.objective, row]));
 const objectiveTitle = (name) => {
   const { unit, goal } = objectiveUnit.get(name);
-  const title = plain(name.replace(/_per_km$|_s$/, ""));
+  const title = plain(name.replace(/_per_km$|_s$|_m$/, ""));
   return `${title}${unit === "1" ? "" : ` [${unit}]`}${goal === "max" ? ", more is better" : ""}`;
 };
 const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;

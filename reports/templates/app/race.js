@@ -12,7 +12,7 @@ function raceView([key, index]) {
   return [
     h("p", { class: "over" }, `${plain(race.stage)} · ${plain(race.test)}`),
     h("h1", {}, `${racing ? "Race" : "Episode"} ${race.key.slice(0, 12)}/${race.race}`),
-    teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)))}`])),
+    teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)), POINT_DIGITS)}`])),
     facts([
       ["Seed", race.seed], [racing ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
       racing && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
@@ -23,7 +23,7 @@ function raceView([key, index]) {
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
       { key: "grid", head: racing ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", racing && gained(row.slot - row.place)] },
       { ...entrantColumn(), cell: (row) => [row.team >= 0 && h("i", { class: `team team${row.team}`, title: `team ${row.team + 1}` }), entrantLink(row.entrant)] },
-      { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points) },
+      { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points, POINT_DIGITS) },
       ...ownColumns(),
       measured("race_time_s") && { key: "time", head: "Time, s", first: "ascending", value: (row) => row.race_time_s, cell: (row) => (row.race_time_s === null ? plain(row.ending) : number(row.race_time_s, 3)) },
       lapped && { key: "lap", head: "Best lap, s", first: "ascending", value: (row) => row.best_lap_s, cell: (row) => number(row.best_lap_s, 3) },
