@@ -108,7 +108,7 @@ def test_the_digest_can_be_made_anew_by_anyone_who_reads_the_tables(target: str)
         store.add_match("k", "pareto", {"b": 1, "a": "ä"}, frame)
     with raw(target).connect() as connection:
         [(rows, digest)] = connection.execute(sa.text("SELECT rows, digest FROM match"))
-    columns = {name: frame[name].to_list() for name in sorted(frame.columns)}
+    columns = {name: frame[name].to_list() for name in sorted(frame.columns) if frame[name].count()}
     columns["wall_s"] = [0.0] * 6
     text = json.dumps(["k", "pareto", '{"a": "\\u00e4", "b": 1}', columns], separators=(",", ":"))
     assert rows == 6
