@@ -116,4 +116,4 @@ def file_faults(connection: sa.Connection) -> list[str]:
     if connection.dialect.name != "sqlite":
         return []
     found = connection.exec_driver_sql("PRAGMA integrity_check").scalars().all()
-    return [f"file: {fault}" for fault in found if fault != "ok"]
+    return [f"file: {' '.join(fault.split())}" for fault in found if fault != "ok"]
