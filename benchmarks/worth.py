@@ -23,7 +23,7 @@ import polars as pl
 
 import nathlon
 from benchmarks.result import write_result
-from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.policies.bundled import BUNDLED
@@ -33,7 +33,6 @@ from nathlon.selection.config import Config
 from nathlon.selection.round_robin import tournament_matches
 from nathlon.tournament.points import matchups
 
-CAR = "gt3"
 FRESH = 20_261_125
 """Seed of the races that judge; selections have others."""
 PAIRS = 48
@@ -61,7 +60,7 @@ def measure(circuit: str) -> dict[str, Any]:
     names = list(dict.fromkeys([sent, last, fastest]))
     with Pool(worker_count(None)) as pool:
         sources = [str(BUNDLED / circuit / f"{name}.safetensors") for name in names]
-        entrants = enter_all(pool, sources, circuit, CAR)
+        entrants = enter_all(pool, sources, *trained_on(pool, sources))
         raced = _matchups(pool, entrants)
     return {
         "sent": sent,

@@ -49,7 +49,7 @@ class Game:
 
     def reset(self, seed=None, options=None):
         self.agents, self.step_, self.episodes = list(self.possible_agents), 0, self.episodes + 1
-        self.rng = np.random.default_rng(None if self.fault == "drifts" else seed)
+        self.rng = np.random.default_rng([seed, self.episodes] if self.fault == "drifts" else seed)
         self.hits = dict.fromkeys(self.possible_agents, 0)
         return self.look(), {seat: {} for seat in self.agents}
 
