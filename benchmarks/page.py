@@ -79,6 +79,14 @@ def pooled(runs: Sequence[Figures], circuit: str, car: str, name: str) -> dict[s
     }
 
 
+def more(difference: Figures | None) -> str:
+    """A difference of points with its interval; nothing where it is the same checkpoint."""
+    if difference is None:
+        return "the same"
+    low, high = difference["difference_low"], difference["difference_high"]
+    return f"{difference['difference']:+.1f} ({low:+.1f} to {high:+.1f})"
+
+
 def less(compared: Figures) -> str:
     """A difference of means with its interval, and the other's steps; nothing where it is the same one."""
     if compared["verdict"] == "same":
@@ -111,6 +119,7 @@ def page(results: Mapping[str, Result]) -> str:
         "place_and_wins": place_and_wins,
         "each_car": each_car,
         "spread": spread,
+        "more": more,
         "less": less,
         "tally": tally,
     }
