@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from nathlon.arena.match import Match, Race
+from nathlon.arena.match import Match
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.sim.state import CAR_STATE
 
@@ -51,7 +51,6 @@ def void(match: Match) -> pl.DataFrame:
 def _classify_race(
     match: Match, index: int, cars: NDArray[np.void], endings: NDArray[np.str_], driven: NDArray[np.float64]
 ) -> list[dict[str, Any]]:
-    race: Race = match.races[index]
     distance = cars["progress"] - cars["start"]
     finished = endings == "finished"
     order = np.lexsort(
@@ -64,19 +63,10 @@ def _classify_race(
     place = np.empty(len(cars), np.int64)
     place[order] = np.arange(1, len(cars) + 1)
     rows = []
-    for car, (state, seat) in enumerate(zip(cars, race.seats, strict=True)):
+    for car, state in enumerate(cars):
         rows.append(
             {
-                "match": match.key,
-                "stage": match.stage,
-                "test": match.test,
-                "race": index,
-                "seed": race.seed,
-                "mirrored": race.mirrored,
-                "car": car,
-                "slot": car + 1,
-                "entrant": match.entrants[seat.entrant],
-                "team": seat.team,
+                **match.seat_facts(index, car),
                 "place": int(place[car]),
                 "points": float(POINTS[place[car] - 1]) if place[car] <= len(POINTS) else 0.0,
                 "laps": int(state["laps"]),

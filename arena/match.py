@@ -103,6 +103,23 @@ class Match:
         """SHA-256 in hexadecimal of all that decides the outcome."""
         return hashlib.sha256(json.dumps(self.spec(), sort_keys=True).encode()).hexdigest()
 
+    def seat_facts(self, race: int, car: int) -> dict[str, Any]:
+        """What a row of RESULTS says of a seat before anything is driven."""
+        run = self.races[race]
+        seat = run.seats[car]
+        return {
+            "match": self.key,
+            "stage": self.stage,
+            "test": self.test,
+            "race": race,
+            "seed": run.seed,
+            "mirrored": run.mirrored,
+            "car": car,
+            "slot": car + 1,
+            "entrant": self.entrants[seat.entrant],
+            "team": seat.team,
+        }
+
     def spec(self) -> dict[str, Any]:
         """All that decides the outcome, as plain JSON values."""
         facts = asdict(self) | load_world(self.world, self.circuit, self.car).facts(self.scenario)

@@ -61,6 +61,7 @@ SUFFIXES = (".py", ".toml", ".csv")
 
 EPISODES = (
     "arena/worlds",
+    "arena/classification.py",
     "arena/match.py",
     "arena/results.py",
     "policies/general",

@@ -72,6 +72,11 @@ class Setup:
     time_s: float = 60.0
     ends: bool = True
 
+    @property
+    def free(self) -> set[int]:
+        """The seats of no side, which are the baseline's."""
+        return set(range(len(self.seats))) - {seat for side in self.sides for seat in side}
+
 
 @dataclass(frozen=True)
 class Outcome:

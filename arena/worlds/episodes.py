@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from nathlon.arena.classification import POINTS
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
@@ -26,8 +27,6 @@ from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
-
-PLACE_POINTS = (10.0, 8.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0)
 
 
 class EpisodeWorld(ABC):
@@ -146,23 +145,14 @@ class EpisodeWorld(ABC):
             {
                 **dict.fromkeys(RESULTS.names()),
                 **_known(outcome),
-                "match": match.key,
-                "stage": match.stage,
-                "test": match.test,
-                "race": index,
-                "seed": race.seed,
-                "mirrored": race.mirrored,
-                "car": car,
-                "slot": car + 1,
-                "entrant": match.entrants[seat.entrant],
-                "team": seat.team,
+                **match.seat_facts(index, car),
                 "place": places[car],
                 "points": points[car],
                 "ending": endings[car],
                 "score": outcome.score,
                 "measures": self._own(outcome),
             }
-            for car, (seat, outcome) in enumerate(zip(race.seats, outcomes, strict=True))
+            for car, outcome in enumerate(outcomes)
         ]
 
     def _check(self, setup: Setup, outcomes: Sequence[Outcome]) -> None:
@@ -206,7 +196,7 @@ def placed(outcomes: Sequence[Outcome], faulty: Sequence[bool]) -> list[int]:
 
 def place_points(places: Sequence[int]) -> list[float]:
     """Points of places; those who share a place share the points of the places that they take up."""
-    ladder = [*PLACE_POINTS, *[0.0] * len(places)]
+    ladder = [*POINTS, *[0.0] * len(places)]
     return [
         sum(ladder[place - 1 : place - 1 + places.count(place)]) / places.count(place) for place in places
     ]

@@ -114,6 +114,9 @@ def _meetings(name: str, setup: Setup) -> str:
             how = "two sides, so that every two entrants meet, and change sides"
         case count:
             how = f"{count} sides, so that all entrants meet, each on every side"
-    free = set(range(len(setup.seats))) - {seat for side in setup.sides for seat in side}
-    others = f"; the baseline has {', '.join(setup.seats[seat] for seat in sorted(free))}" if free else ""
+    others = (
+        f"; the baseline has {', '.join(setup.seats[seat] for seat in sorted(setup.free))}"
+        if setup.free
+        else ""
+    )
     return f"{name}: {how}; {points}{others}."

@@ -91,7 +91,7 @@ class Fixture:
         """The match of some of its units."""
         race, races = self.race, [r for seed in self.meeting.seeds[units] for r in self._unit(seed)]
         ids, sources = zip(*((entrant.id, entrant.source) for entrant in self.entrants), strict=True)
-        if self._free:
+        if self._setup.free:
             world = home(self.entrants[0])
             ids, sources = (*ids, policy_id(world.baseline)), (*sources, world.baseline)
         return Match(
@@ -110,11 +110,6 @@ class Fixture:
     def _setup(self) -> Setup:
         return home(self.entrants[0]).setup(self.race.raced)
 
-    @property
-    def _free(self) -> set[int]:
-        """The seats of no side."""
-        return set(range(len(self._setup.seats))) - {seat for side in self._setup.sides for seat in side}
-
     def _unit(self, seed: int) -> list[Race]:
         """The races of a unit; in a free-for-all the entrants are on its grids in an order of its own."""
         made, order = self.race.made, np.arange(len(self.entrants))
@@ -127,7 +122,7 @@ class Fixture:
 
     def _seats(self, entrants: Sequence[int], teams: Sequence[int]) -> tuple[Seat, ...]:
         """Who sits where if these entrants take the sides in their order."""
-        seats = dict.fromkeys(self._free, Seat(len(self.entrants), BACKGROUND))
+        seats = dict.fromkeys(self._setup.free, Seat(len(self.entrants), BACKGROUND))
         for side, entrant, team in zip(self._setup.sides, entrants, teams, strict=True):
             seats |= dict.fromkeys(side, Seat(entrant, team if self.race.made.teams else NO_TEAM))
         return tuple(seats[seat] for seat in range(len(seats)))

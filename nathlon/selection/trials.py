@@ -32,13 +32,12 @@ def against(
     world = home(entrant)
     setup = world.setup(scenario)
     places = len(setup.sides)
-    free = set(range(len(setup.seats))) - {seat for side in setup.sides for seat in side}
-    sources = tuple(dict.fromkeys([*opponents, world.baseline] if free else opponents))
+    sources = tuple(dict.fromkeys([*opponents, world.baseline] if setup.free else opponents))
     races = []
     for run, seed in enumerate(seeds):
         own = slots[run % len(slots)] - 1
         others = iter(1 + sources.index(opponents[k % len(opponents)]) for k in range(run, run + places))
-        seats = {seat: Seat(1 + sources.index(world.baseline), BACKGROUND) for seat in free}
+        seats = {seat: Seat(1 + sources.index(world.baseline), BACKGROUND) for seat in setup.free}
         for place, side in enumerate(setup.sides):
             taken = Seat(0, TESTED) if place == own else Seat(next(others))
             seats |= dict.fromkeys(side, taken)

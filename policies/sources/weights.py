@@ -8,6 +8,7 @@ of the tensors is compared with the card and the file's size before any of them 
 from __future__ import annotations
 
 import io
+from abc import abstractmethod
 from collections.abc import Mapping
 from itertools import pairwise
 from math import prod
@@ -60,9 +61,9 @@ class WeightsCard(BaseModel):
     key: ClassVar[str] = CARD_KEY
 
     @property
+    @abstractmethod
     def widths(self) -> tuple[int, ...]:
         """Numbers that the network takes, units of each hidden layer, numbers that it gives."""
-        raise NotImplementedError
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
