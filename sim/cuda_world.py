@@ -16,7 +16,7 @@ from numba import cuda, float64, int64
 from numpy.typing import NDArray
 
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observation_kernel import Nearby, layout_parameters, observe_car
+from nathlon.sim.observation_kernel import Nearby, layout_parameters, observe_car, view_parameters
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.world import SUBSTEPS, World, race_of, step_race
 
@@ -57,6 +57,7 @@ class CudaWorld:
         """
         self._world = world
         self._parameters = _to_device(world.parameters)
+        self._view = view_parameters(self._parameters)
         self._races = _to_device(world.arrays())
 
     def step(self, actions: NDArray[np.floating], substeps: int = SUBSTEPS) -> None:
@@ -84,7 +85,7 @@ class CudaWorld:
             out,
             _to_device(layout_parameters(spec)),
             listed,
-            self._parameters,
+            self._view,
         )
         return out.copy_to_host()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -76,12 +77,32 @@ class LayoutParameters(NamedTuple):
     ahead: int
 
 
+@cache
 def layout_parameters(spec: ObservationSpec) -> LayoutParameters:
     """The kernel's view of a spec."""
     mean, deviation = spec.scaling
     return LayoutParameters(
         mean, np.float32(1.0) / deviation, spec.course_points, spec.horizon_s, spec.cars_ahead
     )
+
+
+class ViewParameters(NamedTuple):
+    """What the kernel reads of a world: every number more makes each call slower.
+
+    Attributes:
+        full_lock: of the car's steering, rad.
+        fuel_capacity: of the car, kg.
+        course: the circuit.
+    """
+
+    full_lock: float
+    fuel_capacity: float
+    course: CourseParameters
+
+
+def view_parameters(p: WorldParameters) -> ViewParameters:
+    """What observations need of a world."""
+    return ViewParameters(p.car.full_lock, p.car.fuel_capacity, p.course)
 
 
 class Nearby(NamedTuple):
@@ -110,7 +131,7 @@ def observe_cars(
     out: np.ndarray,
     layout: LayoutParameters,
     nearby: Nearby,
-    p: WorldParameters,
+    p: ViewParameters,
     tally: Tally,
     thread: int,
 ) -> None:
@@ -142,7 +163,7 @@ def observe_car(
     values: np.ndarray,
     layout: LayoutParameters,
     nearby: Nearby,
-    p: WorldParameters,
+    p: ViewParameters,
 ) -> None:
     """Fill in what one car of a race sees.
 
@@ -165,7 +186,7 @@ def observe_car(
 
 
 @lean_inlined
-def observe_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None:
+def observe_self(car: CarRecord, values: np.ndarray, p: ViewParameters) -> None:
     """The car's own motion, tyres, place and controls, before standardisation."""
     values[VELOCITY], values[VELOCITY + 1] = car.velocity_x, car.velocity_y
     values[YAW_RATE] = car.yaw_rate
@@ -179,7 +200,7 @@ def observe_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None
     values[INCLINATION], values[INCLINATION + 1] = car.slope_x, car.slope_y
     values[WALL_CONTACT] = 1.0 if car.wall_contact else 0.0
     values[OFF_COURSE] = 1.0 if car.off_course else 0.0
-    values[STEERING] = car.steering / p.car.full_lock
+    values[STEERING] = car.steering / p.full_lock
     values[THROTTLE] = car.throttle
     values[BRAKE] = car.brake
     values[CAR_CONTACT] = 1.0 if car.car_contact else 0.0
@@ -187,7 +208,7 @@ def observe_self(car: CarRecord, values: np.ndarray, p: WorldParameters) -> None
     values[PENALTY] = car.penalty_s
     for wheel in range(4):
         values[TYRE_WEAR + wheel] = car.wear[wheel]
-    values[FUEL] = car.fuel / p.car.fuel_capacity
+    values[FUEL] = car.fuel / p.fuel_capacity
 
 
 @lean_inlined

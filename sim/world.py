@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nathlon.sim.car import Car, parameters
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars
+from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars, view_parameters
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.body import set_body_velocity, set_direction, speed_squared
 from nathlon.sim.physics.chassis import GRAVITY, Rates, advance
@@ -259,6 +259,9 @@ class World:
         self.contacts = np.zeros((races, max(cars * (cars - 1) // 2, 1)), CONTACT)
         self.contact_count = np.zeros(races, np.int64)
         self._touched = np.full((races, cars, cars), -np.inf)
+        self._races = Races(self.state, self.ticks, self._touched, self.contacts, self.contact_count)
+        self._view = view_parameters(self.parameters)
+        self._ground = [Ground(*np.empty((3, 4))) for _ in range(threads)]
         self._threads = ThreadPool(threads)
 
     @property
@@ -268,7 +271,7 @@ class World:
 
     def arrays(self) -> Races:
         """All that changes in a step, not copied."""
-        return Races(self.state, self.ticks, self._touched, self.contacts, self.contact_count)
+        return self._races
 
     def reset(self, race: int, start: Start) -> None:
         """Put the cars of one race at their start, wheels rolling at the speed of the road."""
@@ -319,8 +322,7 @@ class World:
         legal = np.clip(actions, -1.0, 1.0, dtype=np.float64)
 
         def work(tally: Tally, thread: int) -> None:
-            ground = Ground(*np.empty((3, 4)))
-            step_races(self.arrays(), legal, substeps, ground, self.parameters, tally, thread)
+            step_races(self._races, legal, substeps, self._ground[thread], self.parameters, tally, thread)
 
         self._threads.run(work, len(self.state))
 
@@ -346,7 +348,7 @@ class World:
         def work(tally: Tally, thread: int) -> None:
             listed = spec.cars_ahead + spec.cars_behind
             nearby = Nearby(np.empty(listed, np.int64), np.empty(listed))
-            observe_cars(self.state, races, cars, out, layout, nearby, self.parameters, tally, thread)
+            observe_cars(self.state, races, cars, out, layout, nearby, self._view, tally, thread)
 
         self._threads.run(work, blocks(len(races)))
         return out
