@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from nathlon.policies.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
+    from nathlon.api.gating import GateResult, gate
     from nathlon.api.racing import RaceResult, race
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 _FROM = {
     "Config": "nathlon.selection.config",
+    "GateResult": "nathlon.api.gating",
     "InputError": "nathlon.sim.errors",
     "ObservationSpec": "nathlon.sim.observation",
     "Policy": "nathlon.policies.policy",
@@ -44,6 +46,7 @@ _FROM = {
     "GymnasiumWorld": "nathlon.arena.worlds.environment",
     "Declared": "nathlon.arena.worlds.environment",
     "PettingZooWorld": "nathlon.arena.worlds.environment",
+    "gate": "nathlon.api.gating",
     "parallel_env": "nathlon.sim",
     "race": "nathlon.api.racing",
     "select": "nathlon.api.selection",
@@ -53,6 +56,7 @@ _FROM = {
 __all__ = [
     "Config",
     "Declared",
+    "GateResult",
     "GymnasiumWorld",
     "InputError",
     "ObservationSpec",
@@ -63,6 +67,7 @@ __all__ = [
     "RaceVectorEnv",
     "SelectionResult",
     "TrainingResult",
+    "gate",
     "load_policy",
     "parallel_env",
     "race",

@@ -11,6 +11,7 @@ from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
 from nathlon.commands.committee_app import committee
 from nathlon.commands.export import export
+from nathlon.commands.gate import gate
 from nathlon.commands.nightly import init, nightly, status
 from nathlon.commands.observation import observation
 from nathlon.commands.pareto import pareto
@@ -32,7 +33,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # rich takes longer to load than the help to read
 )
 for command in (
-    demo, evaluate, pareto, battery, init, nightly, status, report, train, polish, ablate, race, replay,
+    demo, evaluate, gate, pareto, battery, init, nightly, status, report, train, polish, ablate, race, replay,
     export, observation,
 ):  # fmt: skip
     app.command()(command)

@@ -16,6 +16,7 @@ from nathlon.arena.worlds.racing import surroundings
 from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
 from nathlon.committee.rules import CommitteeSettings
+from nathlon.gating.settings import GateSettings
 from nathlon.n_athlon import BatterySettings
 from nathlon.n_athlon.skill import load_skills, standing_tests
 from nathlon.pareto.filter import FilterSettings
@@ -75,6 +76,7 @@ class Config(Section):
     committee: CommitteeSettings = CommitteeSettings()
     tournament: TournamentSettings = TournamentSettings()
     nightly: NightlySettings = NightlySettings()
+    gate: GateSettings = GateSettings()
 
     @property
     def digest(self) -> str:
@@ -83,7 +85,7 @@ class Config(Section):
         Raises:
             InputError: if a file is missing or wrong.
         """
-        elsewhere = {"out", "workers", "store", "checkpoints", "recordings"}
+        elsewhere = {"out", "workers", "store", "checkpoints", "recordings", "gate"}
         decisive = self.model_dump(mode="json", exclude=elsewhere)
         return hashlib.sha256(json.dumps([decisive, self._contents()]).encode()).hexdigest()
 
@@ -168,6 +170,7 @@ def read_config(path: Path) -> Config:
             "store": located(config.store),
             "out": located(config.out),
             "battery": _changed(config.battery, "tests", files),
+            "gate": _changed(config.gate, "tests", files),
             "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
             "nightly": _changed(config.nightly, "anchors", lambda names: tuple(map(located, names))),
         }

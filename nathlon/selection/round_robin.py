@@ -65,7 +65,7 @@ class TournamentSettings(Section):
             InputError: if the event's file is wrong.
         """
         if self.event is not None:
-            return load_event(Path(self.event))
+            return loadevent_of(Path(self.event))
         if world != RACING:
             there = load_world(world)
             sides = {scenario: len(there.setup(scenario).sides) for scenario in there.scenarios}
@@ -87,15 +87,15 @@ class Fixture:
     meeting: Meeting
     entrants: tuple[Entrant, ...]
 
-    def match(self, units: slice) -> Match:
-        """The match of some of its units."""
+    def match(self, units: slice, stage: str = "tournament") -> Match:
+        """The match of some of its units, for a stage."""
         race, races = self.race, [r for seed in self.meeting.seeds[units] for r in self._unit(seed)]
         ids, sources = zip(*((entrant.id, entrant.source) for entrant in self.entrants), strict=True)
         if self._setup.free:
             world = home(self.entrants[0])
             ids, sources = (*ids, policy_id(world.baseline)), (*sources, world.baseline)
         return Match(
-            "tournament",
+            stage,
             race.name,
             race.raced,
             race.circuit,
@@ -145,8 +145,8 @@ def run_round_robin(
         InputError: if the event's file is wrong, or an entrant cannot drive one of its races.
     """
     began = time.perf_counter()
-    event = _event(entrants, settings)
-    fields = [_entered(run.pool, entrants, race.circuit, race.car) for race in event.race]
+    event = event_of(entrants, settings)
+    fields = [entered_there(run.pool, entrants, race.circuit, race.car) for race in event.race]
     fixtures = plan(event, fields, settings.pairs, run.seeds("tournament"))
     matches, results = _race(run, fixtures, event, settings)
     confidence = repeated(CONFIDENCE, len(_rounds(fixtures, settings)))
@@ -181,19 +181,19 @@ def ranked_by_tests(battery: pl.DataFrame, entrants: Sequence[Entrant]) -> pl.Da
 
 def tournament_matches(entrants: Sequence[Entrant], pairs: int, seeds: np.random.SeedSequence) -> list[Match]:
     """A 4v4 round robin of mirrored pairs, one match a matchup."""
-    event = _event(entrants, TournamentSettings())
+    event = event_of(entrants, TournamentSettings())
     fixtures = plan(event, [list(entrants)] * len(event.race), pairs, seeds)
     return [fixture.match(slice(None)) for fixture in fixtures]
 
 
-def _event(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
+def event_of(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event:
     """The event where the entrants are at home; one without races if there are none."""
     if not entrants:
         return Event.model_construct(race=())
     return settings.held(entrants[0].circuit, entrants[0].car, entrants[0].world)
 
 
-def _entered(pool: Pool, entrants: Sequence[Entrant], circuit: str, car: str) -> list[Entrant]:
+def entered_there(pool: Pool, entrants: Sequence[Entrant], circuit: str, car: str) -> list[Entrant]:
     """Entrants on a circuit that may not be their own, where a composite is another policy."""
     sources = [e.source for e in entrants if e.world == RACING and (e.circuit, e.car) != (circuit, car)]
     there: dict[str, Entrant] = {}

@@ -23,6 +23,7 @@ from nathlon.sim.process import HOST, has_ended
 STAGES = ("pareto", "battery", "tournament")
 RECORDINGS = "recordings"
 """What recording every race is called where progress is shown."""
+GATE = "gate"
 CONFIDENCE = 0.95
 
 DONE = "done"

@@ -1,0 +1,63 @@
+"""`nathlon gate`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers, WorldName
+from nathlon.commands.selection import stoppable
+from nathlon.policies.sources import find_sources
+from nathlon.terminal import new_table, print_json, print_table, say
+
+
+def gate(
+    checkpoints: Checkpoints,
+    champion: Annotated[str, typer.Option(help="Whose place they would take: checkpoint, driver or plugin.")],
+    out: Out = Path("runs/gate"),
+    config: ConfigPath = None,
+    seed: ConfigSeed = None,
+    workers: Workers = None,
+    world: WorldName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say whether a candidate may replace the champion, for people and for CI.
+
+    Exit code 0: it may, being no worse by more than the margins. 1: it may not. 4: the budget was too small
+    to tell.
+    """
+    sources = find_sources(checkpoints)
+    [reference] = find_sources([champion])[:1]
+    from nathlon.arena.workers import start_server
+
+    start_server()
+    import nathlon
+    from nathlon.reports.gate import cells
+
+    with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
+        result = nathlon.gate(
+            sources,
+            reference,
+            out,
+            config=config,
+            seed=seed,
+            workers=workers,
+            world=world,
+            progress=not as_json,
+        )
+    if as_json:
+        print_json(result.report.model_dump(mode="json"))
+    else:
+        for candidate in result.report.candidates:
+            table = new_table(f"{candidate.name} against {result.report.champion}", lean=True)
+            for column in ("Measure", "Verdict", "Difference", "Bounds", "May be", "Units"):
+                table.add_column(column, justify="left" if column in ("Measure", "Verdict") else "right")
+            for finding in candidate.findings:
+                table.add_row(*cells(finding))
+            print_table(table)
+        say(result.report.headline)
+        say(f"Page         {out / 'index.html'}")
+    sys.exit(result.report.exit_code)

@@ -1,0 +1,254 @@
+"""Running a gate: round after round, until every measure is decided or its budget is spent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import polars as pl
+
+from nathlon.arena.entrance import check_opponents
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.kernels import compile_kernels
+from nathlon.arena.results import POLICY_FAULTS, RESULTS
+from nathlon.arena.worlds.registry import RACING, home
+from nathlon.gating.questions import (
+    Pair,
+    Question,
+    Series,
+    at_fault_question,
+    lap_question,
+    points_question,
+    race_series,
+    test_question,
+    trial_series,
+)
+from nathlon.gating.settings import GateSettings
+from nathlon.n_athlon import marking_matches
+from nathlon.n_athlon.measures import measured
+from nathlon.n_athlon.skill import Marks, Skill, load_skills
+from nathlon.reports.gate import Finding, Gated, GateReport
+from nathlon.reports.summary import versions
+from nathlon.selection.config import Config
+from nathlon.selection.round_robin import entered_there, plan
+from nathlon.selection.run import GATE, Run
+from nathlon.selection.trials import draw_seeds
+from nathlon.sim.errors import InputError
+from nathlon.tournament.non_inferiority import NonInferiority, Sample, Verdict, together
+
+SEED = 7_041_776
+"""Beside the configuration's, so that a gate shares no race with the selection that found the candidate: of
+many, the one that was lucky there is put forward."""
+
+
+@dataclass
+class _Case:
+    """A candidate under way.
+
+    Attributes:
+        asked: what is asked of it.
+        results: RESULTS by series.
+        said: verdicts by measure, as far as there are any.
+    """
+
+    pair: Pair
+    asked: list[Question]
+    results: dict[int, pl.DataFrame] = field(default_factory=dict)
+    said: dict[str, Verdict] = field(default_factory=dict)
+
+    @property
+    def open(self) -> list[Question]:
+        """What is not decided yet; nothing once the candidate has failed."""
+        if Verdict.FAIL in self.said.values():
+            return []
+        return [question for question in self.asked if question.name not in self.said]
+
+    def faults(self) -> tuple[int, int]:
+        """How many runs of cars ended by the candidate's fault, and how many there were."""
+        own = [
+            table.filter(pl.col("entrant") == self.pair.candidate.id)["ending"]
+            for table in self.results.values()
+        ]
+        return sum(int(endings.is_in(POLICY_FAULTS).sum()) for endings in own), sum(map(len, own))
+
+
+def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config: Config) -> GateReport:
+    """Ask of every candidate whether it may take the champion's place.
+
+    Raises:
+        InputError: if a candidate is the champion, a test is unknown, or nothing can be asked.
+    """
+    began = time.perf_counter()
+    for candidate in candidates:
+        if candidate.id == champion.id:
+            raise InputError(f"{candidate.source}: is the champion, expected another policy")
+    if config.world == RACING:
+        compile_kernels(run.pool, config.circuit, config.car)
+    tests = _tests(run, champion, config.gate)
+    cases = [
+        _Case(pair, _questions(run, pair, config, tests))
+        for pair in (Pair(candidate, champion) for candidate in candidates)
+    ]
+    if not cases[0].asked:
+        raise InputError("section gate asks nothing here, expected points, tests, or lap with a time trial")
+    settings = config.gate
+    for begin in range(0, max(question.series.most for question in cases[0].asked), settings.block):
+        if not _round(run, cases, slice(begin, begin + settings.block), settings):
+            break
+    races = sum(
+        table.select(pl.struct("match", "race").n_unique()).item()
+        for case in cases
+        for table in case.results.values()
+    )
+    return GateReport(
+        champion=champion.name,
+        champion_id=champion.id,
+        circuit=config.circuit,
+        car=config.car,
+        world=config.world,
+        seed=config.seed,
+        alpha=settings.alpha,
+        beta=settings.beta,
+        races=races,
+        wall_s=round(time.perf_counter() - began, 1),
+        versions=versions(),
+        candidates=tuple(_gated(case, settings) for case in cases),
+    )
+
+
+def _round(run: Run, cases: Sequence[_Case], units: slice, settings: GateSettings) -> bool:
+    """Run some units of what is open, all in one go; tells whether there was anything to run."""
+    wanted = []
+    for number, case in enumerate(cases):
+        for series in {id(question.series): question.series for question in case.open}.values():
+            if units.start < series.most:
+                wanted.append((number, series, series.matches(units)))
+    if not wanted:
+        return False
+    results = run.results(GATE, [match for _, _, matches in wanted for match in matches])
+    for number, series, matches in wanted:
+        keys = [match.key for match in matches]
+        here = results.filter(pl.col("match").is_in(keys))
+        before = cases[number].results.get(id(series), pl.DataFrame(schema=RESULTS))
+        cases[number].results[id(series)] = pl.concat([before, here])
+    for case in cases:
+        _judge(case, settings)
+    return True
+
+
+def _judge(case: _Case, settings: GateSettings) -> None:
+    """Decide what can be decided."""
+    for question in case.open:
+        sample = _sample(case, question)
+        if sample is not None:
+            said = _test(question, settings).verdict(sample)
+            if said != Verdict.CANNOT_TELL:
+                case.said[question.name] = said
+    if case.faults()[0] > settings.max_faults:
+        case.said["faults"] = Verdict.FAIL
+
+
+def _test(question: Question, settings: GateSettings) -> NonInferiority:
+    looks = -(-question.series.most // settings.block)
+    return NonInferiority(question.margin, settings.alpha, settings.beta, looks)
+
+
+def _sample(case: _Case, question: Question) -> Sample | None:
+    results = case.results.get(id(question.series))
+    return None if results is None else question.sample(results)
+
+
+def _gated(case: _Case, settings: GateSettings) -> Gated:
+    faults, runs = case.faults()
+    counted = Finding(
+        measure="faults",
+        unit="faults",
+        margin=None,
+        difference=float(faults),
+        units=runs,
+        verdict=Verdict.FAIL if faults > settings.max_faults else Verdict.PASS,
+    )
+    findings = [*(_finding(case, question, settings) for question in case.asked), counted]
+    asked = [finding.verdict for finding in findings if finding.set_aside is None]
+    return Gated(
+        name=case.pair.candidate.name,
+        entrant=case.pair.candidate.id,
+        verdict=together(asked),
+        findings=tuple(findings),
+    )
+
+
+def _finding(case: _Case, question: Question, settings: GateSettings) -> Finding:
+    plain = Finding(
+        measure=question.name, unit=question.unit, margin=question.margin, most=question.series.most
+    )
+    sample = _sample(case, question)
+    if sample is None:
+        return plain.model_copy(update={"set_aside": "nothing of the kind is measured"})
+    low, high = _test(question, settings).interval(sample)
+    return plain.model_copy(
+        update={
+            "difference": sample.mean,
+            "low": low,
+            "high": high,
+            "units": round(sample.units),
+            "verdict": case.said.get(question.name, Verdict.CANNOT_TELL),
+        }
+    )
+
+
+def _questions(
+    run: Run, pair: Pair, config: Config, tests: Mapping[str, tuple[Skill, Marks]]
+) -> list[Question]:
+    """All that can be asked of a candidate."""
+    settings, world = config.gate, home(pair.champion)
+    races_from, trials_from = np.random.SeedSequence([*run.seeds_from, SEED]).spawn(2)
+    asked: list[Question] = []
+    event = config.tournament.held(config.circuit, config.car, config.world)
+    if event.race and not (settings.points is None and settings.at_fault_per_km is None):
+        fields = [entered_there(run.pool, pair, race.circuit, race.car) for race in event.race]
+        races = race_series(plan(event, fields, settings.pairs, races_from), settings.pairs)
+        if settings.points is not None:
+            asked.append(points_question(settings.points, races, pair, event.weights))
+        if settings.at_fault_per_km is not None:
+            asked.append(at_fault_question(settings.at_fault_per_km, races, pair))
+    seeds = draw_seeds(trials_from, settings.runs)
+    if settings.lap is not None and config.pareto.time_trial is not None:
+        laps = trial_series(config.pareto.time_trial, pair, [], [1], seeds)
+        asked.append(lap_question(settings.lap, laps, pair))
+    driven: dict[tuple[str, tuple[str, ...], tuple[int, ...]], Series] = {}
+    for skill, marks in tests.values():
+        how = measured(skill.measure, world)
+        field = (skill.scenario, skill.opponents, skill.slots)
+        if field not in driven:
+            driven[field] = trial_series(skill.scenario, pair, skill.opponents, skill.slots, seeds)
+        asked.append(test_question(settings.test_points, driven[field], pair, skill, how, marks))
+    return asked
+
+
+def _tests(run: Run, champion: Entrant, settings: GateSettings) -> dict[str, tuple[Skill, Marks]]:
+    """The skill tests that are asked for, with their marks.
+
+    Raises:
+        InputError: if one is unknown, has no room here, or its baseline fails in it.
+    """
+    world = home(champion)
+    skills = load_skills(settings.tests, world)
+    for skill in skills:
+        world.check(skill.scenario)
+        check_opponents(
+            run.pool, [*skill.opponents, skill.baseline or world.baseline], champion, f"test {skill.name!r}"
+        )
+    own = marking_matches(skills, champion)
+    results = run.results(GATE, list(own.values()))
+    found: dict[str, tuple[Skill, Marks]] = {}
+    for skill in skills:
+        how = measured(skill.measure, world)
+        runs = skill.runs_of(results.filter(pl.col("match") == own[skill.name].key), how)
+        marks = skill.marks(runs, how)
+        if marks is None:
+            raise InputError(f"test {skill.name!r}: its baseline fails in too many runs, expected another test")
+        found[skill.name] = skill, marks
+    return found

@@ -1,0 +1,207 @@
+"""What a gate says, as `gate.json`, JUnit's XML and Markdown say it to other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from pydantic import BaseModel, ConfigDict
+
+from nathlon.sim.whole_file import whole_file
+from nathlon.tournament.non_inferiority import Verdict
+
+VERSION = 1
+"""Of `gate.json`: raised when a field goes or changes its meaning, not when one is added."""
+
+MARKS = {Verdict.PASS: "✓ pass", Verdict.FAIL: "✗ fail", Verdict.CANNOT_TELL: "? cannot tell"}
+EXIT_CODES = {Verdict.PASS: 0, Verdict.FAIL: 1, Verdict.CANNOT_TELL: 4}
+
+
+class Part(BaseModel):
+    """A part of it."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class Finding(Part):
+    """One measure of a candidate less the champion's, turned so that more is better.
+
+    Attributes:
+        measure, unit: what was measured.
+        margin: by which the candidate may be worse; None of what is counted and not compared.
+        difference: observed; None where nothing was.
+        low, high: bounds that hold at all looks together; None where they are not known.
+        units: of evidence: mirrored pairs of races, or runs.
+        most: units that the budget allowed.
+        verdict: on this measure alone.
+        set_aside: why it was not asked, if it was not.
+    """
+
+    measure: str
+    unit: str
+    margin: float | None
+    difference: float | None = None
+    low: float | None = None
+    high: float | None = None
+    units: int = 0
+    most: int = 0
+    verdict: Verdict = Verdict.CANNOT_TELL
+    set_aside: str | None = None
+
+    @property
+    def sentence(self) -> str:
+        """It in words."""
+        if self.set_aside is not None:
+            return f"{self.measure}: not asked: {self.set_aside}"
+        if self.margin is None:
+            return f"{self.measure}: {self.difference:g} {self.unit} in {self.units} runs"
+        bounds = "" if self.low is None else f" ({self.low:+.3g} to {self.high:+.3g})"
+        return (
+            f"{self.measure}: {self.difference or 0.0:+.3g} {self.unit}{bounds}, "
+            f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
+        )
+
+
+class Gated(Part):
+    """A candidate and what the gate says of it."""
+
+    name: str
+    entrant: str
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+
+
+class GateReport(Part):
+    """All that a gate says.
+
+    Attributes:
+        alpha: probability to pass a candidate that is worse by a margin.
+        beta: probability, in each measure, to fail one that is as good.
+        races: that it rests on.
+        wall_s: how long it took.
+    """
+
+    champion: str
+    champion_id: str
+    circuit: str
+    car: str
+    world: str
+    seed: int
+    alpha: float
+    beta: float
+    races: int
+    wall_s: float
+    versions: dict[str, str]
+    candidates: tuple[Gated, ...]
+    version: int = VERSION
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of all candidates together."""
+        said = [candidate.verdict for candidate in self.candidates]
+        return next((v for v in (Verdict.FAIL, Verdict.CANNOT_TELL) if v in said), Verdict.PASS)
+
+    @property
+    def exit_code(self) -> int:
+        """0 if all candidates pass, 1 if one fails, 4 if nobody fails but of one it cannot be told."""
+        return EXIT_CODES[self.verdict]
+
+    @property
+    def headline(self) -> str:
+        """The verdicts in a sentence."""
+        said = {
+            Verdict.PASS: "may replace",
+            Verdict.FAIL: "may not replace",
+            Verdict.CANNOT_TELL: "may or may not be as good as",
+        }
+        return " ".join(f"{c.name} {said[c.verdict]} {self.champion}." for c in self.candidates)
+
+
+def junit(report: GateReport) -> bytes:
+    """The report as JUnit XML: a suite for each candidate, a case for each measure.
+
+    What cannot be told is an error, what was not asked is skipped.
+    """
+    root = ElementTree.Element("testsuites", name="nathlon gate")
+    for candidate in report.candidates:
+        suite = ElementTree.SubElement(root, "testsuite", name=f"{candidate.name} against {report.champion}")
+        counts = dict.fromkeys(("failures", "errors", "skipped"), 0)
+        for finding in candidate.findings:
+            case = ElementTree.SubElement(
+                suite, "testcase", classname=candidate.name, name=finding.measure, time="0"
+            )
+            if finding.set_aside is not None:
+                kind, tag = "skipped", "skipped"
+            elif finding.verdict == Verdict.FAIL:
+                kind, tag = "failures", "failure"
+            elif finding.verdict == Verdict.CANNOT_TELL:
+                kind, tag = "errors", "error"
+            else:
+                ElementTree.SubElement(case, "system-out").text = finding.sentence
+                continue
+            counts[kind] += 1
+            told = ElementTree.SubElement(case, tag, message=finding.sentence)
+            if tag != "skipped":
+                told.set("type", finding.verdict)
+        suite.set("tests", str(len(candidate.findings)))
+        for kind, count in counts.items():
+            suite.set(kind, str(count))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+def markdown(report: GateReport) -> str:
+    """The report for a pull request or the summary of a CI job."""
+    lines = [f"### {MARKS[report.verdict]}: {escaped(report.headline)}", ""]
+    for candidate in report.candidates:
+        lines += [
+            f"**{escaped(candidate.name)}** against {escaped(report.champion)}",
+            "",
+            "| measure | verdict | difference | bounds | may be | units |",
+            "| --- | --- | ---: | ---: | ---: | ---: |",
+        ]
+        lines += ["| " + " | ".join(map(escaped, cells(finding))) + " |" for finding in candidate.findings]
+        lines.append("")
+    lines.append(
+        f"{report.races:,} races in {report.wall_s:.0f} s, seed {report.seed}. A candidate that is worse by a "
+        f"margin passes with probability {report.alpha:.0%} at most."
+    )
+    return "\n".join(lines) + "\n"
+
+
+def cells(finding: Finding) -> tuple[str, ...]:
+    """A finding as a row: measure, verdict, difference, bounds, margin, units."""
+    if finding.set_aside is not None:
+        return finding.measure, f"not asked: {finding.set_aside}", "", "", "", ""
+
+    def number(value: float | None) -> str:
+        return "" if value is None else f"{value:+.3g}"
+
+    bounds = "" if finding.low is None else f"{number(finding.low)} to {number(finding.high)}"
+    if finding.margin is None:
+        return finding.measure, MARKS[finding.verdict], f"{finding.difference:g}", "", "", str(finding.units)
+    return (
+        f"{finding.measure}, {finding.unit}",
+        MARKS[finding.verdict],
+        number(finding.difference),
+        bounds,
+        number(-finding.margin),
+        f"{finding.units} of {finding.most}",
+    )
+
+
+def escaped(text: str) -> str:
+    """Text that Markdown takes as it is, also in a table."""
+    return "".join(f"\\{sign}" if sign in "\\`*_{}[]<>()#|!" else sign for sign in text)
+
+
+def write_gate(report: GateReport, folder: Path) -> None:
+    """Write `gate.json`, `junit.xml` and `gate.md` to a folder."""
+    files = {
+        "gate.json": report.model_dump_json(indent=1).encode(),
+        "junit.xml": junit(report),
+        "gate.md": markdown(report).encode(),
+    }
+    for name, content in files.items():
+        with whole_file(folder / name) as partial:
+            partial.write_bytes(content)

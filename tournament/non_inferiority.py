@@ -1,0 +1,94 @@
+"""Non-inferiority: whether a candidate is no worse than a reference by more than a margin, unit by unit.
+
+The unit is a difference, candidate less reference, turned so that more is better. The candidate is inferior if
+the mean is at most -margin, and is not if it is at least 0; between the two either answer will do. The test is
+the sequential one of `nathlon.tournament.stopping`: with the mean t and the margin m in standard deviations of
+units, the likelihood is largest at max(t, 0) for what is not inferior and at min(t, -m) for what is, so that
+
+    LLR = N / 2 ln[(1 + (t - min(t, -m))^2) / (1 + (t - max(t, 0))^2)]
+
+Several measures together are an intersection-union test (Berger, Technometrics 24, 1982): a candidate passes
+if it does in each of them, and no level needs a correction for their number.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from nathlon.arena.statistics import Floats
+from nathlon.tournament.stopping import FEWEST, TINY, log_likelihood_ratio, repeated, wald_bounds
+
+
+class Verdict(StrEnum):
+    """What a gate says."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    CANNOT_TELL = "cannot tell"
+
+
+class Sample(NamedTuple):
+    """Units of evidence of one measure: how many, their mean, and the deviation of one of them."""
+
+    units: float
+    mean: float
+    deviation: float
+
+    @classmethod
+    def of(cls, differences: Floats, floor: float = 0.0) -> Sample:
+        """Of differences (N,), whose deviation is at least `floor`: rare events may not have happened yet."""
+        deviation = float(differences.std(ddof=1)) if len(differences) > 1 else 0.0
+        mean = float(differences.mean()) if len(differences) else 0.0
+        return cls(float(len(differences)), mean, max(deviation, floor))
+
+
+@dataclass(frozen=True)
+class NonInferiority:
+    """A sequential test of one measure.
+
+    Attributes:
+        margin: by which the candidate may be worse, in the unit of the differences; positive.
+        alpha: probability to pass a candidate that is worse by the margin or more.
+        beta: probability to fail one that is as good.
+        looks: how often the units are looked at, at most, after equal numbers of them.
+    """
+
+    margin: float
+    alpha: float = 0.05
+    beta: float = 0.05
+    looks: int = 1
+
+    def verdict(self, sample: Sample) -> Verdict:
+        """What the units so far say."""
+        if sample.units < FEWEST:
+            return Verdict.CANNOT_TELL
+        deviation = max(sample.deviation, TINY)
+        t, margin = sample.mean / deviation, self.margin / deviation
+        ratio = log_likelihood_ratio(sample.units, t, min(t, -margin), max(t, 0.0))
+        fail, passed = wald_bounds(self.alpha, self.beta)
+        if ratio >= passed:
+            return Verdict.PASS
+        return Verdict.FAIL if ratio <= fail else Verdict.CANNOT_TELL
+
+    def interval(self, sample: Sample) -> tuple[float | None, float | None]:
+        """Bounds of the mean that hold at all looks together, each missed with probability alpha.
+
+        None for both below two units.
+        """
+        if sample.units < 2:
+            return None, None
+        level = (1 + repeated(1 - 2 * self.alpha, self.looks)) / 2
+        half = float(stdtrit(sample.units - 1, level)) * sample.deviation / np.sqrt(sample.units)
+        return sample.mean - half, sample.mean + half
+
+
+def together(verdicts: list[Verdict]) -> Verdict:
+    """One verdict of several that must all pass."""
+    if Verdict.FAIL in verdicts:
+        return Verdict.FAIL
+    return Verdict.CANNOT_TELL if Verdict.CANNOT_TELL in verdicts or not verdicts else Verdict.PASS
