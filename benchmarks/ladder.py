@@ -20,6 +20,11 @@ from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import home
+from nathlon.n_athlon import marked, marking_matches, skill_matches
+from nathlon.n_athlon.measures import measured
+from nathlon.n_athlon.skill import load_skills
+from nathlon.pareto.filter import Plan
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.load import load_file
 from nathlon.progress import stage_progress
@@ -73,6 +78,11 @@ class Ladder:
         """The one with the most transitions."""
         return max(self.entrants, key=lambda one: load_file(Path(one.source)).card.transitions or 0)
 
+    @property
+    def tournament_races(self) -> int:
+        """Races of the selection's round robin, each of two entrants."""
+        return int(self.run.store.table(self.run.name, "ranking")["races"].sum()) // 2
+
     def _among(self, table: pl.DataFrame) -> list[Entrant]:
         by_id = {entrant.id: entrant for entrant in self.entrants}
         return [by_id[entrant] for entrant in table["entrant"]]
@@ -81,6 +91,30 @@ class Ladder:
         """RESULTS of so many fresh mirrored pairs of every two, 4v4."""
         matches = [match for two in combinations(entrants, 2) for match in self._meeting(two, pairs)]
         return self.run.results("tournament", matches)
+
+    def filter_runs(self, runs: int) -> pl.DataFrame:
+        """RESULTS of so many fresh time trials and races of every checkpoint, as the filter has them."""
+        settings = self.config.pareto.model_copy(update={"races": runs, "most_races": runs})
+        plan = Plan(settings, home(self.sent), np.random.SeedSequence([FRESH, 1]))
+        matches = [*plan.time_trials(self.entrants, 0), *plan.races(self.entrants, 0)]
+        return self.run.results("pareto", matches)
+
+    def marks(self, runs: int) -> pl.DataFrame:
+        """MARKS of so many fresh runs of every survivor in every test."""
+        settings = self.config.battery
+        tests = load_skills(settings.tests)
+        own = marking_matches(tests, self.sent)
+        planned = skill_matches(self.survivors, tests, np.random.SeedSequence([FRESH, 2]), runs)
+        results = self.run.results("battery", [*own.values(), *planned.values()])
+        frames = {str(key): frame for (key,), frame in results.partition_by("match", as_dict=True).items()}
+        tables = []
+        for skill in tests:
+            how = measured(skill.measure, home(self.sent))
+            marks = skill.marks(skill.runs_of(frames[own[skill.name].key], how), how)
+            if marks is not None:
+                theirs = {one.id: frames[planned[skill.name, one.id].key] for one in self.survivors}
+                tables.append(marked(skill, theirs, marks, how))
+        return pl.concat(tables)
 
     def _meeting(self, two: Sequence[Entrant], pairs: int) -> list[Match]:
         ordered = sorted(two, key=lambda entrant: entrant.id)
@@ -97,7 +131,7 @@ def circuits() -> list[str]:
 
 @contextmanager
 def selected(circuit: str, folder: Path, workers: int) -> Iterator[Ladder]:
-    """Select among the bundled checkpoints of a circuit as `nathlon evaluate` does; goes on where it was stopped.
+    """Select among the bundled checkpoints of a circuit as `nathlon evaluate` does, or go on with it.
 
     Args:
         circuit: name of a bundled folder.
@@ -109,8 +143,9 @@ def selected(circuit: str, folder: Path, workers: int) -> Iterator[Ladder]:
     """
     with Pool(workers) as pool, stage_progress(True) as on_match:
         sources = sorted(map(str, (BUNDLED / circuit).glob("*.safetensors")))
-        config = Config().model_copy(update=dict(zip(("circuit", "car"), trained_on(pool, sources))))
-        entrants = enter_all(pool, sources, config.circuit, config.car)
+        circuit, car = trained_on(pool, sources)
+        config = Config(circuit=circuit, car=car)
+        entrants = enter_all(pool, sources, circuit, car)
         folder.mkdir(parents=True, exist_ok=True)
         with single_run("selection", entrants, config, folder / "store.sqlite", pool, on_match) as run:
             summary = select(run, Field(tuple(entrants)), config)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import polars as pl
@@ -11,22 +11,20 @@ from scipy.stats import binomtest
 CONFIDENCE = 0.95
 
 
-def tally(rankings: Sequence[pl.DataFrame], truth: Mapping[str, float]) -> dict[str, Any]:
+def tally(rankings: Sequence[pl.DataFrame]) -> dict[str, Any]:
     """How often intervals and ranks held.
 
     Args:
-        rankings: of every run `entrant`, `rank`, `low` and `high`, the interval of its points.
-        truth: points of every entrant.
+        rankings: of every run `entrant`, `rank`, `low` and `high`, the interval of its points, and `truth`.
 
     Returns:
-        `coverage`, the share of intervals that hold the truth; `false_accept`, the share of runs that give any
-        entrant a worse rank than it truly has, with its 95 % interval `false_accept_low` to
+        `coverage`, the share of intervals that hold the truth; `false_accept`, the share of runs that give
+        any entrant a worse rank than it truly has, with its 95 % interval `false_accept_low` to
         `false_accept_high` (Wilson); `best_kept`, the share of runs in which the truly best share the first
         rank; and `runs`.
     """
     shown = pl.concat([ranking.with_columns(run=number) for number, ranking in enumerate(rankings)])
-    points = pl.col("entrant").replace_strict(dict(truth), return_dtype=pl.Float64)
-    told = shown.with_columns(truth=points).with_columns(
+    told = shown.with_columns(
         true_rank=pl.col("truth").rank("min", descending=True).over("run"),
         covered=pl.col("truth").is_between("low", "high"),
     )
@@ -37,10 +35,10 @@ def tally(rankings: Sequence[pl.DataFrame], truth: Mapping[str, float]) -> dict[
     false = int(runs["false"].sum())
     bounds = binomtest(false, len(runs)).proportion_ci(CONFIDENCE, "wilson")
     return {
-        "coverage": round(float(told["covered"].mean()), 4),
+        "coverage": round(told["covered"].to_numpy().mean(), 4),
         "false_accept": round(false / len(runs), 4),
         "false_accept_low": round(float(bounds.low), 4),
         "false_accept_high": round(float(bounds.high), 4),
-        "best_kept": round(float(runs["kept"].mean()), 4),
+        "best_kept": round(runs["kept"].to_numpy().mean(), 4),
         "runs": len(runs),
     }

@@ -2,53 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from benchmarks.calibration.tally import tally
+from benchmarks.meetings import Meeting, Two
 from benchmarks.resampled import Units, resampled
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
+from nathlon.arena.statistics import Floats
 from nathlon.selection.round_robin import TournamentSettings, run_round_robin
 from nathlon.selection.run import Run
 from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.points import EQUAL
-
-Two = frozenset[str]
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """All raced mirrored pairs of two.
-
-    Attributes:
-        results: RESULTS.
-        difference: mean of their points, a race.
-        deviation: standard deviation of the pairs' differences.
-    """
-
-    results: pl.DataFrame
-    difference: float
-    deviation: float
-
-
-def meetings(results: pl.DataFrame) -> dict[Two, Meeting]:
-    """A round robin's RESULTS by the two that met."""
-    of_match: dict[Two, list[pl.DataFrame]] = {}
-    for frame in results.partition_by("match", maintain_order=True):
-        of_match.setdefault(frozenset(frame["entrant"]), []).append(frame)
-    return {
-        frozenset((cell["entrant"], cell["opponent"])): Meeting(
-            pl.concat(of_match[frozenset((cell["entrant"], cell["opponent"]))]),
-            cell["difference"],
-            cell["deviation"],
-        )
-        for cell in Evidence(results, EQUAL).cells.iter_rows(named=True)
-    }
 
 
 def nearly_equal(met: Sequence[Meeting], effect: float) -> list[Meeting]:
@@ -66,6 +37,9 @@ def dealt(pairs: pl.DataFrame, names: Sequence[str], rng: np.random.Generator) -
     return pairs.with_columns(entrant=pl.Series(np.array(names)[side]))
 
 
+Draw = Callable[[np.random.Generator, Match], pl.DataFrame]
+
+
 @dataclass(frozen=True)
 class Kind:
     """What tournaments are drawn.
@@ -73,13 +47,13 @@ class Kind:
     Attributes:
         field: who takes part in one.
         draw: RESULTS of a match.
-        truth: points a race, by entrant.
+        points: what they truly score a race when they meet, in the order of the field.
         pool_sd: standard deviation of the pairs' differences, points a race.
     """
 
     field: Callable[[np.random.Generator], Sequence[Entrant]]
-    draw: Callable[[Match, np.random.Generator], pl.DataFrame]
-    truth: Mapping[str, float]
+    draw: Draw
+    points: Callable[[Sequence[Entrant]], Floats]
     pool_sd: float
 
 
@@ -87,50 +61,59 @@ def of_equals(like: Entrant, met: Sequence[Meeting], entrants: int) -> Kind:
     """Tournaments of so many equals, who drive where another does, from pairs that are dealt by lot."""
     results = pl.concat(meeting.results for meeting in met)
     evidence, units = Evidence(results, EQUAL), Units(results, 2)
-    truth = {f"equal {number}": evidence.mean_points for number in range(entrants)}
-    field = [replace(like, id=name, name=name) for name in truth]
+    names = [f"equal {number}" for number in range(entrants)]
+    field = [replace(like, id=name, name=name) for name in names]
 
-    def draw(match: Match, rng: np.random.Generator) -> pl.DataFrame:
+    def draw(rng: np.random.Generator, match: Match) -> pl.DataFrame:
         return dealt(units.drawn(match, rng), match.entrants, rng)
 
     sd = float(np.sqrt((evidence.met["difference"].to_numpy() ** 2).mean()))
-    return Kind(lambda rng: field, draw, truth, sd)
+    return Kind(lambda rng: field, draw, lambda field: np.full(len(field), evidence.mean_points), sd)
 
 
 def of_finalists(finalists: Sequence[Entrant], met: Mapping[Two, Meeting], entrants: int) -> Kind:
     """Tournaments of so many finalists, chosen by lot each time, from the pairs that they raced."""
-    evidence = Evidence(pl.concat(meeting.results for meeting in met.values()), EQUAL)
-    points = evidence.solution @ evidence.means + evidence.mean_points
     units = {two: Units(meeting.results, 2) for two, meeting in met.items()}
 
     def field(rng: np.random.Generator) -> list[Entrant]:
         return [finalists[number] for number in sorted(rng.choice(len(finalists), entrants, replace=False))]
 
-    def draw(match: Match, rng: np.random.Generator) -> pl.DataFrame:
+    def draw(rng: np.random.Generator, match: Match) -> pl.DataFrame:
         return units[frozenset(match.entrants)].drawn(match, rng)
 
     sd = float(np.sqrt(np.mean([meeting.deviation**2 for meeting in met.values()])))
-    return Kind(field, draw, dict(zip(evidence.entrants, points.tolist(), strict=True)), sd)
+    return Kind(field, draw, lambda field: true_points([one.id for one in field], met), sd)
 
 
-def judged(run: Run, kind: Kind, settings: TournamentSettings, numbers: Sequence[int]) -> dict[str, Any]:
+def true_points(entrants: Sequence[str], met: Mapping[Two, Meeting]) -> Floats:
+    """Points a race of some entrants (K,) when each meets each equally often: what all raced pairs say."""
+    among = [meeting for two, meeting in met.items() if two <= set(entrants)]
+    evidence = Evidence(pl.concat(meeting.results for meeting in among), EQUAL)
+    points = evidence.solution @ evidence.means + evidence.mean_points
+    return points[[evidence.entrants.index(entrant) for entrant in entrants]]
+
+
+def judged(run: Run, kind: Kind, settings: TournamentSettings, numbers: Iterable[int]) -> dict[str, Any]:
     """Tournaments by their numbers, each run and judged by the stage itself, with its rule of stopping.
 
     Returns:
         as `tally` does, with `pool_sd`, and `pairs_share`: pairs raced, of their cap.
     """
     rankings, shares = [], []
+    known: dict[tuple[Entrant, ...], Floats] = {}
     for number in numbers:
         rng = np.random.default_rng([*run.seeds_from, number])
-        field = kind.field(rng)
-        drawn = resampled(run, number, lambda match, rng=rng: kind.draw(match, rng))
+        field = tuple(kind.field(rng))
+        if field not in known:
+            known[field] = kind.points(field)
+        truth = pl.DataFrame({"entrant": [one.id for one in field], "truth": known[field]})
+        drawn = resampled(run, number, partial(kind.draw, rng))
         answer, matches = run_round_robin(drawn, field, settings)
         pairs = sum(len(match.races) // 2 for match in matches)
         shares.append(pairs / (settings.pairs * len(field) * (len(field) - 1) / 2))
-        rankings.append(
-            answer.tables["ranking"].select("entrant", "rank", low="points_low", high="points_high")
-        )
-    return tally(rankings, kind.truth) | {
+        told = answer.tables["ranking"].select("entrant", "rank", low="points_low", high="points_high")
+        rankings.append(told.join(truth, on="entrant"))
+    return tally(rankings) | {
         "pool_sd": round(kind.pool_sd, 3),
         "pairs_share": round(float(np.mean(shares)), 3),
     }
