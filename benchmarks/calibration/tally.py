@@ -35,10 +35,10 @@ def tally(rankings: Sequence[pl.DataFrame]) -> dict[str, Any]:
     false = int(runs["false"].sum())
     bounds = binomtest(false, len(runs)).proportion_ci(CONFIDENCE, "wilson")
     return {
-        "coverage": round(told["covered"].to_numpy().mean(), 4),
+        "coverage": round(float(told["covered"].to_numpy().mean()), 4),
         "false_accept": round(false / len(runs), 4),
         "false_accept_low": round(float(bounds.low), 4),
         "false_accept_high": round(float(bounds.high), 4),
-        "best_kept": round(runs["kept"].to_numpy().mean(), 4),
+        "best_kept": round(float(runs["kept"].to_numpy().mean()), 4),
         "runs": len(runs),
     }
