@@ -114,6 +114,7 @@ def main() -> None:
             "filter": of_filter(ladder, chosen.runs, chosen.tournaments, console),
             "battery": of_battery(ladder, chosen.runs, chosen.tournaments, console),
             "pairs": chosen.pairs,
+            "runs": chosen.runs,
             "effect": ladder.config.tournament.effect,
         }
     if chosen.json:

@@ -14,7 +14,7 @@ By circuit:
   where they are one;
 - `curve`, by races: how many points a race more than all finalists, on average, the one makes who would be
   sent after a round robin of so many, `benchmarks.selection_value.budget`; one who is drawn by lot makes 0;
-- `enough`: races after which twice as many bring less than 0.1 points; null where there are none;
+- `enough`: the fewest races after which the most bring less than 0.1 points more;
 - `leads`: the same points of `sent`, `last` and `fastest`, from all fresh races;
 - `races`: of the selection's own round robin, which stops by itself.
 """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ def fitted(gaps: Floats, weight: Floats) -> Floats:
     return scores
 
 
-def enough(curve: dict[int, float], gain: float) -> int | None:
-    """The first number of races after which the next brings less than so many points, if any."""
-    steps = pairwise(sorted(curve))
-    return next((races for races, more in steps if curve[more] - curve[races] < gain), None)
+def enough(curve: dict[int, float], gain: float) -> int:
+    """The fewest races after which the most bring less than so many points more."""
+    most = curve[max(curve)]
+    return min(races for races, lead in curve.items() if most - lead < gain)

@@ -50,9 +50,9 @@ def test_scores_are_those_of_the_tournament() -> None:
     assert fitted(gaps, weight) == pytest.approx(evidence.solution @ evidence.means)
 
 
-def test_more_races_stop_paying_where_the_next_bring_too_little() -> None:
-    assert enough({10: 0.0, 20: 1.0, 40: 1.05, 80: 1.5}, 0.1) == 20
-    assert enough({10: 0.0, 20: 1.0}, 0.1) is None
+def test_more_races_stop_paying_where_the_most_bring_too_little() -> None:
+    assert enough({10: 0.0, 20: 1.0, 40: 1.45, 80: 1.5}, 0.1) == 40
+    assert enough({10: 0.0, 20: 1.0}, 0.1) == 20
 
 
 def test_one_beside_another_in_their_own_races() -> None:
