@@ -21,8 +21,9 @@ from benchmarks.calibration.tournaments import (
     of_finalists,
     true_points,
 )
+from benchmarks.ladder import Ladder
 from benchmarks.meetings import Meeting, Two, meetings
-from benchmarks.resampled import Units
+from benchmarks.resampled import Units, resampled
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
@@ -30,6 +31,7 @@ from nathlon.arena.store import Store
 from nathlon.n_athlon.battery import MARKS
 from nathlon.n_athlon.skill import load_skills
 from nathlon.pareto import STANDARD
+from nathlon.selection.config import Config
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.selection.run import Run
 from nathlon.tournament.evidence import appearances, differences
@@ -196,3 +198,25 @@ def test_tests_of_one_scenario_share_the_runs_drawn() -> None:
         "following": 8,
     }
     assert chosen["hot lap"].tolist() == chosen["consistency"].tolist()
+
+
+def test_fewer_fresh_pairs_are_the_first_of_more_whoever_else_races(run: Run) -> None:
+    """So that benchmarks share what they race."""
+    asked: list[Match] = []
+
+    def draw(asked_for: Match) -> pl.DataFrame:
+        asked.append(asked_for)
+        return duels({("a", "b"): [0.0]})
+
+    def seeds(entrants: Sequence[str], pairs: int) -> dict[Two, list[int]]:
+        asked.clear()
+        those = tuple(map(entrant, entrants))
+        Ladder(resampled(run, 1, draw), Config(), those, those[0]).race(those, pairs)
+        found: dict[Two, list[int]] = {}
+        for one in asked:
+            found.setdefault(frozenset(one.entrants), []).extend(race.seed for race in one.races)
+        return found
+
+    few, more = seeds("ab", 40), seeds("cba", 60)
+    assert more[frozenset("ab")][:80] == few[frozenset("ab")]
+    assert len(set(more[frozenset("ab")]) | set(more[frozenset("ac")])) == 120
