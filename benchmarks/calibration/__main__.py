@@ -51,6 +51,7 @@ def of_tournaments(ladder: Ladder, pairs: int, count: int, console: Console) -> 
     """The entries `equal` and `finalists`."""
     settings, finalists = ladder.config.tournament, ladder.finalists
     met = meetings(ladder.race(finalists, pairs))
+    need_spread("finalists", tournaments.pool_sd(met.values()))
     near = tournaments.nearly_equal(list(met.values()), settings.effect)
     if not near:
         raise SystemExit("no two finalists are nearly equal: there is nothing to draw equals from")
@@ -60,7 +61,6 @@ def of_tournaments(ladder: Ladder, pairs: int, count: int, console: Console) -> 
             ("equal", tournaments.of_equals(ladder.sent, near, size)),
             ("finalists", tournaments.of_finalists(finalists, met, size)),
         ):
-            need_spread(f"{name}.{size}", kind.pool_sd)
             numbers = track(range(count), f"{size}, {name}", console=console)
             figures[name][size] = tournaments.judged(ladder.run, kind, settings, numbers)
     return figures

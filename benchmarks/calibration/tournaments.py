@@ -22,6 +22,11 @@ from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.points import EQUAL
 
 
+def pool_sd(met: Iterable[Meeting]) -> float:
+    """Standard deviation of the pairs' differences about the mean of their two, points a race."""
+    return float(np.sqrt(np.mean([meeting.deviation**2 for meeting in met])))
+
+
 def nearly_equal(met: Sequence[Meeting], effect: float) -> list[Meeting]:
     """Those whose two differ by less than so many standard deviations of pairs."""
     return [meeting for meeting in met if abs(meeting.difference) < effect * meeting.deviation]
@@ -37,9 +42,6 @@ def dealt(pairs: pl.DataFrame, names: Sequence[str], rng: np.random.Generator) -
     return pairs.with_columns(entrant=pl.Series(np.array(names)[side]))
 
 
-Draw = Callable[[np.random.Generator, Match], pl.DataFrame]
-
-
 @dataclass(frozen=True)
 class Kind:
     """What tournaments are drawn.
@@ -52,7 +54,7 @@ class Kind:
     """
 
     field: Callable[[np.random.Generator], Sequence[Entrant]]
-    draw: Draw
+    draw: Callable[[np.random.Generator, Match], pl.DataFrame]
     points: Callable[[Sequence[Entrant]], Floats]
     pool_sd: float
 
@@ -81,8 +83,7 @@ def of_finalists(finalists: Sequence[Entrant], met: Mapping[Two, Meeting], entra
     def draw(rng: np.random.Generator, match: Match) -> pl.DataFrame:
         return units[frozenset(match.entrants)].drawn(match, rng)
 
-    sd = float(np.sqrt(np.mean([meeting.deviation**2 for meeting in met.values()])))
-    return Kind(field, draw, lambda field: true_points([one.id for one in field], met), sd)
+    return Kind(field, draw, lambda field: true_points([one.id for one in field], met), pool_sd(met.values()))
 
 
 def true_points(entrants: Sequence[str], met: Mapping[Two, Meeting]) -> Floats:

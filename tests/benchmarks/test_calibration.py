@@ -19,6 +19,7 @@ from benchmarks.calibration.tournaments import (
     nearly_equal,
     of_equals,
     of_finalists,
+    pool_sd,
     true_points,
 )
 from benchmarks.ladder import Ladder
@@ -134,10 +135,11 @@ def test_a_finalist_that_is_far_better_is_found_in_few_pairs(run: Run) -> None:
 
 
 def test_races_without_spread_end_with_a_sentence() -> None:
-    met = meetings(duels({("a", "b"): [0.0] * 8}))
-    kind = of_equals(entrant("a"), list(met.values()), 2)
-    with pytest.raises(SystemExit, match=r"equal\.2: pool_sd is 0, expected races that differ"):
-        need_spread("equal.2", kind.pool_sd)
+    """As where a checkpoint races itself, and the mirrored race is the first with the names swapped."""
+    same = meetings(duels({("a", "b"): [0.0] * 8}))
+    with pytest.raises(SystemExit, match=r"finalists: pool_sd is 0, expected races that differ"):
+        need_spread("finalists", pool_sd(same.values()))
+    need_spread("finalists", pool_sd(raced(0.0, np.random.default_rng(1)).values()))
 
 
 def runs_of(name: str, laps: Sequence[float], contacts: int) -> pl.DataFrame:
