@@ -79,12 +79,17 @@ def pooled(runs: Sequence[Figures], circuit: str, car: str, name: str) -> dict[s
     }
 
 
-def more(difference: Figures | None) -> str:
-    """A difference of points with its interval; nothing where it is the same checkpoint."""
-    if difference is None:
-        return "the same"
-    low, high = difference["difference_low"], difference["difference_high"]
-    return f"{difference['difference']:+.1f} ({low:+.1f} to {high:+.1f})"
+def signed(figures: Figures, name: str, digits: int) -> str:
+    """A difference with its interval."""
+    value, low, high = (figures[name + end] for end in ("", "_low", "_high"))
+    return f"{value:+.{digits}f} ({low:+.{digits}f} to {high:+.{digits}f})"
+
+
+def verdicts(kind: Figures) -> str:
+    """Coverage, false ranks with their interval, and how often the best is among the first, as cells."""
+    low, high = percent(kind["false_accept_low"], 1), percent(kind["false_accept_high"], 1)
+    false = f"{percent(kind['false_accept'], 1)} ({low} to {high})"
+    return f"{percent(kind['coverage'], 1)} | {false} | {percent(kind['best_kept'], 1)}"
 
 
 def less(compared: Figures) -> str:
@@ -119,7 +124,8 @@ def page(results: Mapping[str, Result]) -> str:
         "place_and_wins": place_and_wins,
         "each_car": each_car,
         "spread": spread,
-        "more": more,
+        "signed": signed,
+        "verdicts": verdicts,
         "less": less,
         "tally": tally,
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -88,3 +88,26 @@ def tournament(
         "contacts": rng.poisson(0.5, shape),
     }
     return rows({name: value.ravel() for name, value in columns.items()}, car.size)
+
+
+def duels(differences: Mapping[tuple[str, str], Sequence[float]]) -> pl.DataFrame:
+    """1v1 matches with these point differences of their units; the better finishes first."""
+    frames = []
+    for (home, away), gaps in differences.items():
+        gap = np.repeat(gaps, 4)
+        side = np.arange(len(gap)) % 2
+        frames.append(
+            rows(
+                {
+                    "match": f"{home} v {away}",
+                    "race": np.arange(len(gap)) // 2,
+                    "mirrored": np.arange(len(gap)) // 2 % 2 == 1,
+                    "team": side,
+                    "entrant": np.where(side == 0, home, away),
+                    "points": 9.0 + np.where(side == 0, gap, -gap) / 2,
+                    "place": np.where((gap > 0) == (side == 0), 1, 2),
+                },
+                len(gap),
+            )
+        )
+    return pl.concat(frames)

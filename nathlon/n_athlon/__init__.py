@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -19,7 +19,7 @@ from nathlon.arena.results import RESULTS
 from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.registry import home
 from nathlon.n_athlon.battery import MARKS, rank_battery, skills
-from nathlon.n_athlon.measures import measured
+from nathlon.n_athlon.measures import Measure, measured
 from nathlon.n_athlon.skill import Marks, Skill, load_skills, standing_tests
 from nathlon.policies.sources import DRIVER
 from nathlon.selection.run import Answer, Run
@@ -108,14 +108,20 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
             set_aside[skill.name] = f"{_called(skill, world)} fails in too many of its runs"
             continue
         marks[skill.name] = found
-        for entrant in entrants:
-            runs = skill.runs_of(frames[planned[skill.name, entrant.id].key], how)
-            scored.append(skill.table(entrant.id, runs, found, how.unit))
+        own_frames = {entrant.id: frames[planned[skill.name, entrant.id].key] for entrant in entrants}
+        scored.append(marked(skill, own_frames, found, how))
     tables = _tables(run, scored)
     by_id = {entrant.id: entrant for entrant in entrants}
     ordered = [by_id[entrant] for entrant in tables["battery"]["entrant"]]
     run.note("battery", len(entrants), len(ordered), results, began)
     return BatteryAnswer(tables, ordered, results, marks, set_aside)
+
+
+def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: Measure) -> pl.DataFrame:
+    """MARKS of a test, from the RESULTS of every entrant's match."""
+    return pl.concat(
+        skill.table(entrant, skill.runs_of(frame, how), marks, how.unit) for entrant, frame in frames.items()
+    )
 
 
 def _tables(run: Run, scored: Sequence[pl.DataFrame]) -> dict[str, pl.DataFrame]:

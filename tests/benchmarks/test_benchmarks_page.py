@@ -103,3 +103,17 @@ def test_verdicts_are_counted_over_worlds_and_runs() -> None:
     assert page.tally(worlds, "last") == "2 won, 0 tied, 0 lost, 1 the same checkpoint"
     assert page.less(win) == "+0.50 (+0.10 to +0.90), step 2,000"
     assert page.less(same) == ""
+
+
+def test_a_calibration_that_misses_a_goal_says_so() -> None:
+    results = all_results()
+    figures = results["calibration"].figures
+    worse = figures["finalists"]["2"] | {"false_accept": 0.06}
+    bad = {**figures, "finalists": {**figures["finalists"], "2": worse}}
+    made = page.page({**results, "calibration": results["calibration"].model_copy(update={"figures": bad})})
+    assert "at most 5 % false ranks: missed (6.0 % at most)" in made
+
+
+def test_a_difference_is_shown_with_its_sign_and_interval() -> None:
+    over = {"points": -0.64, "points_low": -1.47, "points_high": 0.19}
+    assert page.signed(over, "points", 1) == "-0.6 (-1.5 to +0.2)"

@@ -10,36 +10,13 @@ from scipy.optimize import minimize
 
 from nathlon.arena.results import RATINGS, RESULTS, TOURNAMENT_NOTES
 from nathlon.tournament.ratings import PRIOR, notes, rate
-from tests.race_results import rows, tournament
+from tests.race_results import duels, tournament
 
 NAMES = {letter: letter.upper() for letter in "abcdefgh"}
 
 
 def seeded() -> np.random.Generator:
     return np.random.default_rng(11)
-
-
-def duels(differences: dict[tuple[str, str], list[float]]) -> pl.DataFrame:
-    """1v1 matches with these point differences of their units; the better finishes first."""
-    frames = []
-    for (home, away), gaps in differences.items():
-        gap = np.repeat(gaps, 4)
-        side = np.arange(len(gap)) % 2
-        frames.append(
-            rows(
-                {
-                    "match": f"{home} v {away}",
-                    "race": np.arange(len(gap)) // 2,
-                    "mirrored": np.arange(len(gap)) // 2 % 2 == 1,
-                    "team": side,
-                    "entrant": np.where(side == 0, home, away),
-                    "points": 9.0 + np.where(side == 0, gap, -gap) / 2,
-                    "place": np.where((gap > 0) == (side == 0), 1, 2),
-                },
-                len(gap),
-            )
-        )
-    return pl.concat(frames)
 
 
 def test_bradley_terry_is_the_maximum_of_its_likelihood() -> None:

@@ -1,0 +1,1 @@
+"""Whether the selection's statistics keep their word on races of the simulator."""

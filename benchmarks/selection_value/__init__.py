@@ -1,0 +1,1 @@
+"""What selecting is worth, and how many races it takes."""
