@@ -42,6 +42,7 @@ SETTINGS = {
     "Rule": "nathlon.committee.rules",
     "Gates": "nathlon.committee.rules",
     "TournamentSettings": "nathlon.selection.round_robin",
+    "GateSettings": "nathlon.gating.settings",
     "NightlySettings": "nathlon.selection.config",
     "Event": "nathlon.tournament.event",
     "EventRace": "nathlon.tournament.event",

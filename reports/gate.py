@@ -7,14 +7,14 @@ from xml.etree import ElementTree
 
 from pydantic import BaseModel, ConfigDict
 
+from nathlon.arena.decision import Decision
 from nathlon.sim.whole_file import whole_file
-from nathlon.tournament.non_inferiority import Verdict
 
 VERSION = 1
 """Of `gate.json`: raised when a field goes or changes its meaning, not when one is added."""
 
-MARKS = {Verdict.PASS: "✓ pass", Verdict.FAIL: "✗ fail", Verdict.CANNOT_TELL: "? cannot tell"}
-EXIT_CODES = {Verdict.PASS: 0, Verdict.FAIL: 1, Verdict.CANNOT_TELL: 4}
+MARKS = {Decision.PASS: "✓ pass", Decision.FAIL: "✗ fail", Decision.CANNOT_TELL: "? cannot tell"}
+EXIT_CODES = {Decision.PASS: 0, Decision.FAIL: 1, Decision.CANNOT_TELL: 4}
 
 
 class Part(BaseModel):
@@ -45,7 +45,7 @@ class Finding(Part):
     high: float | None = None
     units: int = 0
     most: int = 0
-    verdict: Verdict = Verdict.CANNOT_TELL
+    verdict: Decision = Decision.CANNOT_TELL
     set_aside: str | None = None
 
     @property
@@ -54,10 +54,10 @@ class Finding(Part):
         if self.set_aside is not None:
             return f"{self.measure}: not asked: {self.set_aside}"
         if self.margin is None:
-            return f"{self.measure}: {self.difference:g} {self.unit} in {self.units} runs"
+            return f"{self.measure}: {self.difference:g} in {self.units} runs"
         bounds = "" if self.low is None else f" ({self.low:+.3g} to {self.high:+.3g})"
         return (
-            f"{self.measure}: {self.difference or 0.0:+.3g} {self.unit}{bounds}, "
+            f"{self.measure} {self.unit}: {self.difference or 0.0:+.3g}{bounds}, "
             f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
         )
 
@@ -67,7 +67,7 @@ class Gated(Part):
 
     name: str
     entrant: str
-    verdict: Verdict
+    verdict: Decision
     findings: tuple[Finding, ...]
 
 
@@ -96,10 +96,10 @@ class GateReport(Part):
     version: int = VERSION
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Decision:
         """Of all candidates together."""
         said = [candidate.verdict for candidate in self.candidates]
-        return next((v for v in (Verdict.FAIL, Verdict.CANNOT_TELL) if v in said), Verdict.PASS)
+        return next((v for v in (Decision.FAIL, Decision.CANNOT_TELL) if v in said), Decision.PASS)
 
     @property
     def exit_code(self) -> int:
@@ -110,9 +110,9 @@ class GateReport(Part):
     def headline(self) -> str:
         """The verdicts in a sentence."""
         said = {
-            Verdict.PASS: "may replace",
-            Verdict.FAIL: "may not replace",
-            Verdict.CANNOT_TELL: "may or may not be as good as",
+            Decision.PASS: "may replace",
+            Decision.FAIL: "may not replace",
+            Decision.CANNOT_TELL: "may or may not be as good as",
         }
         return " ".join(f"{c.name} {said[c.verdict]} {self.champion}." for c in self.candidates)
 
@@ -132,9 +132,9 @@ def junit(report: GateReport) -> bytes:
             )
             if finding.set_aside is not None:
                 kind, tag = "skipped", "skipped"
-            elif finding.verdict == Verdict.FAIL:
+            elif finding.verdict == Decision.FAIL:
                 kind, tag = "failures", "failure"
-            elif finding.verdict == Verdict.CANNOT_TELL:
+            elif finding.verdict == Decision.CANNOT_TELL:
                 kind, tag = "errors", "error"
             else:
                 ElementTree.SubElement(case, "system-out").text = finding.sentence
@@ -163,8 +163,8 @@ def markdown(report: GateReport) -> str:
         lines += ["| " + " | ".join(map(escaped, cells(finding))) + " |" for finding in candidate.findings]
         lines.append("")
     lines.append(
-        f"{report.races:,} races in {report.wall_s:.0f} s, seed {report.seed}. A candidate that is worse by a "
-        f"margin passes with probability {report.alpha:.0%} at most."
+        f"{report.races:,} races in {report.wall_s:.0f} s, seed {report.seed}. "
+        f"A candidate that is worse by a margin passes with probability {report.alpha:.0%} at most."
     )
     return "\n".join(lines) + "\n"
 
@@ -181,7 +181,7 @@ def cells(finding: Finding) -> tuple[str, ...]:
     if finding.margin is None:
         return finding.measure, MARKS[finding.verdict], f"{finding.difference:g}", "", "", str(finding.units)
     return (
-        f"{finding.measure}, {finding.unit}",
+        f"{finding.measure} {finding.unit}",
         MARKS[finding.verdict],
         number(finding.difference),
         bounds,

@@ -14,7 +14,7 @@ from nathlon.reports.gate import MARKS, Finding, GateReport, cells
 from nathlon.sim.whole_file import whole_file
 
 TEMPLATES = Path(__file__).parent / "templates"
-WIDTH = 420
+WIDTH = 320
 """Of the axis, px."""
 MARGINS = 3.0
 """To how many margins on either side of 0 the axis goes."""

@@ -1,9 +1,10 @@
 """Non-inferiority: whether a candidate is no worse than a reference by more than a margin, unit by unit.
 
-The unit is a difference, candidate less reference, turned so that more is better. The candidate is inferior if
-the mean is at most -margin, and is not if it is at least 0; between the two either answer will do. The test is
-the sequential one of `nathlon.tournament.stopping`: with the mean t and the margin m in standard deviations of
-units, the likelihood is largest at max(t, 0) for what is not inferior and at min(t, -m) for what is, so that
+The unit is a difference, candidate less reference, turned so that more is better. The candidate is
+inferior if the mean is at most -margin, and is not if it is at least 0; between the two either answer will
+do. The test is the sequential one of `nathlon.tournament.stopping`: with the mean t and the margin m in
+standard deviations of units, the likelihood is largest at max(t, 0) for what is not inferior and at
+min(t, -m) for what is, so that
 
     LLR = N / 2 ln[(1 + (t - min(t, -m))^2) / (1 + (t - max(t, 0))^2)]
 
@@ -14,22 +15,14 @@ if it does in each of them, and no level needs a correction for their number.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
+from nathlon.arena.decision import Decision
 from nathlon.arena.statistics import Floats
 from nathlon.tournament.stopping import FEWEST, TINY, log_likelihood_ratio, repeated, wald_bounds
-
-
-class Verdict(StrEnum):
-    """What a gate says."""
-
-    PASS = "pass"
-    FAIL = "fail"
-    CANNOT_TELL = "cannot tell"
 
 
 class Sample(NamedTuple):
@@ -63,17 +56,17 @@ class NonInferiority:
     beta: float = 0.05
     looks: int = 1
 
-    def verdict(self, sample: Sample) -> Verdict:
+    def verdict(self, sample: Sample) -> Decision:
         """What the units so far say."""
         if sample.units < FEWEST:
-            return Verdict.CANNOT_TELL
+            return Decision.CANNOT_TELL
         deviation = max(sample.deviation, TINY)
         t, margin = sample.mean / deviation, self.margin / deviation
         ratio = log_likelihood_ratio(sample.units, t, min(t, -margin), max(t, 0.0))
         fail, passed = wald_bounds(self.alpha, self.beta)
         if ratio >= passed:
-            return Verdict.PASS
-        return Verdict.FAIL if ratio <= fail else Verdict.CANNOT_TELL
+            return Decision.PASS
+        return Decision.FAIL if ratio <= fail else Decision.CANNOT_TELL
 
     def interval(self, sample: Sample) -> tuple[float | None, float | None]:
         """Bounds of the mean that hold at all looks together, each missed with probability alpha.
@@ -87,8 +80,8 @@ class NonInferiority:
         return sample.mean - half, sample.mean + half
 
 
-def together(verdicts: list[Verdict]) -> Verdict:
+def together(verdicts: list[Decision]) -> Decision:
     """One verdict of several that must all pass."""
-    if Verdict.FAIL in verdicts:
-        return Verdict.FAIL
-    return Verdict.CANNOT_TELL if Verdict.CANNOT_TELL in verdicts or not verdicts else Verdict.PASS
+    if Decision.FAIL in verdicts:
+        return Decision.FAIL
+    return Decision.CANNOT_TELL if Decision.CANNOT_TELL in verdicts or not verdicts else Decision.PASS

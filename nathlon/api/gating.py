@@ -8,17 +8,17 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.api.selection import Candidate, Candidates, configured, entered, named_sources
+from nathlon.arena.decision import Decision
 from nathlon.arena.pool import Pool
 from nathlon.gating.gate import run_gate
 from nathlon.progress import stage_progress, worker_count
 from nathlon.publishing.output import OutputFolder
-from nathlon.reports.gate import Gated, GateReport, write_gate
+from nathlon.reports.gate import GateReport, write_gate
 from nathlon.reports.gate_page import write_gate_page
 from nathlon.selection.config import Config
 from nathlon.selection.run import GATE
 from nathlon.selection.single_run import single_run
 from nathlon.sim.errors import InputError
-from nathlon.tournament.non_inferiority import Verdict
 
 
 class GateResult:
@@ -33,14 +33,14 @@ class GateResult:
         self.folder, self.report = folder, report
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Decision:
         """Of all candidates together: pass, fail or cannot tell."""
         return self.report.verdict
 
     @property
     def passed(self) -> list[str]:
         """Names of the candidates that may take the champion's place."""
-        return [candidate.name for candidate in self.report.candidates if candidate.verdict == Verdict.PASS]
+        return [candidate.name for candidate in self.report.candidates if candidate.verdict == Decision.PASS]
 
     @property
     def findings(self) -> pl.DataFrame:
@@ -89,8 +89,8 @@ def gate(
         progress: whether to show it, on standard error.
 
     Raises:
-        InputError: if a policy cannot drive, a candidate is the champion, a name or file is wrong, or the folder
-            cannot be written.
+        InputError: if a policy cannot drive, a candidate is the champion, a name or file is wrong, or the
+            folder cannot be written.
     """
     settings = configured(config, seed, workers=workers)
     if world is not None:
@@ -105,7 +105,7 @@ def gate(
             raise InputError(f"{reference}: is the only candidate, expected policies to compare with it")
         output = OutputFolder(Path(out))
         with (
-            stage_progress(progress, (GATE,)) as on_match,
+            stage_progress(progress, ("battery", GATE)) as on_match,
             single_run(GATE, together, settings, output.store, pool, on_match) as run,
         ):
             report = run_gate(run, first, others, settings)

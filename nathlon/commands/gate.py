@@ -53,8 +53,8 @@ def gate(
     else:
         for candidate in result.report.candidates:
             table = new_table(f"{candidate.name} against {result.report.champion}", lean=True)
-            for column in ("Measure", "Verdict", "Difference", "Bounds", "May be", "Units"):
-                table.add_column(column, justify="left" if column in ("Measure", "Verdict") else "right")
+            for column in ("Measure", "Decision", "Difference", "Bounds", "May be", "Units"):
+                table.add_column(column, justify="left" if column in ("Measure", "Decision") else "right")
             for finding in candidate.findings:
                 table.add_row(*cells(finding))
             print_table(table)

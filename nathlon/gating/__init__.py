@@ -1,1 +1,1 @@
-"""The gate: whether a candidate may take the champion's place, being no worse than it in anything that counts."""
+"""Whether a candidate may take the champion's place: no worse than it in anything that counts."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import polars as pl
 
+from nathlon.arena.decision import Decision
 from nathlon.arena.entrance import check_opponents
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.kernels import compile_kernels
@@ -36,7 +37,7 @@ from nathlon.selection.round_robin import entered_there, plan
 from nathlon.selection.run import GATE, Run
 from nathlon.selection.trials import draw_seeds
 from nathlon.sim.errors import InputError
-from nathlon.tournament.non_inferiority import NonInferiority, Sample, Verdict, together
+from nathlon.tournament.non_inferiority import NonInferiority, Sample, together
 
 SEED = 7_041_776
 """Beside the configuration's, so that a gate shares no race with the selection that found the candidate: of
@@ -56,12 +57,12 @@ class _Case:
     pair: Pair
     asked: list[Question]
     results: dict[int, pl.DataFrame] = field(default_factory=dict)
-    said: dict[str, Verdict] = field(default_factory=dict)
+    said: dict[str, Decision] = field(default_factory=dict)
 
     @property
     def open(self) -> list[Question]:
         """What is not decided yet; nothing once the candidate has failed."""
-        if Verdict.FAIL in self.said.values():
+        if Decision.FAIL in self.said.values():
             return []
         return [question for question in self.asked if question.name not in self.said]
 
@@ -120,11 +121,12 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
 
 def _round(run: Run, cases: Sequence[_Case], units: slice, settings: GateSettings) -> bool:
     """Run some units of what is open, all in one go; tells whether there was anything to run."""
-    wanted = []
-    for number, case in enumerate(cases):
-        for series in {id(question.series): question.series for question in case.open}.values():
-            if units.start < series.most:
-                wanted.append((number, series, series.matches(units)))
+    wanted = [
+        (number, series, series.matches(units))
+        for number, case in enumerate(cases)
+        for series in {id(question.series): question.series for question in case.open}.values()
+        if units.start < series.most
+    ]
     if not wanted:
         return False
     results = run.results(GATE, [match for _, _, matches in wanted for match in matches])
@@ -144,10 +146,10 @@ def _judge(case: _Case, settings: GateSettings) -> None:
         sample = _sample(case, question)
         if sample is not None:
             said = _test(question, settings).verdict(sample)
-            if said != Verdict.CANNOT_TELL:
+            if said != Decision.CANNOT_TELL:
                 case.said[question.name] = said
     if case.faults()[0] > settings.max_faults:
-        case.said["faults"] = Verdict.FAIL
+        case.said["faults"] = Decision.FAIL
 
 
 def _test(question: Question, settings: GateSettings) -> NonInferiority:
@@ -164,11 +166,11 @@ def _gated(case: _Case, settings: GateSettings) -> Gated:
     faults, runs = case.faults()
     counted = Finding(
         measure="faults",
-        unit="faults",
+        unit="in all",
         margin=None,
         difference=float(faults),
         units=runs,
-        verdict=Verdict.FAIL if faults > settings.max_faults else Verdict.PASS,
+        verdict=Decision.FAIL if faults > settings.max_faults else Decision.PASS,
     )
     findings = [*(_finding(case, question, settings) for question in case.asked), counted]
     asked = [finding.verdict for finding in findings if finding.set_aside is None]
@@ -194,7 +196,7 @@ def _finding(case: _Case, question: Question, settings: GateSettings) -> Finding
             "low": low,
             "high": high,
             "units": round(sample.units),
-            "verdict": case.said.get(question.name, Verdict.CANNOT_TELL),
+            "verdict": case.said.get(question.name, Decision.CANNOT_TELL),
         }
     )
 
@@ -242,13 +244,13 @@ def _tests(run: Run, champion: Entrant, settings: GateSettings) -> dict[str, tup
             run.pool, [*skill.opponents, skill.baseline or world.baseline], champion, f"test {skill.name!r}"
         )
     own = marking_matches(skills, champion)
-    results = run.results(GATE, list(own.values()))
+    results = run.results("battery", list(own.values()))
     found: dict[str, tuple[Skill, Marks]] = {}
     for skill in skills:
         how = measured(skill.measure, world)
         runs = skill.runs_of(results.filter(pl.col("match") == own[skill.name].key), how)
         marks = skill.marks(runs, how)
         if marks is None:
-            raise InputError(f"test {skill.name!r}: its baseline fails in too many runs, expected another test")
+            raise InputError(f"test {skill.name!r}: its baseline fails too often, expected another test")
         found[skill.name] = skill, marks
     return found

@@ -99,7 +99,7 @@ def points_question(margin: float, series: Series, pair: Pair, weights: Mapping[
         [units], [mean] = evidence.units, evidence.shares @ evidence.means
         return Sample(float(units), sign * float(mean), sqrt(float(variance[0] * units)))
 
-    return Question("points", "points a race", margin, series, sample)
+    return Question("points", "a race", margin, series, sample)
 
 
 def at_fault_question(margin: float, series: Series, pair: Pair) -> Question:
@@ -128,7 +128,11 @@ def at_fault_question(margin: float, series: Series, pair: Pair) -> Question:
 
 
 def lap_question(margin: float, series: Series, pair: Pair) -> Question:
-    """How much longer the candidate's best lap is than the champion's from the same start."""
+    """How much shorter the candidate's best lap is than the champion's from the same start.
+
+    Args:
+        margin: a share of the champion's lap.
+    """
 
     def sample(results: pl.DataFrame) -> Sample | None:
         ours, theirs = (_best_laps(results, entrant.id) for entrant in pair)
@@ -137,9 +141,9 @@ def lap_question(margin: float, series: Series, pair: Pair) -> Question:
             return None
         champion = both["best_lap_s"]
         candidate = both["best_lap_s_ours"].fill_null(NEVER * champion)
-        return Sample.of((1.0 - candidate / champion).to_numpy())
+        return Sample.of((100.0 * (1.0 - candidate / champion)).to_numpy())
 
-    return Question("lap time", "of the champion's", margin, series, sample)
+    return Question("lap time", "in % of the champion's", 100.0 * margin, series, sample)
 
 
 def _best_laps(results: pl.DataFrame, entrant: str) -> pl.DataFrame:
@@ -165,4 +169,4 @@ def test_question(
         both = sorted(ours.keys() & theirs.keys())
         return Sample.of(np.array([ours[seed] - theirs[seed] for seed in both])) if both else None
 
-    return Question(skill.name, "points", margin, series, sample)
+    return Question(skill.name, "in points", margin, series, sample)

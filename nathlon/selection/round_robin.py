@@ -65,7 +65,7 @@ class TournamentSettings(Section):
             InputError: if the event's file is wrong.
         """
         if self.event is not None:
-            return loadevent_of(Path(self.event))
+            return load_event(Path(self.event))
         if world != RACING:
             there = load_world(world)
             sides = {scenario: len(there.setup(scenario).sides) for scenario in there.scenarios}
