@@ -21,7 +21,7 @@ from nathlon.arena.worlds.episodes import EpisodeWorld
 from nathlon.arena.worlds.foreign import Foreign
 from nathlon.arena.worlds.host import Alone
 from nathlon.arena.worlds.player import Space
-from nathlon.policies.patience import WORLD_ANSWER_S
+from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
 Factory = Callable[[], Any] | str
@@ -101,7 +101,7 @@ class PettingZooWorld(EpisodeWorld):
             most_steps: of an episode; then it is cut off.
             step_s: what a step is taken to last, for sharing out the work.
             python: path of another interpreter, in which the environments run; it needs numpy.
-            answer_s: time that an environment there has for a step, s.
+            answer_s: time that an environment has for a step, s; one that takes longer hangs.
 
         Raises:
             ValueError: if a scenario is a name where there is no other interpreter, or none where there is.
@@ -120,6 +120,8 @@ class PettingZooWorld(EpisodeWorld):
         self._score, self._declared = score, dict(measures or {})
         self._packages, self._most_steps, self._step_s = tuple(packages), most_steps, step_s
         self._python, self._answer_s = python, answer_s
+        # A process of its own is ended first, which voids the episode alone.
+        self.answer_s = answer_s if python is None else 3 * max(WORLD_OPENS_S, answer_s)
         self._environments: dict[str, Any] = {}
         self._spaces: dict[str, dict[str, tuple[Space, Space]]] = {}
 
@@ -279,11 +281,13 @@ def _said(error: BaseException) -> str:
 
 
 def _source(make: Any) -> Path | None:
-    """The file of what makes an environment, as far as it tells."""
-    try:
-        return Path(inspect.getfile(getattr(make, "func", make)))  # a functools.partial has a func
-    except TypeError:
-        return None
+    """The file of what makes an environment, a function or an object that is called; None without one."""
+    make = getattr(make, "func", make)  # of a functools.partial
+    for one in (make, type(make)):
+        with suppress(TypeError, OSError):
+            path = Path(inspect.getfile(one))
+            return path if path.is_file() else None
+    return None
 
 
 def _note(seat: Seat, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:

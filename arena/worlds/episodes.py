@@ -22,6 +22,7 @@ from nathlon.arena.worlds.player import Asking, Space
 from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.isolation import Apart
+from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.policies.sources import PLUGIN
 from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
@@ -37,6 +38,7 @@ class EpisodeWorld(ABC):
         scenarios, measures, baseline: as of `nathlon.arena.worlds.contract.World`.
         file: of the module that it is found in; None where there is none.
         fault: why the last episode that was void was so; '' while none was.
+        answer_s: what a step may take; where one takes longer, the world hangs, and the match is void.
     """
 
     name: str = ""
@@ -45,6 +47,7 @@ class EpisodeWorld(ABC):
     baseline: str = "random"
     file: Path | None = None
     fault: str = ""
+    answer_s: float = WORLD_ANSWER_S
 
     @abstractmethod
     def setup(self, scenario: str) -> Setup:
@@ -110,14 +113,14 @@ class EpisodeWorld(ABC):
     ) -> list[dict[str, Any]]:
         setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
         players = [
-            Asking(policies[seat.entrant], name, *spaces, rng, race.seed % 2**32).watched(
+            Asking(policies[seat.entrant], name, *spaces, rng, race.seed % 2**32, self.answer_s).watched(
                 watch, number, seat.entrant
             )
             for seat, name, spaces, rng in zip(
                 race.seats, setup.seats, self.spaces(match.scenario), rngs, strict=True
             )
         ]
-        watch.work()
+        watch.work(max(WORLD_OPENS_S, self.answer_s))
         try:
             # Environments older than generators that are passed in draw from those of the process.
             with Apart(race.seed % 2**32).entered():

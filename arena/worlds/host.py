@@ -203,11 +203,14 @@ def _factory(name: str) -> Any:
     return getattr(module, function)
 
 
-def _source(factory: Any) -> str | None:
-    try:
-        return inspect.getsourcefile(factory)
-    except TypeError:
-        return None
+def _source(factory: Any) -> Any:
+    factory = getattr(factory, "func", factory)  # of a functools.partial
+    for one in (factory, type(factory)):
+        try:
+            return inspect.getsourcefile(one)
+        except (TypeError, OSError):
+            continue
+    return None
 
 
 def _from_file(path: str, name: str) -> ModuleType:
