@@ -16,7 +16,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from nathlon.arena.worlds.contract import KNOWN, Measure, Outcome, Player, Points, Setup, WorldError
+from nathlon.arena.worlds.contract import (
+    KNOWN,
+    Measure,
+    Onlooker,
+    Outcome,
+    Player,
+    Points,
+    Setup,
+    WorldError,
+)
 from nathlon.arena.worlds.episodes import EpisodeWorld
 from nathlon.arena.worlds.foreign import Foreign
 from nathlon.arena.worlds.host import Alone
@@ -99,7 +108,7 @@ class PettingZooWorld(EpisodeWorld):
             baseline: source of the policy that takes the other seats and sets the marks of tests.
             packages: whose versions decide how episodes go, besides this module's file.
             most_steps: of an episode; then it is cut off.
-            step_s: what a step is taken to last, for sharing out the work.
+            step_s: what a step is taken to last, for sharing out the work and in replays.
             python: path of another interpreter, in which the environments run; it needs numpy.
             answer_s: time that an environment has for a step, s; one that takes longer hangs.
 
@@ -164,9 +173,17 @@ class PettingZooWorld(EpisodeWorld):
 
     def play(self, scenario: str, players: Sequence[Player], seed: int) -> list[Outcome]:
         """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
+        return self.show(scenario, players, seed, _nobody)
+
+    def shows(self, scenario: str) -> bool:
+        """Whether the environment was made with the render mode `rgb_array`."""
+        return getattr(self._environment(scenario), "render_mode", None) == "rgb_array"
+
+    def show(self, scenario: str, players: Sequence[Player], seed: int, onlooker: Onlooker) -> list[Outcome]:
+        """As of `nathlon.arena.worlds.episodes.EpisodeWorld`: what `render` of the environment gives."""
         environment = self._environment(scenario)
         try:
-            return self._played(environment, players, seed)
+            return self._played(environment, players, seed, onlooker)
         except BaseException:
             # It may be in any state, or its process gone: the next episode gets another one.
             del self._environments[scenario]
@@ -174,13 +191,20 @@ class PettingZooWorld(EpisodeWorld):
                 environment.close()
             raise
 
-    def _played(self, environment: Any, players: Sequence[Player], seed: int) -> list[Outcome]:
+    def _played(
+        self, environment: Any, players: Sequence[Player], seed: int, onlooker: Onlooker
+    ) -> list[Outcome]:
         names = list(environment.possible_agents)
         seats = {name: Seat() for name in names}
+
+        def draw() -> Any:
+            return environment.render()
+
         with _during("reset"):
             observations, infos = _two(environment.reset(seed=seed % SEEDS), names[0])
             for name in environment.agents:
                 seats[name].info = dict(infos.get(name, {}))
+            onlooker(0.0, draw, False)
         for step in range(self._most_steps):
             playing = list(environment.agents)
             if not playing:
@@ -196,6 +220,8 @@ class PettingZooWorld(EpisodeWorld):
                         raise WorldError(f"seat {name!r}: no reward, expected that of its last step")
                     ended = bool(ends.get(name, False))
                     _note(seats[name], float(rewards[name]), ended, infos.get(name, {}))
+                over = not environment.agents or step + 1 == self._most_steps
+                onlooker((step + 1) * self._step_s, draw, over)
         return [self._outcome(name, seats[name]) for name in names]
 
     def _outcome(self, name: str, seat: Seat) -> Outcome:
@@ -263,6 +289,10 @@ class GymnasiumWorld(PettingZooWorld):
         """A new environment of a scenario, as a `ParallelEnv` of one seat."""
         environment = super().made(scenario)
         return environment if isinstance(environment, Foreign) else Alone(environment)
+
+
+def _nobody(time_s: float, draw: Callable[[], Any], last: bool) -> None:
+    """Nobody looks on."""
 
 
 @contextmanager

@@ -17,7 +17,16 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Player, Setup, WorldError
+from nathlon.arena.worlds.contract import (
+    KNOWN,
+    LineUp,
+    Measure,
+    Onlooker,
+    Outcome,
+    Player,
+    Setup,
+    WorldError,
+)
 from nathlon.arena.worlds.player import Asking, Space
 from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
@@ -69,6 +78,16 @@ class EpisodeWorld(ABC):
     def play(self, scenario: str, players: Sequence[Player], seed: int) -> Sequence[Outcome]:
         """Play an episode: what came of it for every seat. All randomness comes from the seed."""
 
+    def shows(self, scenario: str) -> bool:
+        """As of `nathlon.arena.worlds.contract.Visible`: not, unless `show` hands pictures on."""
+        return False
+
+    def show(
+        self, scenario: str, players: Sequence[Player], seed: int, onlooker: Onlooker
+    ) -> Sequence[Outcome]:
+        """Play an episode as `play` does, and tell an onlooker of every moment; for worlds with pictures."""
+        return self.play(scenario, players, seed)
+
     def facts(self, scenario: str) -> dict[str, Any]:
         """As of `nathlon.arena.worlds.contract.World`."""
         return {"code": fingerprint(names=EPISODES), "world_files": self.identity()}
@@ -108,8 +127,21 @@ class EpisodeWorld(ABC):
             ]
             yield number, pl.DataFrame(rows, schema=RESULTS)
 
+    def replay(self, line_up: LineUp, race: int, watch: Watch, onlooker: Onlooker) -> pl.DataFrame:
+        """As of `nathlon.arena.worlds.contract.Visible`."""
+        match, policies = line_up
+        rows = self._rows(match, race, match.races[race], policies, watch, 0, onlooker)
+        return pl.DataFrame(rows, schema=RESULTS)
+
     def _rows(
-        self, match: Match, index: int, race: Race, policies: Sequence[Any], watch: Watch, number: int
+        self,
+        match: Match,
+        index: int,
+        race: Race,
+        policies: Sequence[Any],
+        watch: Watch,
+        number: int,
+        onlooker: Onlooker | None = None,
     ) -> list[dict[str, Any]]:
         setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
         players = [
@@ -124,7 +156,10 @@ class EpisodeWorld(ABC):
         try:
             # Environments older than generators that are passed in draw from those of the process.
             with Apart(race.seed % 2**32).entered():
-                outcomes = list(self.play(match.scenario, players, race.seed))
+                if onlooker is None:
+                    outcomes = list(self.play(match.scenario, players, race.seed))
+                else:
+                    outcomes = list(self.show(match.scenario, players, race.seed, onlooker))
             self._check(setup, outcomes)
         except MemoryError:
             raise

@@ -120,14 +120,14 @@ def report(
                 f"{opened.name}: run is {name!r}, expected one of {', '.join(runs) or 'none yet'}"
             )
         output = OutputFolder(out)
-        with Pool(worker_count(None)) as pool:
-            selection = publish(opened, name, output, pool)
+        with (
+            Pool(worker_count(None)) as pool,
+            stoppable("The same command goes on."),
+            stage_progress(not as_json, (RECORDINGS,)) as on_match,
+        ):
+            selection = publish(opened, name, output, pool, on_match)
             if record_all:
-                with (
-                    stoppable("The same command goes on."),
-                    stage_progress(not as_json, (RECORDINGS,)) as on_match,
-                ):
-                    record_tournament(opened, name, output, pool, on_match)
+                record_tournament(opened, name, output, pool, on_match)
     if as_json:
         print_json(selection.summary.model_dump(mode="json"))
     elif selection.under_way:

@@ -42,9 +42,6 @@ class Replays(NamedTuple):
         }
 
 
-NO_REPLAYS = Replays((), ())
-
-
 def record_replays(
     store: Store,
     results: pl.DataFrame,

@@ -18,6 +18,7 @@ function raceView([key, index]) {
       racing && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
+    shown?.video && filmOf(shown),
     player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
@@ -41,7 +42,7 @@ function raceView([key, index]) {
       section("Incidents", incidents(ready)),
       section("Where cars pass", passesView(ready)),
     ]),
-    racing && watched(race, shown),
+    (racing || shown) && watched(race, shown),
   ];
 }
 
@@ -77,6 +78,13 @@ function incidents(player) {
   ], rows, { sort: "time", prefix: "incidents-", label: "Incidents", text: (row) => `${plain(row.kind)} ${row.text}`, shown: 12 });
 }
 
+// The video of an episode of another world, and who had which seat there.
+function filmOf({ video, seats, why }) {
+  return h("div", { class: "film" },
+    h("video", { src: fileHref(video), controls: true, loop: true, muted: true, preload: "auto", "aria-label": why }),
+    note(Object.entries(seats).map(([seat, who], i) => `${i ? " · " : ""}${seat}: ${who}`)));
+}
+
 // The clips of a race that is to be looked at, as links that open the player there.
 function clipsOf({ match, race, clips }) {
   return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
@@ -94,6 +102,7 @@ function watched(race, shown) {
   return section("Replay",
     shown && h("p", {}, replay(shown)),
     rerun && [h("p", {}, "Open the recording in Rerun, from the folder above this page:"), command(rerun)],
-    h("p", {}, shown?.recording ? "Run the race again and show it:" : "Run the race again, record it and show it in Rerun:"),
+    shown?.notes.map((text) => h("p", {}, text)),
+    h("p", {}, shown?.recording ? `Run the ${EPISODE} again and show it:` : `Run the ${EPISODE} again, record it and show it in Rerun:`),
     command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`]));
 }
