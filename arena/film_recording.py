@@ -15,7 +15,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
 from mcap.writer import MCAP0_MAGIC, Writer
 from mcap_protobuf.schema import register_schema
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from nathlon.arena.film import MOST_PICTURES, SIDE, Film
 from nathlon.arena.mcap_file import FAULTS, checksums_match, is_schema_of, read_content, records
@@ -115,6 +115,10 @@ def _check(pictures: list[bytes], time_s: list[float]) -> None:
         raise ValueError(f"it has more than {MOST_PICTURES:,} pictures")
     if len(time_s) > 1 and time_s[-1] <= time_s[-2]:
         raise ValueError("its times do not increase")
-    with Image.open(io.BytesIO(pictures[-1]), formats=["JPEG"]) as image:
-        if max(image.size) > SIDE:
-            raise ValueError(f"a picture has {image.size} pixels, expected at most {SIDE}")
+    try:
+        with Image.open(io.BytesIO(pictures[-1]), formats=["JPEG"]) as image:
+            size = image.size
+    except UnidentifiedImageError:
+        raise ValueError("a picture is no JPEG") from None
+    if max(size) > SIDE:
+        raise ValueError(f"a picture has {size} pixels, expected at most {SIDE}")

@@ -33,14 +33,18 @@ def can_be_filmed(world: str, scenario: str) -> bool:
 
 
 def film_episodes(wanted: Wanted, policies: Sequence[Any], watch: Watch) -> Recorded | InputError:
-    """Play the episodes of a visible world that are wanted again and leave a film of each in the folder.
+    """Play the episodes that are wanted again and leave a film of each in the folder.
 
     Returns:
         their results, without logs; or why there is no film of one, which may be because it came out
         otherwise than it is stored.
     """
     world, folder, rows = home(wanted.match), wanted.folder, []
-    assert isinstance(world, Visible)
+    if not isinstance(world, Visible) or not world.shows(wanted.match.scenario):
+        return InputError(
+            f"world {wanted.match.world!r}, scenario {wanted.match.scenario!r}: has no pictures, "
+            "expected environments made with render_mode 'rgb_array'"
+        )
     assert folder is not None
     for race in wanted.races:
         camera = Camera()

@@ -9,7 +9,7 @@ from pathlib import Path
 import av
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from nathlon.arena.film import RATE, Film
 from nathlon.sim.errors import InputError
@@ -44,10 +44,8 @@ def write_film_video(film: Film, path: Path) -> None:
                 frame.pts, frame.time_base = round((time_s - film.time_s[0]) * TICKS), Fraction(1, TICKS)
                 container.mux(stream.encode(frame))
             container.mux(stream.encode())
-    except UnidentifiedImageError as error:
-        raise InputError(f"{path}: the video cannot be written: {error}") from None
-    except OSError as error:
-        raise InputError(f"{path}: the video cannot be written: {error.strerror}") from None
+    except OSError as error:  # of the disk, or of a picture that is none
+        raise InputError(f"{path}: the video cannot be written: {error.strerror or error}") from None
 
 
 def _picture(jpeg: bytes) -> NDArray[np.uint8]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -160,7 +161,9 @@ def print_places(result: SelectionResult) -> None:
     say(f"Report       {result.report}")
     say(f"Spreadsheet  {result.spreadsheet}")
     if result.summary.recording:
-        say(f"Replay       nathlon replay {result.folder / 'races' / 'final.mcap'}")
+        say(
+            f"Replay       nathlon replay {os.path.normpath(result.report.parent / result.summary.recording)}"
+        )
     say(f"Summary      {result.folder / 'summary.json'}")
 
 
