@@ -14,7 +14,7 @@ function raceView([key, index]) {
     h("h1", {}, `${racing ? "Race" : "Episode"} ${race.key.slice(0, 12)}/${race.race}`),
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)), POINT_DIGITS)}`])),
     facts([
-      ["Seed", race.seed], [racing ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
+      ["Seed", race.seed], (racing || race.stage === "tournament") && [racing ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
       racing && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
@@ -82,7 +82,8 @@ function incidents(player) {
 function filmOf({ video, seats, why }) {
   return h("div", { class: "film" },
     h("video", { src: fileHref(video), controls: true, loop: true, muted: true, preload: "auto", "aria-label": why }),
-    note(Object.entries(seats).map(([seat, who], i) => `${i ? " · " : ""}${seat}: ${who}`)));
+    note([...groups(Object.entries(seats).map(([seat, who]) => ({ seat, who })), "who")]
+      .map(([who, own]) => `${own.map(({ seat }) => seat).join(", ")}: ${who}`).join(" · ")));
 }
 
 // The clips of a race that is to be looked at, as links that open the player there.
