@@ -44,7 +44,7 @@ def _small(picture: Any) -> Any:
 
 def drive() -> Any:
     """CarRacing with five actions: nothing, left, right, throttle, brake."""
-    return Small(gymnasium.make("CarRacing-v3", continuous=False))
+    return Small(gymnasium.make("CarRacing-v3", continuous=False, render_mode="rgb_array"))
 
 
 world = GymnasiumWorld(
