@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from nathlon import Declared, GymnasiumWorld
+from nathlon import GymnasiumWorld
 
 STEPS, HOLD = 100, 8
 
@@ -49,7 +49,6 @@ def drive() -> Any:
 
 world = GymnasiumWorld(
     {"drive": drive},
-    measures={"driven_s": Declared(lambda seat: seat.steps * HOLD / 50)},
     packages=("gymnasium", "box2d"),
     most_steps=STEPS,
     step_s=HOLD / 50,
