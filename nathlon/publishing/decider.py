@@ -68,7 +68,7 @@ def _extremes(tests: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
         reached.filter(pl.col("entrant") == entrant).sort(
             "reached", "test", "race", descending=[True, False, False]
         )
-        for entrant in [*ranking["entrant"][:2], None, None][:2]
+        for entrant in [*ranking["entrant"][:2], "", ""][:2]
     )
     if first.is_empty():
         return []
