@@ -6,9 +6,6 @@ Topics: `/race`, `/cars` and `/incidents` carry all of a race log in messages of
 
 from __future__ import annotations
 
-import io
-import struct
-import zlib
 from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import Path
@@ -17,25 +14,21 @@ from typing import NamedTuple
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.Log_pb2 import Log
-from google.protobuf.message import DecodeError, Message
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Schema
+from google.protobuf.message import Message
+from mcap.records import Channel, Schema
 from mcap.records import Message as Record
-from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.well_known import MessageEncoding
-from mcap.writer import MCAP0_MAGIC, Writer
-from mcap_protobuf.schema import build_file_descriptor_set, register_schema
+from mcap.writer import Writer
+from mcap_protobuf.schema import register_schema
 from numpy.typing import NDArray
-from zstandard import ZstdError, frame_content_size
 
 from nathlon.arena import _car_state_pb2 as pb
 from nathlon.arena.foxglove_scene import scene
+from nathlon.arena.mcap_file import FAULTS, checksums_match, is_schema_of, read_content, records
 from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
 from nathlon.arena.recorded_race import check_race
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import SURFACES
-from nathlon.sim.untrusted_file import read_bytes
 from nathlon.sim.whole_file import whole_file
 
 OWN_MESSAGES: dict[str, type[Message]] = {"/race": pb.Race, "/cars": pb.CarStates, "/incidents": pb.Incident}
@@ -43,28 +36,15 @@ OUTLINE_LINES = ("left", "centre", "right", "kerb_left", "kerb_right", "wall_lef
 OUTLINE_ROWS = ("runoff_left", "runoff_right", "zone")
 FACTS = ("circuit", "car", "scenario", "seed", "match", "race", "version", "car_length_m", "car_width_m")
 
-DATA_END = struct.Struct("<BQI")  # opcode, length, CRC of all that stands before it
-FOOTER = struct.Struct(
-    "<BQQQI"
-)  # opcode, length, where the summary and its offsets start, CRC of the summary
-
-
 CHUNK_BYTES = 256 * 1024
 """Of messages, before they are packed: what a damaged file loses at most, some ten seconds of a race."""
 SMALLEST_TURN = 2.0**-22
 """To which frames are rounded, which only viewers use: unrounded ones would make files a quarter larger."""
-LARGEST_MIB = 256
-"""Of a recording; one of a race of six hours between twenty cars has some 200."""
-LARGEST_CHUNK = 32 << 20
-LARGEST_UNPACKED = 1 << 30
 MOST_MESSAGES = 1_000_000
 MOST_SAMPLES = 4_500_000
-"""Bytes of a chunk and of all together, messages, and samples of cars, after which reading stops: a small
-file can hold more than any memory."""
+"""Messages, and samples of cars, after which reading stops."""
 LARGEST_MESSAGE = {"/race": 32 << 20, "/cars": 1 << 16, "/incidents": 1 << 16}
 """Bytes by topic; a message takes a hundred times as much once it is read."""
-FAULTS = (McapError, DecodeError, ZstdError, ValueError, KeyError, struct.error, AttributeError)
-"""What reading raises where a file is not as it should be."""
 
 
 class Recovery(NamedTuple):
@@ -98,8 +78,8 @@ def read_recording(path: Path) -> RaceLog:
     Raises InputError if the file is not there, is not a nathlon recording, or differs in any byte from what
     was written.
     """
-    content = _content(path)
-    if not _checksums_match(content):
+    content = read_content(path)
+    if not checksums_match(content):
         raise InputError(
             f"{path} is cut short or damaged: its checksums do not match its contents "
             f"(nathlon replay --recover {path} saves what can be read)."
@@ -116,7 +96,7 @@ def recover_recording(path: Path) -> Recovery:
     Raises InputError if the file is not there, is not a nathlon recording, or is damaged before the first
     sample.
     """
-    content = _content(path)
+    content = read_content(path)
     own: list[Message] = []
     count, fault = 0, "it holds no sample"
     try:
@@ -129,16 +109,9 @@ def recover_recording(path: Path) -> Recovery:
     if not any(isinstance(message, pb.CarStates) for message in own):
         raise InputError(f"{path}: nothing can be recovered: {fault}.")
     try:
-        return Recovery(_race_log(own), count, _checksums_match(content))
+        return Recovery(_race_log(own), count, checksums_match(content))
     except ValueError as error:
         raise InputError(f"{path}: nothing can be recovered: {error}.") from error
-
-
-def _content(path: Path) -> bytes:
-    content = read_bytes(path, LARGEST_MIB, "recording")
-    if not content.startswith(MCAP0_MAGIC):
-        raise InputError(f"{path} is not an MCAP file: expected a recording that nathlon wrote.")
-    return content
 
 
 def _write_messages(writer: Writer, log: RaceLog) -> None:
@@ -229,37 +202,17 @@ def _changes(values: NDArray[np.generic]) -> list[bool]:
     return [True, *(bits[1:] != bits[:-1]).any(axis=1).tolist()]
 
 
-def _checksums_match(content: bytes) -> bool:
-    """Whether an MCAP file ends with a checksum of its data and one of its summary, and both hold.
-
-    The `mcap` reader checks the data only, and only while it finds its end; see https://mcap.dev/spec.
-    """
-    footer_start = len(content) - len(MCAP0_MAGIC) - FOOTER.size
-    if footer_start < 0 or not content.endswith(MCAP0_MAGIC):
-        return False
-    *_, summary_start, _, summary_crc = FOOTER.unpack_from(content, footer_start)
-    data_end = summary_start - DATA_END.size
-    if not 0 <= data_end < footer_start:
-        return False
-    opcode, length, data_crc = DATA_END.unpack_from(content, data_end)
-    return (
-        (opcode, length) == (Opcode.DATA_END, 4)
-        and data_crc == zlib.crc32(content[:data_end])
-        and summary_crc == zlib.crc32(content[summary_start : -len(MCAP0_MAGIC) - 4])
-    )
-
-
 def _messages(content: bytes) -> Iterator[Message | None]:
     """All messages in the file's order; None stands for one of Foxglove's."""
     schemas: dict[int, Schema] = {}
     types: dict[int, tuple[type[Message], int]] = {}
     count = samples = 0
-    for record in _records(content):
+    for record in records(content):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel) and record.topic in OWN_MESSAGES:
             message_type = OWN_MESSAGES[record.topic]
-            if not _is_schema_of(message_type, schemas[record.schema_id]):
+            if not is_schema_of(message_type, schemas[record.schema_id]):
                 raise ValueError(f"topic {record.topic} is of another schema")
             types[record.id] = message_type, LARGEST_MESSAGE[record.topic]
         elif isinstance(record, Record):
@@ -275,31 +228,6 @@ def _messages(content: bytes) -> Iterator[Message | None]:
             if count > MOST_MESSAGES or samples > MOST_SAMPLES:
                 raise ValueError("it is longer than any race")
             yield message
-
-
-def _records(content: bytes) -> Iterator[McapRecord]:
-    """All records in the file's order, those in its chunks in their place."""
-    unpacked = 0
-    for record in StreamReader(io.BytesIO(content), emit_chunks=True, validate_crcs=True).records:
-        if not isinstance(record, Chunk):
-            yield record
-            continue
-        if record.compression != "zstd":
-            raise ValueError(f"a chunk is packed by {record.compression!r}, expected 'zstd'")
-        # The reader believes what the packed data say of themselves.
-        size = max(record.uncompressed_size, frame_content_size(record.data))
-        unpacked += size
-        if size > LARGEST_CHUNK or unpacked > LARGEST_UNPACKED:
-            raise ValueError("a chunk unpacks to more than any recording holds")
-        yield from breakup_chunk(record, validate_crc=True)
-
-
-def _is_schema_of(message_type: type[Message], schema: Schema) -> bool:
-    """Whether the schema is to the byte the one written today: a field by another name would read as zero."""
-    return (schema.name, schema.data) == (
-        message_type.DESCRIPTOR.full_name,
-        build_file_descriptor_set(message_type).SerializeToString(),
-    )
 
 
 def _race_log(messages: list[Message]) -> RaceLog:

@@ -22,7 +22,7 @@ from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.workers import NO_MEMORY, READY
 from nathlon.arena.worlds.contract import LineUp
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.policies.isolation import preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
@@ -116,6 +116,10 @@ def _open(opening: Opening) -> Answer:
 
 
 def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -> Answer:
+    if wanted.match.world != RACING:
+        from nathlon.arena.filming import film_episodes  # most processes film nothing
+
+        return film_episodes(wanted, policies, watch)
     recorded = record_races(wanted.match, policies, wanted.races, wanted.names, watch)
     if not came_out_alike(recorded.results, wanted.results):
         return came_otherwise(wanted.match)

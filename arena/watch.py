@@ -89,9 +89,9 @@ class Watch:
         if not first:
             self._clock = (match, entrant), time.perf_counter()
 
-    def work(self) -> None:
-        """The simulator is at work, or a driver that is part of it."""
-        self._tell(NOBODY, NOBODY, WORK_S)
+    def work(self, limit_s: float = WORK_S) -> None:
+        """The simulator is at work, or a driver that is part of it; it hangs if that takes longer, s."""
+        self._tell(NOBODY, NOBODY, limit_s)
 
     def rest(self) -> None:
         """Nobody is asked and nothing is run."""

@@ -81,7 +81,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         untold = _untold(store)
         if untold:
             name, outcome = untold
-            selection = publish(store, name, OutputFolder(Path(config.out) / name), pool)
+            selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
             return Night(name, DONE, outcome["code"], outcome["reason"], selection)
         night, excluded = _open(store, config, pool)
         if night is None and excluded:
@@ -97,7 +97,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             store.end_run(night.name, WAITING)
             return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
         run.keep({"pool": _pool(store, night, run)})
-        selection = publish(store, night.name, output, pool)
+        selection = publish(store, night.name, output, pool, on_match)
         if config.recordings == "all" and config.world == RACING:
             record_tournament(store, night.name, output, pool, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)

@@ -69,7 +69,7 @@ def render(selection: Selection) -> str:
         policy=(
             f"default-src 'none'; style-src {_digest(style)}; "
             f"script-src {' '.join(map(_digest, scripts))}; "
-            "img-src data:; base-uri 'none'; form-action 'none'"
+            "img-src data:; media-src 'self'; base-uri 'none'; form-action 'none'"
         ),
         style=Markup(style),
         scripts=[Markup(script) for script in scripts],

@@ -146,6 +146,9 @@ class Replay(Part):
         recording, player, replay: paths from the report's folder; None where there is none.
         clips: its decisive moments.
         missing: why it was not run again; None where it was.
+        video: of an episode of another world; path from the report's folder.
+        seats: of that episode by their names, and who had them.
+        notes: what is to be said of recording and video, in sentences.
     """
 
     match: str
@@ -156,6 +159,9 @@ class Replay(Part):
     replay: str | None = None
     clips: tuple[Scene, ...] = ()
     missing: str | None = None
+    video: str | None = None
+    seats: dict[str, str] = {}
+    notes: tuple[str, ...] = ()
 
 
 class Summary(Part):

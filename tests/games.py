@@ -27,7 +27,8 @@ STEPS = 6
 
 
 class Game:
-    def __init__(self, *seats, fault="", team=False, ahead=0.0, leaves=False):
+    def __init__(self, *seats, fault="", team=False, ahead=0.0, leaves=False, render_mode=None):
+        self.render_mode = render_mode
         self.possible_agents = list(seats)
         self.fault, self.team, self.ahead, self.leaves = fault, team, ahead, leaves
         self.episodes = 0
@@ -40,6 +41,16 @@ class Game:
 
     def close(self):
         pass
+
+    def render(self):
+        """Odd in height and width: a column a seat in its light's colour, with a bar for its hits."""
+        if self.fault == "flat":
+            return np.zeros((4, 4))
+        picture = np.full((121, 60 * len(self.possible_agents) + 1, 3), 30, np.uint8)
+        for column, seat in enumerate(self.possible_agents):
+            picture[10:50, 60 * column + 10 : 60 * column + 50, self.lights[seat]] = 220
+            picture[110 - 10 * self.hits[seat] : 110, 60 * column + 10 : 60 * column + 50] = 200
+        return picture
 
     def observation_space(self, seat):
         return self.seen[seat]
@@ -145,6 +156,10 @@ def duel():
     return Game("left", "right")
 
 
+def seen():
+    return Game("left", "right", render_mode="rgb_array")
+
+
 def uneven():
     return Game("left", "right", ahead=1.0)
 
@@ -170,7 +185,7 @@ def nested():
 
 
 def faulty(fault):
-    return lambda: Game("left", "right", fault=fault)
+    return lambda: Game("left", "right", fault=fault, render_mode="rgb_array")
 
 
 hangs, exits, prints, garbage = map(faulty, ("hangs", "exits", "prints", "garbage"))

@@ -5,9 +5,9 @@ Everything above the arena works on these rows (`nathlon.arena.results.RESULTS`)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import polars as pl
 
@@ -170,5 +170,36 @@ class World(Protocol):
 
         Yields:
             the number of a match and its RESULTS, one row a seat an episode, as soon as it is over.
+        """
+        ...
+
+
+class Onlooker(Protocol):
+    """Who looks on while an episode is played."""
+
+    def __call__(self, time_s: float, draw: Callable[[], Any], last: bool) -> None:
+        """Be told of a moment.
+
+        Args:
+            time_s: since the start of the episode, s.
+            draw: gives a picture of it, (height, width, 3) uint8; it need not be called.
+            last: whether the episode ends with this moment.
+        """
+        ...
+
+
+@runtime_checkable
+class Visible(Protocol):
+    """What a world may offer besides: episodes that can be looked at."""
+
+    def shows(self, scenario: str) -> bool:
+        """Whether there are pictures of a scenario's episodes."""
+        ...
+
+    def replay(self, line_up: LineUp, race: int, watch: Watch, onlooker: Onlooker) -> pl.DataFrame:
+        """Play an episode of a match again, with somebody looking on.
+
+        Returns:
+            its RESULTS, as of `World.run`.
         """
         ...

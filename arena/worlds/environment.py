@@ -16,12 +16,21 @@ from typing import Any, Literal
 
 import numpy as np
 
-from nathlon.arena.worlds.contract import KNOWN, Measure, Outcome, Player, Points, Setup, WorldError
+from nathlon.arena.worlds.contract import (
+    KNOWN,
+    Measure,
+    Onlooker,
+    Outcome,
+    Player,
+    Points,
+    Setup,
+    WorldError,
+)
 from nathlon.arena.worlds.episodes import EpisodeWorld
 from nathlon.arena.worlds.foreign import Foreign
 from nathlon.arena.worlds.host import Alone
 from nathlon.arena.worlds.player import Space
-from nathlon.policies.patience import WORLD_ANSWER_S
+from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
 Factory = Callable[[], Any] | str
@@ -99,9 +108,9 @@ class PettingZooWorld(EpisodeWorld):
             baseline: source of the policy that takes the other seats and sets the marks of tests.
             packages: whose versions decide how episodes go, besides this module's file.
             most_steps: of an episode; then it is cut off.
-            step_s: what a step is taken to last, for sharing out the work.
+            step_s: what a step is taken to last, for sharing out the work and in replays.
             python: path of another interpreter, in which the environments run; it needs numpy.
-            answer_s: time that an environment there has for a step, s.
+            answer_s: time that an environment has for a step, s; one that takes longer hangs.
 
         Raises:
             ValueError: if a scenario is a name where there is no other interpreter, or none where there is.
@@ -120,6 +129,8 @@ class PettingZooWorld(EpisodeWorld):
         self._score, self._declared = score, dict(measures or {})
         self._packages, self._most_steps, self._step_s = tuple(packages), most_steps, step_s
         self._python, self._answer_s = python, answer_s
+        # A process of its own is ended first, which voids the episode alone.
+        self.answer_s = answer_s if python is None else 3 * max(WORLD_OPENS_S, answer_s)
         self._environments: dict[str, Any] = {}
         self._spaces: dict[str, dict[str, tuple[Space, Space]]] = {}
 
@@ -162,9 +173,17 @@ class PettingZooWorld(EpisodeWorld):
 
     def play(self, scenario: str, players: Sequence[Player], seed: int) -> list[Outcome]:
         """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
+        return self.show(scenario, players, seed, _nobody)
+
+    def shows(self, scenario: str) -> bool:
+        """Whether the environment was made with the render mode `rgb_array`."""
+        return getattr(self._environment(scenario), "render_mode", None) == "rgb_array"
+
+    def show(self, scenario: str, players: Sequence[Player], seed: int, onlooker: Onlooker) -> list[Outcome]:
+        """As of `nathlon.arena.worlds.episodes.EpisodeWorld`: what `render` of the environment gives."""
         environment = self._environment(scenario)
         try:
-            return self._played(environment, players, seed)
+            return self._played(environment, players, seed, onlooker)
         except BaseException:
             # It may be in any state, or its process gone: the next episode gets another one.
             del self._environments[scenario]
@@ -172,13 +191,20 @@ class PettingZooWorld(EpisodeWorld):
                 environment.close()
             raise
 
-    def _played(self, environment: Any, players: Sequence[Player], seed: int) -> list[Outcome]:
+    def _played(
+        self, environment: Any, players: Sequence[Player], seed: int, onlooker: Onlooker
+    ) -> list[Outcome]:
         names = list(environment.possible_agents)
         seats = {name: Seat() for name in names}
+
+        def draw() -> Any:
+            return environment.render()
+
         with _during("reset"):
             observations, infos = _two(environment.reset(seed=seed % SEEDS), names[0])
             for name in environment.agents:
                 seats[name].info = dict(infos.get(name, {}))
+            onlooker(0.0, draw, False)
         for step in range(self._most_steps):
             playing = list(environment.agents)
             if not playing:
@@ -194,6 +220,8 @@ class PettingZooWorld(EpisodeWorld):
                         raise WorldError(f"seat {name!r}: no reward, expected that of its last step")
                     ended = bool(ends.get(name, False))
                     _note(seats[name], float(rewards[name]), ended, infos.get(name, {}))
+                over = not environment.agents or step + 1 == self._most_steps
+                onlooker((step + 1) * self._step_s, draw, over)
         return [self._outcome(name, seats[name]) for name in names]
 
     def _outcome(self, name: str, seat: Seat) -> Outcome:
@@ -263,6 +291,10 @@ class GymnasiumWorld(PettingZooWorld):
         return environment if isinstance(environment, Foreign) else Alone(environment)
 
 
+def _nobody(time_s: float, draw: Callable[[], Any], last: bool) -> None:
+    """Nobody looks on."""
+
+
 @contextmanager
 def _during(what: str) -> Iterator[None]:
     """Have what goes wrong in an environment say when it did."""
@@ -279,11 +311,13 @@ def _said(error: BaseException) -> str:
 
 
 def _source(make: Any) -> Path | None:
-    """The file of what makes an environment, as far as it tells."""
-    try:
-        return Path(inspect.getfile(getattr(make, "func", make)))  # a functools.partial has a func
-    except TypeError:
-        return None
+    """The file of what makes an environment, a function or an object that is called; None without one."""
+    make = getattr(make, "func", make)  # of a functools.partial
+    for one in (make, type(make)):
+        with suppress(TypeError, OSError):
+            path = Path(inspect.getfile(one))
+            return path if path.is_file() else None
+    return None
 
 
 def _note(seat: Seat, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:

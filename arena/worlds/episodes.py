@@ -17,11 +17,21 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import KNOWN, LineUp, Measure, Outcome, Player, Setup, WorldError
+from nathlon.arena.worlds.contract import (
+    KNOWN,
+    LineUp,
+    Measure,
+    Onlooker,
+    Outcome,
+    Player,
+    Setup,
+    WorldError,
+)
 from nathlon.arena.worlds.player import Asking, Space
 from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.isolation import Apart
+from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.policies.sources import PLUGIN
 from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
@@ -37,6 +47,7 @@ class EpisodeWorld(ABC):
         scenarios, measures, baseline: as of `nathlon.arena.worlds.contract.World`.
         file: of the module that it is found in; None where there is none.
         fault: why the last episode that was void was so; '' while none was.
+        answer_s: what a step may take; where one takes longer, the world hangs, and the match is void.
     """
 
     name: str = ""
@@ -45,6 +56,7 @@ class EpisodeWorld(ABC):
     baseline: str = "random"
     file: Path | None = None
     fault: str = ""
+    answer_s: float = WORLD_ANSWER_S
 
     @abstractmethod
     def setup(self, scenario: str) -> Setup:
@@ -65,6 +77,16 @@ class EpisodeWorld(ABC):
     @abstractmethod
     def play(self, scenario: str, players: Sequence[Player], seed: int) -> Sequence[Outcome]:
         """Play an episode: what came of it for every seat. All randomness comes from the seed."""
+
+    def shows(self, scenario: str) -> bool:
+        """As of `nathlon.arena.worlds.contract.Visible`: not, unless `show` hands pictures on."""
+        return False
+
+    def show(
+        self, scenario: str, players: Sequence[Player], seed: int, onlooker: Onlooker
+    ) -> Sequence[Outcome]:
+        """Play an episode as `play` does, and tell an onlooker of every moment; for worlds with pictures."""
+        return self.play(scenario, players, seed)
 
     def facts(self, scenario: str) -> dict[str, Any]:
         """As of `nathlon.arena.worlds.contract.World`."""
@@ -105,23 +127,39 @@ class EpisodeWorld(ABC):
             ]
             yield number, pl.DataFrame(rows, schema=RESULTS)
 
+    def replay(self, line_up: LineUp, race: int, watch: Watch, onlooker: Onlooker) -> pl.DataFrame:
+        """As of `nathlon.arena.worlds.contract.Visible`."""
+        match, policies = line_up
+        rows = self._rows(match, race, match.races[race], policies, watch, 0, onlooker)
+        return pl.DataFrame(rows, schema=RESULTS)
+
     def _rows(
-        self, match: Match, index: int, race: Race, policies: Sequence[Any], watch: Watch, number: int
+        self,
+        match: Match,
+        index: int,
+        race: Race,
+        policies: Sequence[Any],
+        watch: Watch,
+        number: int,
+        onlooker: Onlooker | None = None,
     ) -> list[dict[str, Any]]:
         setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
         players = [
-            Asking(policies[seat.entrant], name, *spaces, rng, race.seed % 2**32).watched(
+            Asking(policies[seat.entrant], name, *spaces, rng, race.seed % 2**32, self.answer_s).watched(
                 watch, number, seat.entrant
             )
             for seat, name, spaces, rng in zip(
                 race.seats, setup.seats, self.spaces(match.scenario), rngs, strict=True
             )
         ]
-        watch.work()
+        watch.work(max(WORLD_OPENS_S, self.answer_s))
         try:
             # Environments older than generators that are passed in draw from those of the process.
             with Apart(race.seed % 2**32).entered():
-                outcomes = list(self.play(match.scenario, players, race.seed))
+                if onlooker is None:
+                    outcomes = list(self.play(match.scenario, players, race.seed))
+                else:
+                    outcomes = list(self.show(match.scenario, players, race.seed, onlooker))
             self._check(setup, outcomes)
         except MemoryError:
             raise

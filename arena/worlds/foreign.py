@@ -30,6 +30,7 @@ class Foreign:
     Attributes:
         possible_agents: names of all seats.
         agents: of those that still play.
+        render_mode: whether it draws, and how.
         identity: hash of the file that makes it, and versions of Python, numpy and the named packages.
     """
 
@@ -63,6 +64,7 @@ class Foreign:
         }
         self.possible_agents = tuple(self._spaces)
         self.agents: list[str] = []
+        self.render_mode = told["render_mode"]
         self.identity = {"files": dict(told["files"]), "packages": dict(told["versions"])}
 
     def observation_space(self, seat: str) -> Space:
@@ -83,6 +85,11 @@ class Foreign:
         told, arrays = self._ask({}, numbers, limit_s=self._answer_s)
         rest = (self._by_name(told[what]) for what in ("rewards", "terminations", "truncations", "infos"))
         return self._seen(told, arrays), *rest
+
+    def render(self) -> NDArray[Any]:
+        """As of `ParallelEnv`."""
+        _, arrays = self._ask({"render": True}, limit_s=self._answer_s)
+        return arrays["picture"]
 
     def close(self) -> None:
         """End the process."""

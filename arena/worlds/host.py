@@ -60,7 +60,9 @@ class Host:
         if self._file is not None:
             with open(self._file, "rb") as file:
                 files[os.path.basename(self._file)] = hashlib.sha256(file.read()).hexdigest()
-        return {"seats": seats, "versions": versions, "files": files}, arrays
+        mode = str(getattr(self._environment, "render_mode", ""))
+        told = {"seats": seats, "versions": versions, "files": files, "render_mode": mode}
+        return told, arrays
 
     def reset(self, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin an episode: observations and infos of the seats that play."""
@@ -104,6 +106,18 @@ class Host:
         }
         return self._told(observations, infos, told)
 
+    def render(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """A picture of how it stands."""
+        return {}, {"picture": np.asarray(self._environment.render())}
+
+    def answer(
+        self, message: dict[str, Any], arrays: dict[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Do what is asked for: to begin with a seed, to draw, or else to make a step."""
+        if "seed" in message:
+            return self.reset(message["seed"])
+        return self.render() if "render" in message else self.step(arrays)
+
     def _told(
         self, observations: dict[Any, Any], infos: dict[Any, Any], told: dict[str, Any]
     ) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -130,6 +144,7 @@ class Alone:
     def __init__(self, environment: Any) -> None:
         self._environment = environment
         self.agents: list[str] = []
+        self.render_mode = getattr(environment, "render_mode", None)
         if hasattr(environment, "seed"):
             self.seed = environment.seed
 
@@ -138,6 +153,9 @@ class Alone:
 
     def action_space(self, _: str) -> Any:
         return self._environment.action_space
+
+    def render(self) -> Any:
+        return self._environment.render()
 
     def reset(self, **seed: int) -> Any:
         answer = self._environment.reset(**seed)
@@ -179,8 +197,7 @@ def main() -> None:
         except EOFError:
             return
         try:
-            told = host.reset(message["seed"]) if "seed" in message else host.step(arrays)
-            answer = wire.pack(*told)
+            answer = wire.pack(*host.answer(message, arrays))
         # It is foreign code: whatever it raises, the user wants to know whose it is.
         except Exception as error:
             answer = wire.pack({"raised": _said(error)})
@@ -203,11 +220,14 @@ def _factory(name: str) -> Any:
     return getattr(module, function)
 
 
-def _source(factory: Any) -> str | None:
-    try:
-        return inspect.getsourcefile(factory)
-    except TypeError:
-        return None
+def _source(factory: Any) -> Any:
+    factory = getattr(factory, "func", factory)  # of a functools.partial
+    for one in (factory, type(factory)):
+        try:
+            return inspect.getsourcefile(one)
+        except (TypeError, OSError):
+            continue
+    return None
 
 
 def _from_file(path: str, name: str) -> ModuleType:

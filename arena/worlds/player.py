@@ -28,7 +28,14 @@ class Asking:
     """
 
     def __init__(
-        self, policy: Any, seat: str, seen: Space, done: Space, rng: np.random.Generator, seed: int
+        self,
+        policy: Any,
+        seat: str,
+        seen: Space,
+        done: Space,
+        rng: np.random.Generator,
+        seed: int,
+        step_limit_s: float,
     ) -> None:
         """A seat that is taken.
 
@@ -38,9 +45,11 @@ class Asking:
             seen, done: spaces of its observations and actions.
             rng: for a policy that draws its actions.
             seed: of the global generators that a policy finds which is code.
+            step_limit_s: what the world may take until it asks somebody again.
         """
         self.fault = policy.ending if isinstance(policy, Absent) else ""
         self._policy, self._seat, self._seen, self._done, self._rng = policy, seat, seen, done, rng
+        self._step_limit_s = step_limit_s
         self._memory: Any = None
         self._apart = Apart(seed)
         self._who: tuple[Watch, int, int] | None = None
@@ -80,7 +89,7 @@ class Asking:
             self.fault = "policy_raised"
             return idle(self._done)
         finally:
-            watch.work()
+            watch.work(self._step_limit_s)
         if not (_finite(action) and self._done.contains(action)):
             log.warning(
                 "the policy of seat %r gave %r, expected one of %s: it idles", self._seat, action, self._done

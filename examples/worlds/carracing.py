@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from nathlon import Declared, GymnasiumWorld
+from nathlon import GymnasiumWorld
 
 STEPS, HOLD = 100, 8
 
@@ -44,12 +44,11 @@ def _small(picture: Any) -> Any:
 
 def drive() -> Any:
     """CarRacing with five actions: nothing, left, right, throttle, brake."""
-    return Small(gymnasium.make("CarRacing-v3", continuous=False))
+    return Small(gymnasium.make("CarRacing-v3", continuous=False, render_mode="rgb_array"))
 
 
 world = GymnasiumWorld(
     {"drive": drive},
-    measures={"driven_s": Declared(lambda seat: seat.steps * HOLD / 50)},
     packages=("gymnasium", "box2d"),
     most_steps=STEPS,
     step_s=HOLD / 50,

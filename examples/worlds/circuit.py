@@ -24,11 +24,17 @@ CONFIG = {
 class Circuit:
     """Cars as a ParallelEnv; whoever leaves the road or hits something is out, and is braked."""
 
+    render_mode = "rgb_array"
+
     def __init__(self, cars: int = 1) -> None:
-        self._road, self.agents = RacetrackEnv(CONFIG | {"controlled_vehicles": cars}), list[str]()
+        config = CONFIG | {"controlled_vehicles": cars}
+        self._road, self.agents = RacetrackEnv(config, self.render_mode), list[str]()
         self.possible_agents = tuple(f"car_{car}" for car in range(cars))
         self.observation_space = lambda _: self._road.observation_space[0]
         self.action_space = lambda _: self._road.action_space[0]
+
+    def render(self) -> Any:
+        return self._road.render()
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         seen, _ = self._road.reset(seed=seed)

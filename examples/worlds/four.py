@@ -20,9 +20,10 @@ class Four:
 
     possible_agents = ("player_0", "player_1")
     metadata: dict[str, Any] = {"name": "four"}  # noqa: RUF012
+    render_mode = "rgb_array"
 
     def __init__(self) -> None:
-        self._game, self.agents = connect_four_v3.raw_env(), list[str]()
+        self._game, self.agents = connect_four_v3.raw_env(self.render_mode), list[str]()
 
     def observation_space(self, _: str) -> Box:
         """Own discs, then the other's."""
@@ -50,9 +51,13 @@ class Four:
         rewards = {agent: float(self._game.rewards[agent]) for agent in agents}
         return self._seen(), rewards, ends, dict.fromkeys(agents, False), {agent: {} for agent in agents}
 
+    def render(self) -> Any:
+        """As of ParallelEnv."""
+        return self._game.render()
+
     def _seen(self) -> dict[str, Any]:
         boards = {agent: self._game.observe(agent)["observation"] for agent in self.possible_agents}
         return {agent: board.transpose(2, 0, 1).ravel().astype(np.float32) for agent, board in boards.items()}
 
 
-world = PettingZooWorld({"four": Four}, points="place", packages=("pettingzoo",), most_steps=42)
+world = PettingZooWorld({"four": Four}, points="place", packages=("pettingzoo",), most_steps=42, step_s=0.5)

@@ -29,7 +29,7 @@ class Watched(BaseParallelWrapper):  # type: ignore[misc]
 
 def tag() -> Any:
     """A hunt of 25 steps."""
-    return Watched(simple_tag_v3.parallel_env(max_cycles=STEPS))
+    return Watched(simple_tag_v3.parallel_env(max_cycles=STEPS, render_mode="rgb_array"))
 
 
 world = PettingZooWorld(

@@ -14,7 +14,7 @@ STEPS = 200
 
 def walk() -> Any:
     """A walk that ends when somebody falls; all are rewarded alike."""
-    return multiwalker_v9.parallel_env(max_cycles=STEPS)
+    return multiwalker_v9.parallel_env(max_cycles=STEPS, render_mode="rgb_array")
 
 
 world = PettingZooWorld(

@@ -45,13 +45,13 @@ def replay(
     out: Out = Path("runs/replays"),
     as_json: AsJson = False,
 ) -> None:
-    """Look at a race: in Rerun's viewer, in the browser, as a page of its own, or as a video."""
+    """Look at a race or an episode: in Rerun, in the browser, as a page of its own, or as a video."""
     if race is None and not Path(source).exists():
         raise InputError(f"{source}: no such file, expected a recording")
     if recover:
         _recover(Path(source), as_json)
         return
-    from nathlon.arena.recording import read_recording
+    from nathlon.arena.film_recording import holds_film
     from nathlon.arena.store import Store
     from nathlon.publishing.replays import record_stored_race
 
@@ -59,6 +59,56 @@ def replay(
     if race is not None:
         with Store.open(source) as store:
             path = made["recording"] = record_stored_race(store, race, out)
+    if holds_film(path):
+        only = {"--car": car, "--html": html, "--from": start_s, "--to": end_s}
+        if given := [option for option, value in only.items() if value is not None]:
+            raise InputError(f"{path}: is an episode in pictures: expected no {given[0]}, which is for races")
+        rerun = _make_film(path, video, made)
+    else:
+        rerun = _make_race(path, car, html, video, start_s, end_s, made)
+    if rerun is None:
+        tell(made, as_json)
+    elif web:
+        _serve(rerun, made, show, as_json)
+    else:
+        from nathlon.reports.replay import open_viewer
+
+        tell(made, as_json)
+        if show:
+            open_viewer(rerun)
+
+
+def _make_film(path: Path, video: Path | None, made: dict[str, Any]) -> Path | None:
+    """What is wanted of an episode's recording: noted in `made`; the Rerun replay, if it is that."""
+    from nathlon.arena.film_recording import read_film
+
+    film = read_film(path)
+    if video:
+        if video.suffix != ".webm":
+            raise InputError(f"{video}: videos of episodes are WebM, expected a name that ends in .webm")
+        need("av", "video", "a video")
+        from nathlon.reports.film_video import write_film_video
+
+        made["video"] = _written(video, lambda: write_film_video(film, video))
+        return None
+    from nathlon.reports.film_replay import write_film_replay
+
+    rerun = made["replay"] = path.with_suffix(".rrd")
+    return _written(rerun, lambda: write_film_replay(film, rerun))
+
+
+def _make_race(
+    path: Path,
+    car: str | None,
+    html: Path | None,
+    video: Path | None,
+    start_s: float | None,
+    end_s: float | None,
+    made: dict[str, Any],
+) -> Path | None:
+    """What is wanted of a race's recording: noted in `made`; the Rerun replay, if it is that."""
+    from nathlon.arena.recording import read_recording
+
     log = read_recording(path)
     follow = None if car is None else car_index(log, car, path)
     if html:
@@ -71,18 +121,11 @@ def replay(
 
         made["video"] = _written(video, lambda: write_video(log, video, follow, start_s, end_s))
     if html or video:
-        tell(made, as_json)
-        return
-    from nathlon.reports.replay import open_viewer, write_replay
+        return None
+    from nathlon.reports.replay import write_replay
 
-    rerun = path.with_suffix(".rrd")
-    made["replay"] = _written(rerun, lambda: write_replay(log, rerun, follow))
-    if web:
-        _serve(rerun, made, show, as_json)
-        return
-    tell(made, as_json)
-    if show:
-        open_viewer(rerun)
+    rerun = made["replay"] = path.with_suffix(".rrd")
+    return _written(rerun, lambda: write_replay(log, rerun, follow))
 
 
 def _recover(recording: Path, as_json: bool) -> None:

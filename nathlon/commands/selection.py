@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -120,14 +121,14 @@ def report(
                 f"{opened.name}: run is {name!r}, expected one of {', '.join(runs) or 'none yet'}"
             )
         output = OutputFolder(out)
-        with Pool(worker_count(None)) as pool:
-            selection = publish(opened, name, output, pool)
+        with (
+            Pool(worker_count(None)) as pool,
+            stoppable("The same command goes on."),
+            stage_progress(not as_json, (RECORDINGS,)) as on_match,
+        ):
+            selection = publish(opened, name, output, pool, on_match)
             if record_all:
-                with (
-                    stoppable("The same command goes on."),
-                    stage_progress(not as_json, (RECORDINGS,)) as on_match,
-                ):
-                    record_tournament(opened, name, output, pool, on_match)
+                record_tournament(opened, name, output, pool, on_match)
     if as_json:
         print_json(selection.summary.model_dump(mode="json"))
     elif selection.under_way:
@@ -160,7 +161,9 @@ def print_places(result: SelectionResult) -> None:
     say(f"Report       {result.report}")
     say(f"Spreadsheet  {result.spreadsheet}")
     if result.summary.recording:
-        say(f"Replay       nathlon replay {result.folder / 'races' / 'final.mcap'}")
+        say(
+            f"Replay       nathlon replay {os.path.normpath(result.report.parent / result.summary.recording)}"
+        )
     say(f"Summary      {result.folder / 'summary.json'}")
 
 

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from nathlon.arena.match import TESTED
 from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
+from nathlon.arena.tested import entrant_rows
 from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.n_athlon.battery import MARKS
@@ -133,17 +134,15 @@ class Skill(Section):
         return self.slots[run % len(self.slots)]
 
     def runs_of(self, results: pl.DataFrame, how: Measure) -> Runs:
-        """The marks of an entrant's runs, from the RESULTS of its match; void races are left out.
-
-        Of an entrant that takes several seats it is the last one's mark.
-        """
+        """The marks of an entrant's runs, from the RESULTS of its match; void races are left out."""
         runs: Runs = []
+        entrant = {row["race"]: row for row in entrant_rows(results).iter_rows(named=True)}
         for (race,), cars in results.sort("race", "car").group_by("race", maintain_order=True):
             rows = list(cars.iter_rows(named=True))
             if any(row["ending"] in VOID_ENDINGS for row in rows):
                 continue
             run = int(str(race))
-            own = [row for row in rows if row["team"] == TESTED][-1]
+            own = entrant[run]
             others = [row for row in rows if row["team"] != TESTED]
             mark = None if own["ending"] in POLICY_FAULTS else how.mark(own, others)
             if mark is not None:

@@ -19,7 +19,7 @@ from nathlon.arena.statistics import Floats
 from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.registry import home
 from nathlon.pareto import STANDARD, came_through, in_contention, pareto
-from nathlon.pareto.objective import RACE, TIME_TRIAL, Objective, objectives_table, own_runs
+from nathlon.pareto.objective import OWN, RACE, TIME_TRIAL, Objective, objectives_table, own_runs
 from nathlon.selection.run import Answer, Run
 from nathlon.selection.trials import against, draw_seeds
 from nathlon.sim.data_file import Section
@@ -154,7 +154,7 @@ def run_filter(run: Run, entrants: Sequence[Entrant], settings: FilterSettings) 
     kept = set(table.filter("survives")["entrant"])
     survivors = [entrant for entrant in entrants if entrant.id in kept]
     run.note("pareto", len(entrants), len(survivors), known, began)
-    tables = {"pareto": table, "objectives": objectives_table(known, settings.objective)}
+    tables = {"pareto": table, "objectives": objectives_table(known, settings.objective, world.measures)}
     return Answer(tables, survivors, known)
 
 
@@ -168,6 +168,13 @@ def _check(settings: FilterSettings, world: World) -> None:
         name = getattr(settings, field)
         if name is not None and not world.setup(name).ends:
             raise InputError(f"field pareto.{field} is {name!r}: expected a scenario with laps or finish_m")
+    for objective in settings.objective:
+        name = objective.measure.removeprefix(OWN)
+        if name != objective.measure and name not in world.measures:
+            raise InputError(
+                f"field pareto.objective has the measure {objective.measure!r}: expected one that "
+                f"world {world.name!r} declares, of {', '.join(world.measures) or 'none'}"
+            )
     places = len(world.setup(settings.scenario).sides)
     if max(settings.slots, default=1) > places:
         raise InputError(f"field pareto.slots is {list(settings.slots)}: expected places from 1 to {places}")

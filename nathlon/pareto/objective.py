@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
@@ -13,7 +13,9 @@ from pydantic import ConfigDict, Field, model_validator
 from nathlon.arena.match import TESTED
 from nathlon.arena.results import OBJECTIVES, POLICY_FAULTS, VOID_ENDINGS
 from nathlon.arena.statistics import Floats, Sizes, group_sums
-from nathlon.arena.worlds.contract import KNOWN
+from nathlon.arena.tested import RACE as RACE_KEY
+from nathlon.arena.tested import entrant_rows
+from nathlon.arena.worlds.contract import KNOWN, Measure
 from nathlon.sim.data_file import Section
 
 RACE: Final = "race"
@@ -141,14 +143,9 @@ class Measured:
 
 
 def own_runs(results: pl.DataFrame) -> pl.DataFrame:
-    """The rows of RESULTS of those under test, without void races; in a fixed order.
-
-    Of an entrant that takes several seats of a race it is the last one's.
-    """
-    race = ("match", "race")
-    void = pl.col("ending").is_in(VOID_ENDINGS).any().over(race)
-    tested = results.filter(~void & (pl.col("team") == TESTED)).sort("car")
-    return tested.unique(race, keep="last", maintain_order=True).sort("entrant", "test", "seed", *race)
+    """The rows of RESULTS of those under test, one a race, without void races; in a fixed order."""
+    void = pl.col("ending").is_in(VOID_ENDINGS).any().over(RACE_KEY)
+    return entrant_rows(results.filter(~void)).sort("entrant", "test", "seed", *RACE_KEY)
 
 
 def measure(runs: pl.DataFrame, objective: Objective) -> Measured:
@@ -178,8 +175,16 @@ def measure(runs: pl.DataFrame, objective: Objective) -> Measured:
     return Measured(names.struct.field("value").to_list(), cost, costs, sizes)
 
 
-def objectives_table(results: pl.DataFrame, objectives: Sequence[Objective]) -> pl.DataFrame:
-    """OBJECTIVES of all entrants under test in some RESULTS, ordered by entrant, then as configured."""
+def objectives_table(
+    results: pl.DataFrame, objectives: Sequence[Objective], own: Mapping[str, Measure] = {}
+) -> pl.DataFrame:
+    """OBJECTIVES of all entrants under test in some RESULTS, ordered by entrant, then as configured.
+
+    Args:
+        results: of the filter.
+        objectives: what is measured.
+        own: measures that the world declares, for their units.
+    """
     tables = []
     entrants = under_test(results)
     runs = own_runs(results)
@@ -191,12 +196,18 @@ def objectives_table(results: pl.DataFrame, objectives: Sequence[Objective]) -> 
                 pl.col("runs").fill_null(0),
                 objective=pl.lit(objective.name),
                 source=pl.lit(objective.source),
-                unit=pl.lit(quantity(objective.measure).unit),
+                unit=pl.lit(_unit(objective.measure, own)),
                 goal=pl.lit(objective.goal),
                 position=position,
             )
         )
     return pl.concat(tables).sort("entrant", "position").select(OBJECTIVES.names()).cast(OBJECTIVES)
+
+
+def _unit(measure: str, own: Mapping[str, Measure]) -> str:
+    if measure.startswith(OWN):
+        return own[measure.removeprefix(OWN)].unit
+    return quantity(measure).unit
 
 
 def under_test(results: pl.DataFrame) -> pl.DataFrame:

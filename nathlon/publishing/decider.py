@@ -7,8 +7,7 @@ from typing import NamedTuple
 import polars as pl
 
 from nathlon.arena.results import VOID_ENDINGS
-
-RACE = ["match", "race"]
+from nathlon.arena.tested import RACE, entrant_rows
 
 
 class Notable(NamedTuple):
@@ -45,6 +44,47 @@ def notable_races(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]
     return list(once.values())
 
 
+def notable_episodes(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
+    """Episodes of another world to look at, the deciding one first; each once.
+
+    Where entrants meet they are those of the first two that `notable_races` has. Where nobody meets they are
+    the best and the worst in which the first was tested, and what the second did in the best one.
+
+    Args:
+        results: of the run, schema RESULTS; void episodes are passed over.
+        ranking: schema RANKING.
+    """
+    valid = _valid(results)
+    met = valid.filter(pl.col("stage") == "tournament")
+    tests = valid.filter(pl.col("stage") == "battery")
+    found = _decided(_margins(met, ranking), "episode") if met.height else _extremes(tests, ranking)
+    return list({(notable.match, notable.race): notable for notable in reversed(found)}.values())[::-1]
+
+
+def _extremes(tests: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
+    """Episodes of tests: the best and the worst of the first of the ranking, and the second in the best."""
+    reached = entrant_rows(tests).with_columns(reached=pl.coalesce("score", "points"))
+    first, second = (
+        reached.filter(pl.col("entrant") == entrant).sort(
+            "reached", "test", "race", descending=[True, False, False]
+        )
+        for entrant in [*ranking["entrant"][:2], "", ""][:2]
+    )
+    if first.is_empty():
+        return []
+    best, worst = first[:1], first[-1:]
+    beside = second.join(best, on=["test", "seed"], how="semi")
+    return [
+        _notable(rows, f"{why}: score {rows['reached'][0]:.4g}")
+        for rows, why in (
+            (best, "the best episode of the first of the ranking"),
+            (worst, "the worst episode of the first of the ranking"),
+            (beside, "the second of the ranking on the same seed as the best of the first"),
+        )
+        if not rows.is_empty()
+    ]
+
+
 def _valid(results: pl.DataFrame) -> pl.DataFrame:
     """Results without those of void races."""
     void = results.filter(pl.col("ending").is_in(VOID_ENDINGS)).select(RACE).unique()
@@ -66,8 +106,8 @@ def _margins(results: pl.DataFrame, ranking: pl.DataFrame) -> pl.DataFrame:
     return margins.drop_nulls().select(*RACE, lost=margin <= 0, by=margin.abs())
 
 
-def _decided(margins: pl.DataFrame) -> list[Notable]:
-    """The closest race of the first two, and the clearest."""
+def _decided(margins: pl.DataFrame, what: str = "race") -> list[Notable]:
+    """The closest race of the first two, and the clearest; `what` they are called."""
     if margins.is_empty():
         return []
     closest, clearest = margins.sort("lost", "by", *RACE), margins.sort(-pl.col("by"), *RACE)
@@ -78,15 +118,16 @@ def _decided(margins: pl.DataFrame) -> list[Notable]:
         else ("that the first of the ranking won against the second")
     )
     return [
-        _notable(closest, f"the {'' if lost else 'closest '}race {how}: {_points(by)}"),
+        _notable(closest, f"the {'' if lost else 'closest '}{what} {how}: {_points(by)}"),
         _notable(
-            clearest, f"the clearest race between the first two of the ranking: {_points(clearest['by'][0])}"
+            clearest,
+            f"the clearest {what} between the first two of the ranking: {_points(clearest['by'][0])}",
         ),
     ]
 
 
 def _points(by: float) -> str:
-    return f"{by:g} point{'' if by == 1.0 else 's'}"
+    return f"{by:.4g} point{'' if by == 1.0 else 's'}"
 
 
 def _most_faults(results: pl.DataFrame) -> list[Notable]:

@@ -13,19 +13,20 @@ from nathlon.arena.worlds.registry import RACING
 from nathlon.committee.decision import describe
 from nathlon.committee.event_log import EventLog
 from nathlon.publishing.curves import keep_curves
+from nathlon.publishing.films import record_films
 from nathlon.publishing.laps import keep_laps, lap_limit
 from nathlon.publishing.output import POLICY_LOG, SUMMARY, OutputFolder
-from nathlon.publishing.replays import NO_REPLAYS, record_replays
+from nathlon.publishing.replays import record_replays
 from nathlon.reports.page import write_page
 from nathlon.reports.selection import Previous, Selection
 from nathlon.reports.spreadsheet import write_spreadsheet
 from nathlon.reports.summary import Summary, ranked, versions, write_summary
 from nathlon.reports.tables import write_tables
-from nathlon.selection.run import CONFIDENCE
+from nathlon.selection.run import CONFIDENCE, OnMatch
 
 
-def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selection:
-    """Write page, spreadsheet, tables and summary, and have the pool record the races to look at.
+def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: OnMatch) -> Selection:
+    """Write page, spreadsheet, tables and summary, and have the pool record what is to be looked at.
 
     Of a run that has not come to its end, all is written as far as it has come. Races whose recordings are
     there are not run again. A store that cannot be written gives the laps and curves that it holds.
@@ -36,10 +37,13 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool) -> Selecti
         keep_curves(store, run)
     tables = {name: store.table(run, name) for name in TABLES}
     results = store.results_of_run(run)
-    races = results.filter(pl.col("stage") == "tournament")
     summary, under_way = _summary(store, run, tables, results)
     with output.filling():
-        replays = record_replays(store, races, tables, output, pool) if world == RACING else NO_REPLAYS
+        if world == RACING:
+            races = results.filter(pl.col("stage") == "tournament")
+            replays = record_replays(store, races, tables, output, pool)
+        else:
+            replays = record_films(store, results, tables, output, pool, on_match)
         log = f"../{POLICY_LOG}" if (output.root / POLICY_LOG).exists() else None
         summary = summary.model_copy(update=replays.facts | {"log": log})
         selection = Selection(

@@ -42,9 +42,6 @@ class Replays(NamedTuple):
         }
 
 
-NO_REPLAYS = Replays((), ())
-
-
 def record_replays(
     store: Store,
     results: pl.DataFrame,
@@ -150,18 +147,15 @@ def record_stored_race(store: Store, address: str, folder: Path) -> Path:
             f"{store.name}: race is {number!r} of match {key[:10]}, expected KEY:RACE with a race "
             f"from 0 to {races - 1}"
         )
-    with Pool(1) as pool:
-        [(_, answer)] = run_again(store, {key: [int(number)]}, entrants, pool)
-    if isinstance(answer, InputError):
-        raise answer
-    [log] = answer
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path = folder / recording_name(key, int(number))
-        write_recording(path, log)
     except OSError as error:
         raise InputError(f"{folder}: the recording cannot be written: {error.strerror}") from None
-    return path
+    with Pool(1) as pool:
+        [(_, answer)] = run_again(store, {key: [int(number)]}, entrants, pool, folder)
+    if isinstance(answer, InputError):
+        raise answer
+    return folder / recording_name(key, int(number))
 
 
 def _find(store: Store, prefix: str) -> str:

@@ -51,7 +51,7 @@ def evaluate(
             run.status = WAITING
             return None
         on_verdict(verdict)
-        selection = publish(run.store, run.name, output, run.pool)
+        selection = publish(run.store, run.name, output, run.pool, on_match)
         if config.recordings == "all" and config.world == RACING:
             record_tournament(run.store, run.name, output, run.pool, on_match)
         return selection

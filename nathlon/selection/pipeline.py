@@ -73,8 +73,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     anchors = {entrant.id for entrant in field.anchors}
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
     sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
-    summary = _summary(run, field, config, tables, tested, raced, sent)
-    summary = summary.model_copy(update={"stages_set_aside": set_aside})
+    summary = _summary(run, field, config, tables, tested, raced, sent, set_aside)
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary
 
@@ -95,6 +94,7 @@ def _summary(
     tested: BatteryAnswer,
     raced: Answer,
     sent: Decision,
+    stages_set_aside: dict[str, str],
 ) -> Summary:
     endings = run.store.results_of_run(run.name)["ending"]
     names = {entrant.id: entrant.name for entrant in field.entrants}
@@ -118,4 +118,5 @@ def _summary(
         faults=int(endings.is_in(POLICY_FAULTS).sum()),
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
+        stages_set_aside=stages_set_aside,
     )

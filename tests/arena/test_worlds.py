@@ -21,6 +21,16 @@ from nathlon.arena.worlds.episodes import place_points, placed, score_points
 from nathlon.arena.worlds.registry import load_world, offered_worlds
 from tests.games import box_player, player, refused, world_of
 
+MAKER = """
+class Maker:
+    def __call__(self):
+        from envs import duel
+
+        return duel()
+
+
+maker = Maker()
+"""
 DUEL = "PettingZooWorld({'duel': envs['duel']}, points='place')"
 
 
@@ -187,6 +197,37 @@ def test_what_decides_is_the_world_s_files_and_versions(tmp_path: Path) -> None:
     told = load_world(name).facts("duel")["world_files"]
     assert set(told["files"]) == {"envs.py", "worlds.py"}
     assert set(told["packages"]) == {"numpy", "pettingzoo", "python"}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "file"),
+    [
+        ("partial(envs['Game'], 'a', 'b')", None),
+        ("maker", "maker.py"),
+        ("partial(maker)", "maker.py"),
+        ("eval('lambda: duel()', envs)", None),
+    ],
+)
+def test_a_scenario_may_be_anything_that_is_called(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario: str, file: str | None
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "maker.py").write_text(MAKER)
+    name = world_of(tmp_path, f"PettingZooWorld({{'duel': {scenario}}})")
+    path = tmp_path / "worlds.py"
+    path.write_text(f"from functools import partial\nfrom maker import maker\n{path.read_text()}")
+    world = load_world(name)
+    assert len(world.setup("duel").seats) == 2
+    assert set(world.facts("duel")["world_files"]["files"]) == {"worlds.py", file} - {None}
+
+
+def test_a_world_that_hangs_is_stopped_in_the_time_that_it_says(tmp_path: Path, pool: Pool) -> None:
+    name = world_of(tmp_path, "PettingZooWorld({'duel': envs['hangs']}, answer_s=0.5)")
+    source = player(tmp_path / "good.onnx", 3)
+    identity = load_world(name).enter(source).id
+    races = (Race(1, (Seat(0), Seat(0))),)
+    [(_, rows)] = pool.run([Match("test", "duel", "duel", "", "", (identity,), (source,), races, name)])
+    assert set(rows["ending"]) == {"simulator_fault"}
 
 
 def test_policies_that_do_not_fit_are_refused(tmp_path: Path, pool: Pool) -> None:

@@ -92,6 +92,31 @@ def test_unequal_sides_and_a_background_are_played(tmp_path: Path, players: list
     assert result.sent == ["all"]
 
 
+def test_a_team_is_judged_by_all_of_its_seats_and_measures_keep_their_unit(
+    tmp_path: Path, players: list[str]
+) -> None:
+    sides = "[['hunter_1', 'hunter_2']]"
+    measures = "{'hits': Declared('hits', unit='lights')}"
+    name = world_of(
+        tmp_path, f"PettingZooWorld({{'chase': envs['chase']}}, sides={sides}, measures={measures})"
+    )
+    result = nathlon.select(
+        players[1:], tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
+    )
+    with Store.open(str(result.store)) as store:
+        run = store.runs()[-1].name
+        rows, objectives = store.results_of_run(run, "pareto"), store.table(run, "objectives")
+    seats = rows.filter(pl.col("team") == 0)
+    assert (
+        seats.filter(pl.col("car") == 0)["score"].to_list()
+        != seats.filter(pl.col("car") == 1)["score"].to_list()
+    )
+    means = dict(seats.group_by("entrant").agg(pl.col("score").mean()).iter_rows())
+    scores = objectives.filter(pl.col("objective") == "score")
+    assert dict(scores.select("entrant", "value").iter_rows()) == pytest.approx(means)
+    assert set(objectives.filter(pl.col("objective") == "hits")["unit"]) == {"lights"}
+
+
 def test_a_night_selects_in_the_world_of_its_configuration(tmp_path: Path, players: list[str]) -> None:
     world_of(tmp_path, "PettingZooWorld({'duel': envs['duel']})")
     for source in players:

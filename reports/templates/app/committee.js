@@ -2,6 +2,15 @@
 
 const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };
 
+// What members are shown of a candidate, as far as the world measures it.
+const SHOWN = [
+  ["Points", (one) => number(one.points, 1)],
+  touches && ["Contacts per km", (one) => number(one.contacts_per_km, 2)],
+  touches && blames && ["At fault per km", (one) => number(one.at_fault_per_km, 2)],
+  measured("off_course_s") && ["Off course, %", (one) => percent(one.off_course_share, 1)],
+  ["Faults", (one) => number(one.faults)],
+].filter(Boolean);
+
 function committee() {
   return [
     h("h1", {}, "Committee"),
@@ -22,12 +31,12 @@ function decisionView(decision) {
       ["Agreement", number(decision.agreement, 2), "1: all rankings are the same; −1: two rankings are opposite"],
     ]),
     decision.standings.length ? scroll("Standings", h("table", { class: "standings" },
-      h("thead", {}, h("tr", {}, ["Entrant", "Approved by", "Fit", "Favour, %", "Points", "Contacts per km", "At fault per km", "Off course, %", "Faults"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
+      h("thead", {}, h("tr", {}, ["Entrant", "Approved by", "Fit", "Favour, %", ...SHOWN.map(([head]) => head)].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
       h("tbody", {}, decision.standings.map((standing) => {
         const shown = row.get(standing.entrant);
         return h("tr", { class: standing.chosen ? "chosen" : null },
           h("th", { scope: "row", class: "name" }, named(standing.entrant), " ", standing.chosen && chip("sent", decision.question === "selection" ? "sent" : "chosen"), shown.barred ? chip("barred", "barred") : null),
-          [`${standing.approved_by} of ${decision.ballots}`, standing.fit ? "yes" : "no", percent(standing.favour), `${number(shown.points, 1)}`, number(shown.contacts_per_km, 2), number(shown.at_fault_per_km, 2), percent(shown.off_course_share, 1), number(shown.faults)].map((text) => h("td", { class: "number" }, text)));
+          [`${standing.approved_by} of ${decision.ballots}`, standing.fit ? "yes" : "no", percent(standing.favour), ...SHOWN.map(([, cell]) => cell(shown))].map((text) => h("td", { class: "number" }, text)));
       })))) : empty("There were no candidates."),
     h("ol", { class: "ballots" }, decision.said.map((said) => h("li", {},
       h("p", {}, h("strong", {}, said.member), " ", h("span", { class: "interval" }, time(said.at)), late.has(said.id) && chip("barred", "too late, not counted")),

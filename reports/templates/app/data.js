@@ -39,7 +39,9 @@ const skillsOf = groups(tables.skills, "entrant");
 const objectivesOf = groups(tables.objectives, "entrant");
 const tests = [...new Set(tables.skills.map((skill) => skill.test))];
 
-const matches = rowsOf(data.matches);
+const racing = summary.world === "racing";
+// The filter calls its matches races, whatever is played in them.
+const matches = rowsOf(data.matches).map((match) => (racing || match.stage !== "pareto" ? match : { ...match, test: "filter" }));
 const races = rowsOf(data.races).map((race, number) => ({
   ...race,
   number,
@@ -49,7 +51,6 @@ const races = rowsOf(data.races).map((race, number) => ({
 const raceByKey = new Map(races.map((race) => [`${race.key.slice(0, 12)}/${race.race}`, race]));
 
 // What the world measures: columns and sections of anything else are left out.
-const racing = summary.world === "racing";
 const measured = (name) => racing || (data.cars[name]?.some((value) => value !== null) ?? false);
 const [lapped, touches, blames] = [measured("best_lap_s"), measured("contacts") && measured("distance_m"), measured("contacts_at_fault")];
 const [EPISODE, EACH] = racing ? ["race", "a race"] : ["episode", "an episode"];

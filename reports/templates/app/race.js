@@ -14,10 +14,11 @@ function raceView([key, index]) {
     h("h1", {}, `${racing ? "Race" : "Episode"} ${race.key.slice(0, 12)}/${race.race}`),
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)), POINT_DIGITS)}`])),
     facts([
-      ["Seed", race.seed], [racing ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
+      ["Seed", race.seed], (racing || race.stage === "tournament") && [racing ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
       racing && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
+    shown?.video && filmOf(shown),
     player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
@@ -41,7 +42,7 @@ function raceView([key, index]) {
       section("Incidents", incidents(ready)),
       section("Where cars pass", passesView(ready)),
     ]),
-    racing && watched(race, shown),
+    (racing || shown) && watched(race, shown),
   ];
 }
 
@@ -77,6 +78,14 @@ function incidents(player) {
   ], rows, { sort: "time", prefix: "incidents-", label: "Incidents", text: (row) => `${plain(row.kind)} ${row.text}`, shown: 12 });
 }
 
+// The video of an episode of another world, and who had which seat there.
+function filmOf({ video, seats, why }) {
+  return h("div", { class: "film" },
+    h("video", { src: fileHref(video), controls: true, loop: true, muted: true, preload: "auto", "aria-label": why }),
+    note([...groups(Object.entries(seats).map(([seat, who]) => ({ seat, who })), "who")]
+      .map(([who, own]) => `${own.map(({ seat }) => seat).join(", ")}: ${who}`).join(" · ")));
+}
+
 // The clips of a race that is to be looked at, as links that open the player there.
 function clipsOf({ match, race, clips }) {
   return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
@@ -94,6 +103,7 @@ function watched(race, shown) {
   return section("Replay",
     shown && h("p", {}, replay(shown)),
     rerun && [h("p", {}, "Open the recording in Rerun, from the folder above this page:"), command(rerun)],
-    h("p", {}, shown?.recording ? "Run the race again and show it:" : "Run the race again, record it and show it in Rerun:"),
+    shown?.notes.map((text) => h("p", {}, text)),
+    h("p", {}, shown?.recording ? `Run the ${EPISODE} again and show it:` : `Run the ${EPISODE} again, record it and show it in Rerun:`),
     command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`]));
 }

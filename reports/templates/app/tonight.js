@@ -13,7 +13,9 @@ function tonight() {
       link("ranking.xlsx", "The spreadsheet")),
     funnel(),
     h("div", { class: "halves" }, section("What changed", changes()), section("Run health", health())),
-    racing && section("Races to look at", summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one), clipsOf(one)))) : empty("No race was recorded.")),
+    (racing || summary.replays.length > 0) && section(racing ? "Races to look at" : "Episodes to look at",
+      summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one), clipsOf(one)))) : empty("No race was recorded."),
+      [...new Set(summary.replays.flatMap((one) => one.notes))].map((text) => note(text))),
     section("The run", facts([
       ...(racing ? [["Circuit", summary.circuit], ["Car", summary.car]] : [["World", summary.world]]), ["Seed", String(summary.seed ?? ABSENT)],
       ...Object.entries(summary.versions).map(([name, version]) => [name, version]),
@@ -93,11 +95,12 @@ function changes() {
 }
 
 // A race that was recorded: what is seen there, and its files.
-function replay({ match, race, why, player, recording, replay: rerun, missing: reason }) {
+function replay({ match, race, why, player, video, recording, replay: rerun, missing: reason }) {
   const there = raceByKey.get(`${match.slice(0, 12)}/${race}`);
-  const files = [[player, "watch it here"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]].filter(([file]) => file);
+  const name = `${racing ? "Race" : "Episode"} ${match.slice(0, 6)}/${race}`;
+  const files = [[player, "watch it here"], [video, "video"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]].filter(([file]) => file);
   return [
-    there ? link(raceHref(there), `Race ${match.slice(0, 6)}/${race}`) : `Race ${match.slice(0, 6)}/${race}`, `: ${why}. `,
+    there ? link(raceHref(there), name) : name, `: ${why}. `,
     files.map(([file, text], i) => [i > 0 && " · ", link(fileHref(file), text)]),
     reason && h("span", { class: "fault" }, `It could not be run again: ${reason}`),
   ];
