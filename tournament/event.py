@@ -59,7 +59,7 @@ class ScenarioRace(EventRace):
     @property
     def made(self) -> Sides:
         """Its format."""
-        return Sides(self.sides)
+        return Sides(self.sides, FORMATS[self.format].gauntlet and self.sides == 2)
 
     @property
     def raced(self) -> str:

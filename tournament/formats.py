@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-FormatName = Literal["4v4", "1v1", "2v2", "ffa8", "10v10"]
+FormatName = Literal["4v4", "1v1", "2v2", "ffa8", "10v10", "gauntlet"]
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,14 @@ class Format:
         scenario: what is raced where nothing else is said; every scenario with as many cars will do.
         cars: in a race.
         teams: whether two teams race, or everybody for themselves.
+        gauntlet: whether newcomers race the references only, and not each other.
     """
 
     name: str
     scenario: str
     cars: int
     teams: bool = True
+    gauntlet: bool = False
 
     def grids(self, sides: int) -> tuple[Grid, ...]:
         """The grids of a unit of so many sides, as many: every side starts equally often from every place.
@@ -67,5 +69,6 @@ FORMATS: dict[str, Format] = {
         Format("2v2", "race_2v2", 4),
         Format("ffa8", "race", 8, teams=False),
         Format("10v10", "grand_prix", 20),
+        Format("gauntlet", "race", 8, gauntlet=True),
     )
 }

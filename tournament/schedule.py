@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -25,13 +25,18 @@ class Meeting:
     seeds: tuple[int, ...]
 
 
-def round_robin(
-    entrants: Sequence[str], made: Format | Sides, units: int, seeds: np.random.SeedSequence
+def meetings(
+    entrants: Sequence[str],
+    made: Format | Sides,
+    units: int,
+    seeds: np.random.SeedSequence,
+    references: Container[str] = (),
 ) -> list[Meeting]:
-    """Every two entrants meet in `units` units of evidence, each with a seed of its own.
+    """Who meets whom in a format, each in `units` units of evidence with a seed of its own.
 
-    In teams every two entrants make a meeting, in the order of `entrants`; a free-for-all is one meeting of
-    all. The seeds of a meeting do not depend on `units`: fewer are the first of more.
+    In teams every two entrants make a meeting, in the order of `entrants`, in a gauntlet every newcomer and
+    every one of the `references`; a free-for-all is one meeting of all. The seeds of a meeting do not depend
+    on `units`: fewer are the first of more.
 
     Raises:
         ValueError: if an entrant comes twice or `units` is below 1.
@@ -42,6 +47,8 @@ def round_robin(
         raise ValueError(f"a meeting needs at least 1 unit of races, not {units}")
     sides = 2 if made.teams else max(2, len(entrants))
     fields = list(combinations(entrants, sides))
+    if made.gauntlet:
+        fields = [two for two in fields if sum(entrant in references for entrant in two) == 1]
     return [
         Meeting(field, tuple(int(seed >> np.uint64(1)) for seed in stream.generate_state(units, np.uint64)))
         for field, stream in zip(fields, seeds.spawn(len(fields)), strict=True)

@@ -16,9 +16,11 @@ class Sides:
 
     Attributes:
         sides: how many.
+        gauntlet: as in `nathlon.tournament.formats.Format`; of two sides only.
     """
 
     sides: int
+    gauntlet: bool = False
 
     @property
     def teams(self) -> bool:

@@ -10,7 +10,8 @@ largest at s^2 + (m - t s)^2, so that the logarithm of the ratio is, with t = m 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import log
@@ -94,10 +95,56 @@ def settled(results: pl.DataFrame, stopping: Stopping, weights: Mapping[str, flo
         return set()
     names = np.array(evidence.entrants)
     decided = names[evidence.matchups[_decided(evidence, stopping)]].tolist()
-    dropped = names[_behind(evidence) > stopping.drop].tolist()
+    leader = int(np.argmax(evidence.solution @ evidence.means))
+    dropped = names[_behind(evidence, leader) > stopping.drop].tolist()
     return {frozenset(two) for two in decided} | {
         frozenset((entrant, other)) for entrant in dropped for other in evidence.entrants if other != entrant
     }
+
+
+def settled_in_gauntlet(
+    results: pl.DataFrame, stopping: Stopping, weights: Mapping[str, float], references: Container[str]
+) -> set[frozenset[str]]:
+    """Every newcomer and reference of a gauntlet so far, RESULTS, that need not race on.
+
+    Whom to send is a question between newcomers, who are compared by what they score against the same
+    references: a newcomer is done when every other is told apart from it, close enough, or too far behind.
+    One alone is compared with the references.
+    """
+    evidence = Evidence(results, weights)
+    names = evidence.entrants
+    new = [number for number, name in enumerate(names) if name not in references]
+    if len(new) < 2:
+        return settled(results, stopping, weights)
+    scores = evidence.solution @ evidence.means
+    leader = new[int(np.argmax(scores[new]))]
+    dropped = _behind(evidence, leader) > stopping.drop
+    racing = [number for number in new if not dropped[number]]
+    open_ = {
+        number
+        for two in itertools.combinations(racing, 2)
+        if not _told(evidence, stopping, evidence.solution[two[0]] - evidence.solution[two[1]])
+        for number in two
+    }
+    return {
+        frozenset((names[number], other))
+        for number in new
+        if number not in open_
+        for other in names
+        if other in references
+    }
+
+
+def _told(evidence: Evidence, stopping: Stopping, contrast: Floats) -> bool:
+    """Whether the test of a (cells,) contrast of the means has ended.
+
+    Its units are as many as a matchup would need for the same standard error.
+    """
+    variances = np.maximum(evidence.cells["deviation"].fill_null(0.0).to_numpy(), TINY) ** 2
+    deviation = np.sqrt(variances.mean())
+    variance = contrast**2 @ (variances / evidence.cells["units"].to_numpy())
+    t = np.abs(contrast @ evidence.means) / deviation
+    return bool(stopping.verdict(deviation**2 / variance, t) != OPEN)
 
 
 def _decided(evidence: Evidence, stopping: Stopping) -> NDArray[np.bool_]:
@@ -109,13 +156,12 @@ def _decided(evidence: Evidence, stopping: Stopping) -> NDArray[np.bool_]:
     return np.asarray(verdicts != OPEN)
 
 
-def _behind(evidence: Evidence) -> Floats:
-    """(K,) by how much every entrant lies behind the leader: standard errors of a normal distribution.
+def _behind(evidence: Evidence, leader: int) -> Floats:
+    """(K,) how far every entrant lies from the leader: standard errors of a normal distribution.
 
     With few units an error is itself uncertain, and as many of them say less: by Student's t, how much less.
     """
-    scores = evidence.solution @ evidence.means
-    p = evidence.p_values(evidence.solution[np.argmax(scores)] - evidence.solution)
+    p = evidence.p_values(evidence.solution[leader] - evidence.solution)
     raced = np.bincount(evidence.matchups.ravel(), np.repeat(evidence.units, 2))
     return np.where(raced >= FEWEST, -ndtri(p / 2), 0.0)
 

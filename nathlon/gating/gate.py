@@ -211,7 +211,8 @@ def _questions(
     event = config.tournament.held(config.circuit, config.car, config.world)
     if event.race and not (settings.points is None and settings.at_fault_per_km is None):
         fields = [entered_there(run.pool, pair, race.circuit, race.car) for race in event.race]
-        races = race_series(plan(event, fields, settings.pairs, races_from), settings.pairs)
+        fixtures = plan(event, fields, settings.pairs, races_from, {pair.champion.id})
+        races = race_series(fixtures, settings.pairs)
         if settings.points is not None:
             asked.append(points_question(settings.points, races, pair, event.weights))
         if settings.at_fault_per_km is not None:

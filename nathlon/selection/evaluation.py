@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import RACING
@@ -46,7 +47,7 @@ def evaluate(
         what the report shows; None where people must vote first.
     """
     with single_run("selection", entrants, config, output.store, pool, on_match) as run:
-        verdict = select(run, Field(tuple(entrants)), config)
+        verdict = select(run, Field(tuple(entrants), anchors=_references(config, pool)), config)
         if verdict is None:
             run.status = WAITING
             return None
@@ -55,3 +56,11 @@ def evaluate(
         if config.recordings == "all" and config.world == RACING:
             record_tournament(run.store, run.name, output, run.pool, on_match)
         return selection
+
+
+def _references(config: Config, pool: Pool) -> tuple[Entrant, ...]:
+    """Whom the candidates race in a gauntlet; where there is none they race each other alone."""
+    event = config.tournament.held(config.circuit, config.car, config.world)
+    if not any(race.made.gauntlet for race in event.race):
+        return ()
+    return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car, config.world))

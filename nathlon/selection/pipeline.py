@@ -61,16 +61,17 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     run.note("committee", len(survivors), len(_chosen(listed)), pl.DataFrame(schema=RESULTS), began)
 
     finalists = _together([e for e in survivors if e.id in _chosen(listed)], field.incumbents)
+    anchors = {entrant.id for entrant in field.anchors}
     set_aside: dict[str, str] = {}
     if config.tournament.held(config.circuit, config.car, config.world).race:
-        raced, _ = run_round_robin(run, _together(finalists, field.anchors), config.tournament)
+        anchored = _together(finalists, field.anchors)
+        raced, _ = run_round_robin(run, anchored, config.tournament, anchors)
     else:
         set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
         ranking = ranked_by_tests(tables["battery"], finalists)
         raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results)
     tables |= raced.tables
     run.keep(tables)
-    anchors = {entrant.id for entrant in field.anchors}
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
     sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
     summary = _summary(run, field, config, tables, tested, raced, sent, set_aside)

@@ -1,9 +1,9 @@
-"""The third stage: every two of the shortlist meet in mirrored races, until it is clear who is better."""
+"""The third stage: the shortlist meets in mirrored races, until it is clear who is better."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -30,8 +30,8 @@ from nathlon.tournament.event import Event, EventRace, ScenarioRace, load_event
 from nathlon.tournament.formats import FormatName
 from nathlon.tournament.points import matchups, rank
 from nathlon.tournament.ratings import notes, rate
-from nathlon.tournament.schedule import Meeting, round_robin
-from nathlon.tournament.stopping import Stopping, repeated, settled
+from nathlon.tournament.schedule import Meeting, meetings
+from nathlon.tournament.stopping import Stopping, repeated, settled, settled_in_gauntlet
 
 
 class TournamentSettings(Section):
@@ -71,7 +71,7 @@ class TournamentSettings(Section):
             sides = {scenario: len(there.setup(scenario).sides) for scenario in there.scenarios}
             return Event.model_construct(
                 race=tuple(
-                    ScenarioRace(name=scenario, circuit="", car="", sides=count)
+                    ScenarioRace(name=scenario, circuit="", car="", sides=count, format=self.format)
                     for scenario, count in sides.items()
                     if count > 1
                 )
@@ -134,21 +134,26 @@ class Fixture:
 
 
 def run_round_robin(
-    run: Run, entrants: Sequence[Entrant], settings: TournamentSettings
+    run: Run, entrants: Sequence[Entrant], settings: TournamentSettings, references: Container[str] = ()
 ) -> tuple[Answer, list[Match]]:
     """Race all entrants against each other; those that share the first rank, the barred apart, go on.
+
+    In a gauntlet all others race those whose ids are `references`.
 
     Matches come in rounds. What is raced in a round depends on the results of the rounds before and on
     nothing else, so that a run that was stopped goes on as it would have.
 
     Raises:
-        InputError: if the event's file is wrong, or an entrant cannot drive one of its races.
+        InputError: if the event's file is wrong, an entrant cannot drive one of its races, or a gauntlet has
+            no references.
     """
     began = time.perf_counter()
     event = event_of(entrants, settings)
     fields = [entered_there(run.pool, entrants, race.circuit, race.car) for race in event.race]
-    fixtures = plan(event, fields, settings.pairs, run.seeds("tournament"))
-    matches, results = _race(run, fixtures, event, settings)
+    if any(race.made.gauntlet for race in event.race) and not any(e.id in references for e in entrants):
+        raise InputError("field nightly.anchors is empty: expected the references of the gauntlet")
+    fixtures = plan(event, fields, settings.pairs, run.seeds("tournament"), references)
+    matches, results = _race(run, fixtures, event, settings, references)
     confidence = repeated(CONFIDENCE, len(_rounds(fixtures, settings)))
     tables = _tables(run, entrants, results, event.weights, settings, confidence)
     first = leaders(entrants, tables["ranking"])
@@ -205,7 +210,11 @@ def entered_there(pool: Pool, entrants: Sequence[Entrant], circuit: str, car: st
 
 
 def plan(
-    event: Event, fields: Sequence[Sequence[Entrant]], pairs: int, seeds: np.random.SeedSequence
+    event: Event,
+    fields: Sequence[Sequence[Entrant]],
+    pairs: int,
+    seeds: np.random.SeedSequence,
+    references: Container[str] = (),
 ) -> list[Fixture]:
     """All meetings of an event, race by race.
 
@@ -214,36 +223,42 @@ def plan(
         fields: of each race who takes part, entered for its circuit and car.
         pairs: units of evidence of every matchup, at most, of races that do not say how many.
         seeds: of all units.
+        references: ids of those whom the others race in a gauntlet.
     """
     fixtures: list[Fixture] = []
     for race, field, stream in zip(event.race, fields, seeds.spawn(len(event.race)), strict=True):
         here = {entrant.id: entrant for entrant in field}
         fixtures += [
             Fixture(race, meeting, tuple(here[entrant] for entrant in meeting.entrants))
-            for meeting in round_robin(list(here), race.made, race.pairs or pairs, stream)
+            for meeting in meetings(list(here), race.made, race.pairs or pairs, stream, references)
         ]
     return fixtures
 
 
 def _race(
-    run: Run, fixtures: Sequence[Fixture], event: Event, settings: TournamentSettings
+    run: Run,
+    fixtures: Sequence[Fixture],
+    event: Event,
+    settings: TournamentSettings,
+    references: Container[str],
 ) -> tuple[list[Match], pl.DataFrame]:
     """Round after round until everything is settled or all units are raced."""
     matches: list[Match] = []
     results = pl.DataFrame(schema=RESULTS)
-    over: set[frozenset[str]] = set()
+    over: dict[bool, set[frozenset[str]]] = {True: set(), False: set()}
     stopping = Stopping(settings.effect, settings.drop)
     for units in _rounds(fixtures, settings):
         played = [
             fixture.match(units)
             for fixture in fixtures
-            if fixture.meeting.seeds[units] and not fixture.pairs <= over
+            if fixture.meeting.seeds[units] and not fixture.pairs <= over[fixture.race.made.gauntlet]
         ]
         if not played:
             break
         matches += played
         results = run.results("tournament", matches).filter(pl.col("team") != BACKGROUND)
-        over = settled(results, stopping, event.weights)
+        over[False] = settled(results, stopping, event.weights)
+        over[True] = settled_in_gauntlet(results, stopping, event.weights, references)
     return matches, results
 
 

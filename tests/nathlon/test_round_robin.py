@@ -23,6 +23,7 @@ from nathlon.selection.round_robin import (
     tournament_matches,
 )
 from nathlon.selection.run import Run
+from nathlon.sim.errors import InputError
 from nathlon.tournament.event import Event, EventRace
 from nathlon.tournament.stopping import Stopping, settled
 
@@ -42,6 +43,15 @@ format = "1v1"
 scenario = "slipstream_pass"
 weight = 2.0
 pairs = 4
+"""
+
+GAUNTLET = """
+[[race]]
+name = "newcomers"
+circuit = "lindenring"
+car = "gt3"
+format = "gauntlet"
+scenario = "sprint"
 """
 
 DRIVERS = [enter(f"driver:pace={pace}", "lindenring", "gt3") for pace in (0.95, 0.94, 0.5)]
@@ -152,6 +162,19 @@ def test_a_free_for_all_takes_any_number_of_entrants(entrants: int) -> None:
         assert len(set(starts)) == len(starts) == 8 * entrants
     order, other = ([seat.entrant for seat in match.races[k].seats] for k in (0, entrants))
     assert order != other, "units differ in who starts next to whom"
+
+
+def test_in_a_gauntlet_all_race_the_references_and_are_ranked_together(tmp_path: Path, pool: Pool) -> None:
+    path = tmp_path / "event.toml"
+    path.write_text(GAUNTLET, "utf-8")
+    settings = TournamentSettings(pairs=4, block=4, event=str(path))
+    answer, matches = run_round_robin(stage(tmp_path, pool), DRIVERS, settings, {DRIVERS[0].id})
+    met = {frozenset(match.entrants) for match in matches}
+    assert met == {frozenset((DRIVERS[0].id, other.id)) for other in DRIVERS[1:]}
+    assert set(answer.tables["ranking"]["entrant"]) == {driver.id for driver in DRIVERS}
+    assert answer.tables["ranking"]["entrant"][2] == DRIVERS[2].id
+    with pytest.raises(InputError, match="references of the gauntlet"):
+        run_round_robin(stage(tmp_path, pool), DRIVERS, settings)
 
 
 @pytest.mark.parametrize("entrants", [[], DRIVERS[:1]])

@@ -19,6 +19,7 @@ from nathlon.tournament.stopping import (
     log_likelihood_ratio,
     repeated,
     settled,
+    settled_in_gauntlet,
     wald_bounds,
 )
 from tests.race_results import rows, tournament
@@ -114,6 +115,37 @@ def test_an_entrant_far_behind_the_leader_races_no_more_against_anybody() -> Non
     results = tournament({"a": 0.0, "b": 0.0, "c": 0.0, "z": -4.0}, 4, rng)
     never = Stopping(effect=0.5, drop=3.3, alpha=1e-12)
     assert settled(results, never, {}) == {frozenset((other, "z")) for other in "abc"}
+
+
+def gauntlet(pace: dict[str, float], references: str, pairs: int) -> pl.DataFrame:
+    """A tournament without the races between two newcomers or two references."""
+    results = tournament(pace, pairs, np.random.default_rng(4))
+    one = pl.col("match").str.slice(0, 1).is_in(list(references))
+    other = pl.col("match").str.slice(-1).is_in(list(references))
+    return results.filter(one != other)
+
+
+def test_in_a_gauntlet_newcomers_are_compared_through_the_references() -> None:
+    """Both newcomers beat the reference; which of them is better is another question."""
+    never_behind = Stopping(effect=0.5, drop=1e9)
+    alike = gauntlet({"a": 1.5, "b": 1.5, "r": 0.0}, "r", 8)
+    assert settled(alike, never_behind, {}) == {frozenset("ar"), frozenset("br")}
+    assert settled_in_gauntlet(alike, never_behind, {}, "r") == set()
+    told = gauntlet({"a": 2.5, "b": 0.0, "r": 0.0}, "r", 12)
+    assert settled_in_gauntlet(told, never_behind, {}, "r") == {frozenset("ar"), frozenset("br")}
+
+
+def test_in_a_gauntlet_a_better_reference_drops_nobody() -> None:
+    results = gauntlet({"a": 0.0, "b": 0.0, "z": -3.0, "r": 4.0}, "r", 8)
+    never = Stopping(effect=0.5, drop=3.3, alpha=1e-12)
+    assert settled(results, never, {}) >= {frozenset("ar"), frozenset("br"), frozenset("zr")}
+    assert settled_in_gauntlet(results, never, {}, "r") == {frozenset("zr")}
+
+
+def test_one_newcomer_alone_is_compared_with_the_references() -> None:
+    results = gauntlet({"a": 0.0, "r": 0.0, "s": 3.0}, "rs", 8)
+    never_behind = Stopping(effect=0.5, drop=1e9)
+    assert settled_in_gauntlet(results, never_behind, {}, "rs") == {frozenset("as")}
 
 
 def test_equals_are_seldom_told_apart_and_differing_ones_mostly() -> None:
