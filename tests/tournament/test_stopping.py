@@ -136,7 +136,7 @@ def test_in_a_gauntlet_newcomers_are_compared_through_the_references() -> None:
 
 
 def test_in_a_gauntlet_a_better_reference_drops_nobody() -> None:
-    results = gauntlet({"a": 0.0, "b": 0.0, "z": -3.0, "r": 4.0}, "r", 8)
+    results = gauntlet({"a": 0.0, "b": 0.0, "z": -3.0, "r": 1.0}, "r", 12)
     never = Stopping(effect=0.5, drop=3.3, alpha=1e-12)
     assert settled(results, never, {}) >= {frozenset("ar"), frozenset("br"), frozenset("zr")}
     assert settled_in_gauntlet(results, never, {}, "r") == {frozenset("zr")}
