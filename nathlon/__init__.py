@@ -18,6 +18,7 @@ from nathlon.policies.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from nathlon.api.gating import GateResult, gate
+    from nathlon.api.planning import plan
     from nathlon.api.racing import RaceResult, race
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
     from nathlon.policies.load import load_policy
     from nathlon.policies.policy import Policy
+    from nathlon.reports.forecast import Forecast
     from nathlon.selection.config import Config
     from nathlon.sim import parallel_env
     from nathlon.sim.errors import InputError
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 _FROM = {
     "Config": "nathlon.selection.config",
+    "Forecast": "nathlon.reports.forecast",
     "GateResult": "nathlon.api.gating",
     "InputError": "nathlon.sim.errors",
     "ObservationSpec": "nathlon.sim.observation",
@@ -48,6 +51,7 @@ _FROM = {
     "PettingZooWorld": "nathlon.arena.worlds.environment",
     "gate": "nathlon.api.gating",
     "parallel_env": "nathlon.sim",
+    "plan": "nathlon.api.planning",
     "race": "nathlon.api.racing",
     "select": "nathlon.api.selection",
     "train": "nathlon.api.training",
@@ -56,6 +60,7 @@ _FROM = {
 __all__ = [
     "Config",
     "Declared",
+    "Forecast",
     "GateResult",
     "GymnasiumWorld",
     "InputError",
@@ -70,6 +75,7 @@ __all__ = [
     "gate",
     "load_policy",
     "parallel_env",
+    "plan",
     "race",
     "select",
     "train",

@@ -15,6 +15,7 @@ from nathlon.commands.gate import gate
 from nathlon.commands.nightly import init, nightly, status
 from nathlon.commands.observation import observation
 from nathlon.commands.pareto import pareto
+from nathlon.commands.plan import plan
 from nathlon.commands.racing import race
 from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
@@ -33,8 +34,8 @@ app = typer.Typer(
     rich_markup_mode=None,  # rich takes longer to load than the help to read
 )
 for command in (
-    demo, evaluate, gate, pareto, battery, init, nightly, status, report, train, polish, ablate, race, replay,
-    export, observation,
+    demo, evaluate, gate, pareto, battery, init, plan, nightly, status, report, train, polish, ablate, race,
+    replay, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

@@ -17,13 +17,14 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING
 from nathlon.arena.store import RunRecord, Store
 from nathlon.arena.worlds.registry import RACING
+from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.output import POLICY_LOG, OutputFolder
 from nathlon.publishing.publish import publish
 from nathlon.publishing.recordings import record_tournament
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Summary
 from nathlon.selection.config import Config
-from nathlon.selection.field import Exclusion, Field, newcomers
+from nathlon.selection.field import Exclusion, Field, newcomers, unjudged
 from nathlon.selection.pipeline import select
 from nathlon.selection.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
 from nathlon.sim.decisive import fingerprint
@@ -104,6 +105,26 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
         store.end_run(night.name, DONE)
         return Night(night.name, DONE, code, reason, selection)
+
+
+def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
+    """How many newcomers, incumbents and anchors the next night would begin with, as far as files tell.
+
+    Args:
+        config: what it watches.
+        store: where earlier nights are; None where there was none.
+
+    Raises:
+        InputError: if a watched path does not exist.
+    """
+    done = [] if store is None else [night for night in _nights(store) if night.status == DONE]
+    anchors = {policy_id(anchor) for anchor in config.nightly.anchors}
+    fields = [_field(night.config) for night in done]
+    judged = {entrant.id for field in fields for entrant in field.newcomers}
+    refused = {item.key for field in fields for item in field.excluded}
+    new = unjudged(config.checkpoints, judged | anchors, refused)
+    pool = set() if store is None or not done else set(store.table(done[-1].name, "pool")["entrant"])
+    return len(set(new.values())), min(config.nightly.incumbents, len(pool - anchors)), len(anchors)
 
 
 def told(config: Config, night: Night) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
-from pydantic import BaseModel, ConfigDict
-
 from nathlon.arena.decision import Decision
+from nathlon.reports.part import Part
 from nathlon.sim.whole_file import whole_file
 
 VERSION = 1
@@ -15,12 +14,6 @@ VERSION = 1
 
 MARKS = {Decision.PASS: "✓ pass", Decision.FAIL: "✗ fail", Decision.CANNOT_TELL: "? cannot tell"}
 EXIT_CODES = {Decision.PASS: 0, Decision.FAIL: 1, Decision.CANNOT_TELL: 4}
-
-
-class Part(BaseModel):
-    """A part of it."""
-
-    model_config = ConfigDict(frozen=True)
 
 
 class Finding(Part):

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from nathlon.arena.worlds.registry import RACING
+from nathlon.reports.forecast import Forecast
+from nathlon.reports.part import Part
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
@@ -21,12 +23,6 @@ VERSION = 1
 PACKAGES = ("nathlon", "numpy", "numba")
 
 
-class Part(BaseModel):
-    """A part of the summary. Fields of later versions are passed over."""
-
-    model_config = ConfigDict(frozen=True, validate_by_name=True, serialize_by_alias=True)
-
-
 class Stage(Part):
     """A stage that has ended: `pareto`, `battery`, `committee` or `tournament`.
 
@@ -34,6 +30,8 @@ class Stage(Part):
         entered, left: entrants that came in, and that went on.
         races: that it rests on.
         wall_s: how long it took, s.
+        ran: races that it ran itself; the others were in the store already.
+        core_s: processor time for which it held its workers, s.
     """
 
     name: str
@@ -41,6 +39,8 @@ class Stage(Part):
     left: Annotated[int, Field(alias="out")]
     races: int
     wall_s: float
+    ran: int = 0
+    core_s: float = 0.0
 
 
 class Ranked(Part):
@@ -160,7 +160,7 @@ class Replay(Part):
     clips: tuple[Scene, ...] = ()
     missing: str | None = None
     video: str | None = None
-    seats: dict[str, str] = {}
+    seats: dict[str, str] = Field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
@@ -177,6 +177,11 @@ class Summary(Part):
         circuit, car: what was driven; empty in another world.
         versions: of Python and packages.
         pair_correlation: of the two races of a mirrored pair; None where too few tell.
+        unit_deviation: of the difference of two entrants from one unit to the next, points a race; None where
+            too few tell.
+        effect: least true difference of two finalists, points a race, that such a round robin finds as often
+            as the forecast's `power` says; None where nobody met.
+        forecast: what was expected of it before it ran.
         confidence: of all intervals.
         marks: by test.
         tests_set_aside: reasons by test.
@@ -207,7 +212,10 @@ class Summary(Part):
     faults: int
     void: int
     excluded: tuple[SetAside, ...]
-    stages_set_aside: dict[str, str] = {}
+    stages_set_aside: dict[str, str] = Field(default_factory=dict)
+    unit_deviation: float | None = None
+    effect: float | None = None
+    forecast: Forecast | None = None
     committee: tuple[Decided, ...] = ()
     replays: tuple[Replay, ...] = ()
     recording: str | None = None

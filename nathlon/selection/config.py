@@ -112,6 +112,16 @@ class Config(Section):
         return load_world(self.world).facts(scenario)
 
     @property
+    def in_gauntlet(self) -> bool:
+        """Whether the tournament needs references, which are the anchors.
+
+        Raises:
+            InputError: if the event's file is wrong.
+        """
+        event = self.tournament.held(self.circuit, self.car, self.world)
+        return any(race.made.gauntlet for race in event.race)
+
+    @property
     def suited(self) -> Config:
         """The configuration with what its world has in place of defaults that are those of our circuits."""
         if self.world == RACING:

@@ -60,7 +60,6 @@ def evaluate(
 
 def _references(config: Config, pool: Pool) -> tuple[Entrant, ...]:
     """Whom the candidates race in a gauntlet; where there is none they race each other alone."""
-    event = config.tournament.held(config.circuit, config.car, config.world)
-    if not any(race.made.gauntlet for race in event.race):
+    if not config.in_gauntlet:
         return ()
     return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car, config.world))

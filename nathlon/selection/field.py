@@ -83,15 +83,10 @@ def newcomers(
     """
     found: dict[str, Entrant] = {}
     excluded: list[Exclusion] = []
-    digests = {source: _digest(source) for source in _sources(watched)}
-    new = [
-        source
-        for source, digest in digests.items()
-        if digest not in known and (digest or printable(source)) not in refused
-    ]
-    for source, answer in zip(new, enter_each(pool, new, circuit, car, world), strict=True):
+    new = unjudged(watched, known, refused)
+    for source, answer in zip(new, enter_each(pool, list(new), circuit, car, world), strict=True):
         if isinstance(answer, InputError):
-            excluded.append(Exclusion(printable(source), str(answer), digests[source]))
+            excluded.append(Exclusion(printable(source), str(answer), new[source]))
         elif answer.id not in known:
             found.setdefault(answer.id, answer)
     taken = set(known.values())
@@ -102,6 +97,22 @@ def newcomers(
         taken.add(name)
         named.append(replace(entrant, name=name))
     return named, excluded
+
+
+def unjudged(
+    watched: Iterable[str], known: Container[str], refused: Container[str] = ()
+) -> dict[str, str | None]:
+    """The watched files and plugins that are not known yet, unopened, and their ids; see `newcomers`.
+
+    Raises:
+        InputError: if a watched path does not exist.
+    """
+    digests = {source: _digest(source) for source in _sources(watched)}
+    return {
+        source: digest
+        for source, digest in digests.items()
+        if digest not in known and (digest or printable(source)) not in refused
+    }
 
 
 def _sources(watched: Iterable[str]) -> list[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any
 
 import polars as pl
 
@@ -21,12 +22,15 @@ from nathlon.committee.decision import Decision
 from nathlon.committee.event_log import EventLog
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.pareto.filter import run_filter
+from nathlon.reports.forecast import Forecast
 from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
+from nathlon.selection.forecasting import earlier, effect, forecast, habits_of
 from nathlon.selection.round_robin import leaders, ranked_by_tests, run_round_robin
 from nathlon.selection.run import CONFIDENCE, Answer, Run
 from nathlon.tournament.points import pair_correlation
+from nathlon.tournament.power import unit_deviation
 
 
 def select(run: Run, field: Field, config: Config) -> Summary | None:
@@ -46,6 +50,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     run.store.put_fact(run.name, "world", config.world)
     tables = {"entrants": entrants_table(field.entrants)}
     run.keep(tables)
+    expected = _expected(run, field, config)
 
     filtered = run_filter(run, _together(field.newcomers, field.incumbents), config.pareto)
     incumbents = {entrant.id for entrant in field.incumbents}
@@ -74,9 +79,21 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     run.keep(tables)
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
     sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
-    summary = _summary(run, field, config, tables, tested, raced, sent, set_aside)
+    summary = _summary(run, field, config, tables, tested, raced, sent, set_aside, expected)
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary
+
+
+def _expected(run: Run, field: Field, config: Config) -> Forecast:
+    """What was expected of a run before it began."""
+    kept: Any = run.store.facts(run.name).get("forecast")
+    if kept is not None:
+        return Forecast.model_validate(kept)
+    counts = len(field.newcomers), len(field.incumbents), len(field.anchors)
+    habits = habits_of(earlier(run.store, config, run.name), config)
+    expected = forecast(config, *counts, habits, run.pool.workers)
+    run.store.put_fact(run.name, "forecast", expected.model_dump(mode="json"))
+    return expected
 
 
 def _together(*groups: Sequence[Entrant]) -> list[Entrant]:
@@ -96,7 +113,11 @@ def _summary(
     raced: Answer,
     sent: Decision,
     stages_set_aside: dict[str, str],
+    expected: Forecast,
 ) -> Summary:
+    deviation = unit_deviation(raced.results)
+    references = len(field.anchors)
+    others = tables["ranking"].height - references
     endings = run.store.results_of_run(run.name)["ending"]
     names = {entrant.id: entrant.name for entrant in field.entrants}
     return Summary(
@@ -109,6 +130,9 @@ def _summary(
         car=config.car,
         versions=versions(),
         pair_correlation=pair_correlation(raced.results),
+        unit_deviation=deviation,
+        effect=None if deviation is None else effect(config, others, references, deviation),
+        forecast=expected,
         confidence=CONFIDENCE,
         marks={
             test: TestMarks(base=marks.base, reference=marks.reference)

@@ -80,6 +80,7 @@ class Run:
     stages: list[Stage] = field(default_factory=list)
     status: str = DONE
     _noted: float = field(default=-math.inf, init=False)
+    _ran: int = field(default=0, init=False)
 
     def seeds(self, stage: str) -> np.random.SeedSequence:
         """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
@@ -134,6 +135,7 @@ class Run:
             for match, results in finished:
                 self.store.add_match(match.key, stage, match.spec(), results)
                 del left[match.key]
+                self._ran += len(match.races)
                 if time.monotonic() - renewed > CLAIM_S / 4:
                     self.store.claim(list(left), owner, CLAIM_S)
                     renewed = time.monotonic()
@@ -149,7 +151,19 @@ class Run:
         """Keep a stage's counts for the summary; `began` is a reading of `time.perf_counter`, s."""
         races = results.select(pl.struct("match", "race").n_unique()).item()
         wall_s = round(time.perf_counter() - began, 2)
-        self.stages.append(Stage(name=stage, entered=came, left=left, races=races, wall_s=wall_s))
+        core_s = round(wall_s * self.pool.workers, 2)
+        self.stages.append(
+            Stage(
+                name=stage,
+                entered=came,
+                left=left,
+                races=races,
+                wall_s=wall_s,
+                ran=self._ran,
+                core_s=core_s,
+            )
+        )
+        self._ran = 0
 
 
 def _is_gone(owner: str) -> bool:

@@ -98,6 +98,11 @@ def test_the_summary_counts_what_was_run(run: Path, summary: Any, entrants: list
     with Store.open(run / "store.sqlite") as store:
         for name, stage in stages.items():
             assert store.results(name).select("match", "race").unique().height == stage["races"]
+    assert all(stage["ran"] == stage["races"] for stage in stages.values())
+    assert all(stage["core_s"] == pytest.approx(2 * stage["wall_s"]) for stage in stages.values())
+    expected = {stage["name"]: stage for stage in summary["forecast"]["stages"]}
+    assert expected["pareto"]["entrants"] == len(entrants)
+    assert all(stages[name]["races"] <= stage["most_races"] for name, stage in expected.items())
     ranking = summary["ranking"]
     assert len(ranking) == stages["tournament"]["in"]
     for row in ranking:
@@ -136,7 +141,8 @@ def test_a_second_run_runs_nothing_and_says_the_same(
     assert all(count == total for _, count, total in done)
     again = json.loads((run / "summary.json").read_text())
     for stage in (*summary["stages"], *again["stages"]):
-        stage.pop("wall_s", None)
+        for clocked in ("wall_s", "ran", "core_s"):
+            stage.pop(clocked, None)
     assert again == summary
     assert [[one.name for one in those] for those in sent] == [[one["name"] for one in summary["sent"]]]
     assert (run / "report" / "index.html").stat().st_mtime_ns > page

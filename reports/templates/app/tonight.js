@@ -16,6 +16,7 @@ function tonight() {
     (racing || summary.replays.length > 0) && section(racing ? "Races to look at" : "Episodes to look at",
       summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one), clipsOf(one)))) : empty("No race was recorded."),
       [...new Set(summary.replays.flatMap((one) => one.notes))].map((text) => note(text))),
+    summary.forecast && summary.stages.length > 0 && section("Forecast and outcome", foreseen()),
     section("The run", facts([
       ...(racing ? [["Circuit", summary.circuit], ["Car", summary.car]] : [["World", summary.world]]), ["Seed", String(summary.seed ?? ABSENT)],
       ...Object.entries(summary.versions).map(([name, version]) => [name, version]),
@@ -23,12 +24,13 @@ function tonight() {
   ];
 }
 
+const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
+
 function funnel() {
-  const raced = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
   const view = { pareto: "pareto", battery: "n-athlon", tournament: "leaderboard", committee: "committee" };
   return summary.stages.length > 0 && h("ol", { class: "funnel" }, summary.stages.map((stage) =>
     h("li", {},
-      link(to(view[stage.name] ?? "tonight"), raced[stage.name] ?? plain(stage.name)),
+      link(to(view[stage.name] ?? "tonight"), STAGES[stage.name] ?? plain(stage.name)),
       h("span", { class: "counts" }, number(stage.in), h("span", { class: "arrow" }, "→"), number(stage.out)),
       h("span", { class: "cost" }, stage.races ? `${count(stage.races, EPISODE)}, ${duration(stage.wall_s)}` : "ballots"))));
 }
@@ -62,6 +64,27 @@ function health() {
       h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),
     summary.log && h("p", {}, link(fileHref(summary.log), "What policies printed")),
     data.notes.length > 0 && h("ul", {}, data.notes.map((text) => h("li", {}, text))),
+  ];
+}
+
+// What was expected before the run, beside what came.
+function foreseen() {
+  const expected = summary.forecast;
+  const hours = (seconds) => number(seconds / 3600, 2);
+  const rows = expected.stages.map((stage) => [stage, summary.stages.find((one) => one.name === stage.name)]).filter(([, came]) => came);
+  const pair = (before, after) => [h("td", {}, before), h("td", {}, after)];
+  return [
+    scroll("Forecast and outcome", h("table", { id: "forecast" },
+      h("thead", {},
+        h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", "Races", "Core-hours"].map((name) => h("th", { colspan: 2 }, name))),
+        h("tr", {}, [1, 2, 3].map(() => [h("th", {}, "forecast"), h("th", {}, "outcome")]))),
+      h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, STAGES[stage.name]),
+        pair(number(stage.entrants), number(came.in)),
+        pair(number(stage.races), number(came.races)),
+        pair(stage.core_s === null ? ABSENT : hours(stage.core_s), came.ran === came.races ? hours(came.core_s) : ABSENT)))))),
+    met && summary.effect !== null && expected.budgets.length > 0 && h("p", {},
+      `Two finalists had to differ by ${number(summary.effect, 1)} points a race to be told apart in ${number(100 * expected.power)} of 100 such runs; ${number(expected.budgets[0].effect, 1)} were forecast.`),
+    note(expected.earlier ? `The forecast rests on ${count(expected.earlier, "earlier run")} in this store.` : "The forecast rests on figures of the bundled ladders: no earlier run was in this store."),
   ];
 }
 

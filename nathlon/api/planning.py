@@ -1,0 +1,59 @@
+"""`nathlon.plan`: what a selection will cost and can find, before it runs."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+from nathlon.api.selection import Candidates, configured, named_sources
+from nathlon.arena.store import Store
+from nathlon.nightly import awaited
+from nathlon.progress import worker_count
+from nathlon.reports.forecast import Forecast
+from nathlon.selection.config import Config
+from nathlon.selection.forecasting import earlier, forecast, habits_of
+from nathlon.sim.errors import InputError
+
+
+def plan(
+    checkpoints: Candidates | None = None,
+    *,
+    config: Config | str | Path | None = None,
+    pairs: int | None = None,
+    workers: int | None = None,
+    world: str | None = None,
+    store: str | Path | None = None,
+) -> Forecast:
+    """What a selection is expected to cost, and the least difference that its round robin finds.
+
+    It rests on the earlier selections in the configuration's store, and where there is none on the figures of
+    `docs/plan.md`. Nothing is raced, and no checkpoint is opened.
+
+    Args:
+        checkpoints: who takes part; without any, what the next night would judge.
+        config: how to select, or the path of a `nathlon.toml`.
+        pairs, workers: in place of the configuration's: mirrored pairs of races for every two finalists, at
+            most; processes.
+        world: the simulator, in place of the configuration's.
+        store: where earlier selections are, in place of the configuration's.
+
+    Raises:
+        InputError: if a name or file is wrong, or nothing is new.
+    """
+    settings = configured(config, pairs=pairs, workers=workers)
+    if world is not None:
+        settings = settings.model_copy(update={"world": world})
+    settings = settings.suited
+    with ExitStack() as stack:
+        target = str(store or settings.store)
+        there = "://" in target or Path(target).exists()
+        known = stack.enter_context(Store.open(target)) if there else None
+        if checkpoints is None:
+            counts = awaited(settings, known)
+        else:
+            anchors = len(settings.nightly.anchors) if settings.in_gauntlet else 0
+            counts = len(set(named_sources(checkpoints))), 0, anchors
+        before = [] if known is None else earlier(known, settings)
+    if counts[0] == 0:
+        raise InputError("nothing is new, expected checkpoints that no night has judged")
+    return forecast(settings, *counts, habits_of(before, settings), worker_count(settings.workers))

@@ -1,0 +1,54 @@
+"""`nathlon plan`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, ConfigPath, Pairs, Workers, WorldName
+from nathlon.terminal import new_table, print_json, print_table, say
+
+
+def plan(
+    checkpoints: Annotated[
+        list[str] | None, typer.Argument(help="Checkpoints; without any, what the next night would judge.")
+    ] = None,
+    config: ConfigPath = None,
+    store: Annotated[
+        str | None, typer.Option(help="Where earlier selections are, in place of the configuration's.")
+    ] = None,
+    pairs: Pairs = None,
+    workers: Workers = None,
+    world: WorldName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a selection will cost and what it can find, before anything runs."""
+    import nathlon
+    from nathlon.reports.forecast import sentences
+
+    if not checkpoints and config is None:
+        config = Path("nathlon.toml")
+    told = nathlon.plan(
+        checkpoints or None, config=config, pairs=pairs, workers=workers, world=world, store=store
+    )
+    if as_json:
+        print_json(told.model_dump(mode="json"))
+        return
+    table = new_table("What is expected", lean=True)
+    for column in ("Stage", "Entrants", "Races", "At most", "Core-hours"):
+        table.add_column(column, justify="left" if column == "Stage" else "right")
+    for stage in told.stages:
+        hours = "" if stage.core_s is None else f"{stage.core_s / 3600:.2f}"
+        table.add_row(stage.name, f"{stage.entrants:,}", f"{stage.races:,}", f"{stage.most_races:,}", hours)
+    print_table(table)
+    if told.budgets:
+        table = new_table("What the round robin finds", lean=True)
+        for column in ("Pairs of every two", "Races", "Difference, points a race"):
+            table.add_column(column, justify="right")
+        for budget in told.budgets:
+            table.add_row(f"{budget.pairs:,}", f"{budget.races:,}", f"{budget.effect:.1f}")
+        print_table(table)
+    for sentence in sentences(told):
+        say(sentence)
