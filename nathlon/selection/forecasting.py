@@ -48,10 +48,10 @@ class Habits:
 
 ASSUMED = Habits(
     earlier=0,
-    front=0.55,
-    filtering=0.5,
-    racing=0.6,
-    core_s={"pareto": 0.35, "battery": 0.25, "tournament": 0.9},
+    front=0.9,
+    filtering=0.7,
+    racing=0.7,
+    core_s={"pareto": 0.2, "battery": 0.06, "tournament": 0.3},
     deviation=4.0,
 )
 """Without an earlier selection: see docs/plan.md for what they are from."""

@@ -70,18 +70,17 @@ function health() {
 // What was expected before the run, beside what came.
 function foreseen() {
   const expected = summary.forecast;
-  const hours = (seconds) => number(seconds / 3600, 2);
   const rows = expected.stages.map((stage) => [stage, summary.stages.find((one) => one.name === stage.name)]).filter(([, came]) => came);
-  const pair = (before, after) => [h("td", {}, before), h("td", {}, after)];
+  const pair = (before, after) => [before, after].map((text) => h("td", { class: "number" }, text));
   return [
     scroll("Forecast and outcome", h("table", { id: "forecast" },
       h("thead", {},
-        h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", "Races", "Core-hours"].map((name) => h("th", { colspan: 2 }, name))),
-        h("tr", {}, [1, 2, 3].map(() => [h("th", {}, "forecast"), h("th", {}, "outcome")]))),
+        h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", "Races", "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
+        h("tr", {}, [1, 2, 3].map(() => ["forecast", "outcome"].map((text) => h("th", { class: "number" }, text))))),
       h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, STAGES[stage.name]),
         pair(number(stage.entrants), number(came.in)),
         pair(number(stage.races), number(came.races)),
-        pair(stage.core_s === null ? ABSENT : hours(stage.core_s), came.ran === came.races ? hours(came.core_s) : ABSENT)))))),
+        pair(stage.core_s === null ? ABSENT : duration(stage.core_s), came.ran ? duration(came.core_s) : ABSENT)))))),
     met && summary.effect !== null && expected.budgets.length > 0 && h("p", {},
       `Two finalists had to differ by ${number(summary.effect, 1)} points a race to be told apart in ${number(100 * expected.power)} of 100 such runs; ${number(expected.budgets[0].effect, 1)} were forecast.`),
     note(expected.earlier ? `The forecast rests on ${count(expected.earlier, "earlier run")} in this store.` : "The forecast rests on figures of the bundled ladders: no earlier run was in this store."),
