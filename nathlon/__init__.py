@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from nathlon.api.gating import GateResult, gate
     from nathlon.api.planning import plan
     from nathlon.api.racing import RaceResult, race
+    from nathlon.api.recipes import RecipesResult, recipes
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
@@ -43,6 +44,7 @@ _FROM = {
     "RaceGymEnv": "nathlon.policies.environments.race_gym_env",
     "RaceResult": "nathlon.api.racing",
     "RaceVectorEnv": "nathlon.policies.environments.race_vector_env",
+    "RecipesResult": "nathlon.api.recipes",
     "SelectionResult": "nathlon.api.selection",
     "TrainingResult": "nathlon.api.training",
     "load_policy": "nathlon.policies.load",
@@ -53,6 +55,7 @@ _FROM = {
     "parallel_env": "nathlon.sim",
     "plan": "nathlon.api.planning",
     "race": "nathlon.api.racing",
+    "recipes": "nathlon.api.recipes",
     "select": "nathlon.api.selection",
     "train": "nathlon.api.training",
 }
@@ -70,6 +73,7 @@ __all__ = [
     "RaceGymEnv",
     "RaceResult",
     "RaceVectorEnv",
+    "RecipesResult",
     "SelectionResult",
     "TrainingResult",
     "gate",
@@ -77,6 +81,7 @@ __all__ = [
     "parallel_env",
     "plan",
     "race",
+    "recipes",
     "select",
     "train",
 ]

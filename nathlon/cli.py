@@ -17,6 +17,7 @@ from nathlon.commands.observation import observation
 from nathlon.commands.pareto import pareto
 from nathlon.commands.plan import plan
 from nathlon.commands.racing import race
+from nathlon.commands.recipes import recipes
 from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.track import import_track, show_track
@@ -34,8 +35,8 @@ app = typer.Typer(
     rich_markup_mode=None,  # rich takes longer to load than the help to read
 )
 for command in (
-    demo, evaluate, gate, pareto, battery, init, plan, nightly, status, report, train, polish, ablate, race,
-    replay, export, observation,
+    demo, evaluate, gate, pareto, battery, init, plan, nightly, status, report, train, polish, ablate,
+    recipes, race, replay, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

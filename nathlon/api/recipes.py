@@ -1,0 +1,107 @@
+"""`nathlon.recipes`: which way of training is better, over its seeds."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from nathlon.api.selection import configured
+from nathlon.arena.entrance import check_world, enter_all, trained_on
+from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import RACING
+from nathlon.policies.sources import checkpoints_below
+from nathlon.progress import stage_progress, worker_count
+from nathlon.publishing.output import OutputFolder
+from nathlon.recipe_comparison.grouping import attempts, recipe_folders
+from nathlon.recipe_comparison.scores import SEED, STAGE, score
+from nathlon.recipe_comparison.summary import summarise
+from nathlon.reports.recipes import write_recipes
+from nathlon.reports.recipes_page import headline, write_recipes_page
+from nathlon.selection.config import Config
+from nathlon.selection.single_run import single_run
+
+
+class RecipesResult:
+    """What recipes came to, and where it has left everything.
+
+    Attributes:
+        folder: of all that it has left: page, picture, `recipes.csv`, `scores.csv` and the store.
+        recipes: one row a recipe: `nathlon.reports.recipes.RECIPES`.
+        scores: one row a checkpoint and task: `nathlon.reports.recipes.SCORES`.
+    """
+
+    def __init__(self, folder: Path, recipes: pl.DataFrame, scores: pl.DataFrame) -> None:
+        self.folder, self.recipes, self.scores = folder, recipes, scores
+
+    def __repr__(self) -> str:
+        return f"{headline(self.recipes)}\nReport: {self.folder / 'index.html'}"
+
+    def _repr_html_(self) -> str:
+        picture = base64.b64encode((self.folder / "recipes.png").read_bytes()).decode()
+        return (
+            f"<h3>{escape(headline(self.recipes))}</h3>"
+            f'<img alt="recipes" src="data:image/png;base64,{picture}">' + self.recipes._repr_html_()
+        )
+
+
+def recipes(
+    folders: str | Path | Iterable[str | Path],
+    out: str | Path = "runs/recipes",
+    *,
+    config: Config | str | Path | None = None,
+    pairs: int | None = None,
+    seed: int | None = None,
+    workers: int | None = None,
+    world: str | None = None,
+    progress: bool = True,
+) -> RecipesResult:
+    """Compare recipes, of which each has the training runs of some seeds in a folder.
+
+    Every checkpoint races the anchors of the configuration in the format of its tournament. The same call
+    goes on with what was stopped.
+
+    Args:
+        folders: one a recipe, which lends its name, or `NAME=FOLDER`; the first is the one to be better than.
+        out: folder for everything that is left.
+        config: whose anchors and tournament are raced, or the path of a `nathlon.toml`.
+        pairs, seed, workers: in place of the configuration's.
+        world: the simulator, in place of the configuration's.
+        progress: whether to show it, on standard error.
+
+    Raises:
+        InputError: if a folder holds no checkpoints, one cannot drive, or a name or file is wrong.
+    """
+    given = [folders] if isinstance(folders, str | Path) else folders
+    found = recipe_folders(map(str, given))
+    settings = configured(config, seed, pairs=pairs, workers=workers)
+    if world is not None:
+        settings = settings.model_copy(update={"world": world})
+    with Pool(worker_count(settings.workers)) as pool:
+        if settings.world == RACING:
+            sources = [str(path) for folder in found.values() for path in checkpoints_below(folder)]
+            circuit, car = trained_on(pool, sources)
+            settings = settings.model_copy(update={"circuit": circuit, "car": car})
+        else:
+            check_world(pool, settings.world)
+            settings = settings.suited
+        where = (settings.circuit, settings.car, settings.world)
+        runs = attempts(pool, found, *where)
+        references = enter_all(pool, settings.nightly.anchors, *where)
+        raced = list({one.id: one for attempt in runs for one in attempt.checkpoints}.values())
+        output = OutputFolder(Path(out))
+        with (
+            stage_progress(progress, (STAGE,)) as on_match,
+            single_run(STAGE, [*raced, *references], settings, output.store, pool, on_match) as run,
+        ):
+            scores = score(run, runs, references, settings)
+        table = summarise(scores, np.random.default_rng([settings.seed, SEED]))
+        place = ", ".join(filter(None, where[:2])) or settings.world
+        with output.filling():
+            write_recipes(table, scores, output.root)
+            write_recipes_page(table, scores, place, [one.name for one in references], output.root)
+    return RecipesResult(output.root, table, scores)

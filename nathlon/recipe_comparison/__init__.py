@@ -1,0 +1,1 @@
+"""Recipes: how well a way of training does, over its seeds, and not its luckiest checkpoint."""

@@ -1,0 +1,88 @@
+"""Which checkpoints belong to which training run, and which runs to one recipe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
+from nathlon.policies.sources import checkpoints_below
+from nathlon.sim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A training run of a recipe.
+
+    Attributes:
+        recipe: its name.
+        run: its name within the recipe, its seed where that is known.
+        checkpoints: by their steps.
+    """
+
+    recipe: str
+    run: str
+    checkpoints: tuple[Entrant, ...]
+
+    @property
+    def last(self) -> Entrant:
+        """The checkpoint that it ended with."""
+        return self.checkpoints[-1]
+
+
+def recipe_folders(given: Iterable[str]) -> dict[str, Path]:
+    """Folders of recipes by name, from `FOLDER`, which lends its name, or `NAME=FOLDER`.
+
+    Raises:
+        InputError: if a folder is missing or empty, or two recipes have one name.
+    """
+    found: dict[str, Path] = {}
+    for text in given:
+        name, is_named, place = text.rpartition("=")
+        folder = Path(place if is_named else text)
+        if not folder.is_dir():
+            raise InputError(f"{folder}: no such folder, expected one with the training runs of a recipe")
+        name = name or folder.resolve().name
+        if name in found:
+            raise InputError(f"{folder}: there is a recipe {name!r} already, expected NAME=FOLDER")
+        if not checkpoints_below(folder):
+            raise InputError(f"{folder}: holds no checkpoint, expected the training runs of a recipe")
+        found[name] = folder
+    return found
+
+
+def attempts(pool: Pool, folders: dict[str, Path], circuit: str, car: str, world: str) -> list[Attempt]:
+    """The training runs in folders of recipes.
+
+    Checkpoints in one folder that state one seed are of one run; those that state none are told apart by
+    their folders alone.
+
+    Raises:
+        InputError: if a checkpoint cannot drive there.
+    """
+    files = {name: checkpoints_below(folder) for name, folder in folders.items()}
+    sources = [str(path) for paths in files.values() for path in paths]
+    entered = {entrant.source: entrant for entrant in enter_all(pool, sources, circuit, car, world)}
+    return [
+        Attempt(name, run, tuple(checkpoints))
+        for name, paths in files.items()
+        for run, checkpoints in _runs(folders[name], paths, entered)
+    ]
+
+
+def _runs(root: Path, paths: Sequence[Path], entered: dict[str, Entrant]) -> list[tuple[str, list[Entrant]]]:
+    """Runs of a recipe by name; a seed names its run unless several runs have it."""
+    runs: dict[tuple[Path, int | None], list[Entrant]] = {}
+    for path in paths:
+        if (entrant := entered.get(str(path))) is not None:
+            runs.setdefault((path.parent, entrant.seed), []).append(entrant)
+    seeds = [seed for _, seed in runs]
+    named = []
+    for (folder, seed), checkpoints in runs.items():
+        place = str(folder.relative_to(root))
+        name = f"seed {seed}" if seed is not None and seeds.count(seed) == 1 else place
+        named.append((name, sorted(checkpoints, key=lambda entrant: (entrant.step or 0, entrant.source))))
+    return named

@@ -1,0 +1,51 @@
+"""What is left of recipes for other programs: their tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import polars as pl
+
+from nathlon.sim.whole_file import whole_file
+
+SCORES = pl.Schema(
+    {
+        "recipe": pl.String,
+        "run": pl.String,  # a training run: its seed, or its place in the recipe's folder
+        "step": pl.Int64,  # of the training; null where it is not known
+        "entrant": pl.String,
+        "name": pl.String,
+        "task": pl.String,  # a race against a reference
+        "units": pl.Int64,  # mirrored pairs
+        "points": pl.Float64,  # team points a race, less the reference's
+        "error": pl.Float64,  # standard error of `points`; null below two units
+        "contacts": pl.Int64,  # of all its cars
+        "at_fault": pl.Int64,  # of these, laid to them
+        "km": pl.Float64,  # driven by all its cars
+    }
+)
+"""One row a checkpoint and task."""
+_ESTIMATES = ("points", "iqm", "gap", "better", "at_fault_per_km")
+RECIPES = pl.Schema(
+    {
+        "recipe": pl.String,
+        "runs": pl.Int64,
+        "checkpoints": pl.Int64,
+        **{
+            f"{name}{bound}": pl.Float64 for name in _ESTIMATES for bound in ("", "_low", "_high")
+        },  # of the last checkpoints, with a 95 % interval over runs, null with one run
+        "best": pl.String,  # name of the checkpoint with most points
+        "best_points": pl.Float64,
+        "best_expected": pl.Float64,  # what it may be expected to score again
+    }
+)
+"""One row a recipe. `points` are the mean over runs, `iqm` that of the middle half. `gap` is how far runs
+fall short of the references' points, `better` the probability that a run scores more than one of the first.
+"""
+
+
+def write_recipes(recipes: pl.DataFrame, scores: pl.DataFrame, folder: Path) -> None:
+    """Write `recipes.csv` (RECIPES) and `scores.csv` (SCORES), each whole or not at all."""
+    for name, table in (("recipes", recipes), ("scores", scores)):
+        with whole_file(folder / f"{name}.csv") as partial:
+            table.write_csv(partial)

@@ -1,0 +1,107 @@
+"""The page of recipes."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from nathlon.reports.recipes_figure import recipes_picture
+from nathlon.sim.whole_file import whole_file
+
+TEMPLATES = Path(__file__).parent / "templates"
+FEW = 5
+"""Runs below which a bootstrap over them knows too little of how they vary (Agarwal et al., 2021)."""
+CELLS = (
+    ("points", "Points a race", "{:+.1f}"),
+    ("iqm", "IQM", "{:+.1f}"),
+    ("gap", "Shortfall", "{:.1f}"),
+    ("better", "Better", "{:.0%}"),
+    ("at_fault_per_km", "At fault / km", "{:.2f}"),
+)
+"""What the tables show of RECIPES: column, heading and format."""
+
+
+def cells(row: dict[str, Any]) -> list[str]:
+    """The figures of a row of RECIPES with their intervals, in the order of `CELLS`."""
+    return [_interval(row, name, shape) for name, _, shape in CELLS]
+
+
+def headline(recipes: pl.DataFrame) -> str:
+    """What RECIPES come to: which are surely better or worse than the first."""
+    first, *others = recipes.to_dicts()
+    better = [row["recipe"] for row in others if (row["better_low"] or 0.0) > 0.5]
+    worse = [row["recipe"] for row in others if row["better_high"] is not None and row["better_high"] < 0.5]
+    if not others:
+        return f"{first['recipe']}: {_interval(first, *CELLS[0][::2])} points a race"
+    told = []
+    if better:
+        told.append(f"better than {first['recipe']}: {', '.join(better)}")
+    if worse:
+        told.append(f"worse than {first['recipe']}: {', '.join(worse)}")
+    text = "; ".join(told) or f"no recipe is surely better or worse than {first['recipe']}"
+    return text[0].upper() + text[1:]
+
+
+def write_recipes_page(
+    recipes: pl.DataFrame, scores: pl.DataFrame, place: str, references: Sequence[str], folder: Path
+) -> Path:
+    """Write `folder`/index.html and `folder`/recipes.png, each whole or not at all.
+
+    Args:
+        recipes, scores: schemas RECIPES and SCORES.
+        place: where they raced, in words.
+        references: names of whom they raced.
+        folder: for the page.
+
+    Returns:
+        the page's path.
+    """
+    picture = recipes_picture(recipes, scores)
+    with whole_file(folder / "recipes.png") as partial:
+        partial.write_bytes(picture)
+    path = folder / "index.html"
+    with whole_file(path) as partial:
+        partial.write_text(render_recipes(recipes, picture, place, references), encoding="utf-8")
+    return path
+
+
+def render_recipes(recipes: pl.DataFrame, picture: bytes, place: str, references: Sequence[str]) -> str:
+    """The page's HTML, which needs no network and runs no script."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style = (TEMPLATES / "gate.css").read_text("utf-8") + (TEMPLATES / "recipes.css").read_text("utf-8")
+    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+    return environment.get_template("recipes.html").render(
+        headline=headline(recipes),
+        place=place,
+        references=references,
+        heads=[head for _, head, _ in CELLS],
+        rows=[row | {"cells": cells(row)} for row in recipes.to_dicts()],
+        few=bool((recipes["runs"] < FEW).any()),
+        picture=base64.b64encode(picture).decode(),
+        policy=(
+            f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; "
+            "form-action 'none'"
+        ),
+        style=Markup(style),
+    )
+
+
+def _interval(row: dict[str, Any], name: str, shape: str) -> str:
+    value, low, high = (row[f"{name}{bound}"] for bound in ("", "_low", "_high"))
+    if value is None:
+        return ""
+    text = shape.format(value)
+    return text if low is None else f"{text} ({shape.format(low)} to {shape.format(high)})"
