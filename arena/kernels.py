@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.driver import Follower
 from nathlon.policies.driver.envelope import envelope
 from nathlon.policies.driver.speed_profile import profile
@@ -15,17 +18,6 @@ from nathlon.sim.car import load_car
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.track import load_track
 from nathlon.sim.world import Start, World
-
-
-def compile_kernels(pool: Pool, circuit: str, car: str) -> None:
-    """Have what races need on the disk: compiled kernels, then the driver's practice, which runs them.
-
-    What is there already is only loaded. A circuit or car that cannot be driven is passed over: whoever
-    enters a policy there says so.
-    """
-    # Those that take longest first. Practice needs all of them.
-    for functions in ((_step, _drive, _observe), (_practise,)):
-        pool.open([Opening(DRIVER, function, (circuit, car)) for function in functions])
 
 
 def _step(circuit: str, car: str) -> None:
@@ -53,3 +45,30 @@ def _practise(circuit: str, car: str) -> None:
 
 def _world(circuit: str, car: str) -> World:
     return World(load_track(circuit), load_car(car), 1, 1)
+
+
+GROUPS = ((_step, _drive, _observe), (_practise,))
+"""What is compiled side by side, that which takes longest first; practice needs all before it."""
+
+
+def compile_kernels(
+    pool: Pool, world: str, circuit: str, car: str, on_compiled: Callable[[int, int], None]
+) -> None:
+    """Have what races need on the disk: compiled kernels, then the driver's practice, which runs them.
+
+    What is there already is only loaded. A circuit or car that cannot be driven is passed over: whoever
+    enters a policy there says so. Other worlds than ours have no kernels.
+
+    Args:
+        pool: compiles.
+        world, circuit, car: what is raced.
+        on_compiled: told how many kernels are there, and how many there are in all.
+    """
+    if world != RACING:
+        return
+    done, total = 0, sum(map(len, GROUPS))
+    on_compiled(done, total)
+    for functions in GROUPS:
+        pool.open([Opening(DRIVER, function, (circuit, car)) for function in functions])
+        done += len(functions)
+        on_compiled(done, total)

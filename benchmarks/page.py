@@ -107,6 +107,18 @@ def tally(worlds: Figures, name: str) -> str:
     return ", ".join(f"{verdicts.count(verdict)} {word}" for verdict, word in told.items())
 
 
+def foreseen(told: Sequence[float], digits: int = 0) -> str:
+    """A forecast and its outcome."""
+    expected, came = told
+    return f"{expected:,.{digits}f} → {came:,.{digits}f}"
+
+
+def in_all(night: Figures, name: str) -> list[float]:
+    """Forecast and outcome of all stages together."""
+    stages = [stage[name] for stage in night["stages"].values()]
+    return [sum(stage[side] for stage in stages) for side in (0, 1)]
+
+
 def page(results: Mapping[str, Result]) -> str:
     """The page, from results by name."""
     environment = Environment(
@@ -128,6 +140,8 @@ def page(results: Mapping[str, Result]) -> str:
         "verdicts": verdicts,
         "less": less,
         "tally": tally,
+        "foreseen": foreseen,
+        "in_all": in_all,
     }
     environment.globals |= {"rate": rate, "pooled": pooled, "sessions": sessions}
     return environment.get_template(TEMPLATE).render(results=results)

@@ -16,7 +16,6 @@ from nathlon.arena.match import BACKGROUND
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING
 from nathlon.arena.store import RunRecord, Store
-from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.output import POLICY_LOG, OutputFolder
 from nathlon.publishing.publish import publish
@@ -76,9 +75,8 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         InputError: if a watched folder or the store cannot be used.
     """
     with Store(config.store) as store, Pool(workers) as pool:
-        if config.world != RACING:
-            check_world(pool, config.world)
-            config = config.suited
+        check_world(pool, config.world)
+        config = config.suited
         untold = _untold(store)
         if untold:
             name, outcome = untold
@@ -99,7 +97,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
         run.keep({"pool": _pool(store, night, run)})
         selection = publish(store, night.name, output, pool, on_match)
-        if config.recordings == "all" and config.world == RACING:
+        if config.recordings == "all":
             record_tournament(store, night.name, output, pool, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})

@@ -16,7 +16,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from nathlon.selection.run import RECORDINGS, STAGES, OnMatch
+from nathlon.selection.run import KERNELS, RECORDINGS, STAGES, OnMatch
 from nathlon.terminal import console, warn
 
 
@@ -40,7 +40,7 @@ def progress_bars(shown: bool = True) -> Progress:
 
 
 @contextmanager
-def stage_progress(shown: bool, stages: Sequence[str] = (*STAGES, RECORDINGS)) -> Iterator[OnMatch]:
+def stage_progress(shown: bool, stages: Sequence[str] = (KERNELS, *STAGES, RECORDINGS)) -> Iterator[OnMatch]:
     """Show the stages that have begun, unless told not to.
 
     Yields:
@@ -54,7 +54,9 @@ def stage_progress(shown: bool, stages: Sequence[str] = (*STAGES, RECORDINGS)) -
             lines.end()
         return
     with progress_bars(shown) as bars:
-        tasks = {stage: bars.add_task(stage, total=None, note="matches", visible=False) for stage in stages}
+        tasks = {
+            stage: bars.add_task(stage, total=None, note=_counted(stage), visible=False) for stage in stages
+        }
 
         def on_match(stage: str, done: int, total: int) -> None:
             bars.update(tasks[stage], completed=done, total=total, visible=True)
@@ -81,5 +83,11 @@ class _Lines:
     def end(self) -> None:
         if self._stage is not None:
             seconds = time.monotonic() - self._began
-            warn(f"{self._stage.capitalize():<12} {self._before + self._done:,} matches in {seconds:.0f} s")
+            ended = f"{self._before + self._done:,} {_counted(self._stage)}"
+            warn(f"{self._stage.capitalize():<12} {ended} in {seconds:.0f} s")
         self._stage = None
+
+
+def _counted(stage: str) -> str:
+    """What is counted in a stage."""
+    return "compiled" if stage == KERNELS else "matches"

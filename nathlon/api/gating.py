@@ -16,7 +16,7 @@ from nathlon.publishing.output import OutputFolder
 from nathlon.reports.gate import GateReport, write_gate
 from nathlon.reports.gate_page import write_gate_page
 from nathlon.selection.config import Config
-from nathlon.selection.run import GATE
+from nathlon.selection.run import GATE, KERNELS
 from nathlon.selection.single_run import single_run
 from nathlon.sim.errors import InputError
 
@@ -105,7 +105,7 @@ def gate(
             raise InputError(f"{reference}: is the only candidate, expected policies to compare with it")
         output = OutputFolder(Path(out))
         with (
-            stage_progress(progress, ("battery", GATE)) as on_match,
+            stage_progress(progress, (KERNELS, "battery", GATE)) as on_match,
             single_run(GATE, together, settings, output.store, pool, on_match) as run,
         ):
             report = run_gate(run, first, others, settings)

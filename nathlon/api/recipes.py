@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from nathlon.api.selection import configured
-from nathlon.arena.entrance import check_world, enter_all, trained_on
+from nathlon.api.selection import at_home, configured
+from nathlon.arena.entrance import enter_all
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.sources import checkpoints_below
 from nathlon.progress import stage_progress, worker_count
 from nathlon.publishing.output import OutputFolder
@@ -82,13 +81,8 @@ def recipes(
     if world is not None:
         settings = settings.model_copy(update={"world": world})
     with Pool(worker_count(settings.workers)) as pool:
-        if settings.world == RACING:
-            sources = [str(path) for folder in found.values() for path in checkpoints_below(folder)]
-            circuit, car = trained_on(pool, sources)
-            settings = settings.model_copy(update={"circuit": circuit, "car": car})
-        else:
-            check_world(pool, settings.world)
-            settings = settings.suited
+        sources = [str(path) for folder in found.values() for path in checkpoints_below(folder)]
+        settings = at_home(pool, sources, settings)
         where = (settings.circuit, settings.car, settings.world)
         runs = attempts(pool, found, *where)
         references = enter_all(pool, settings.nightly.anchors, *where)

@@ -245,9 +245,18 @@ def entered(pool: Pool, sources: list[str], config: Config) -> tuple[list[Entran
     Raises:
         InputError: if one cannot drive, or there is none.
     """
+    config = at_home(pool, sources, config)
+    return enter_all(pool, sources, config.circuit, config.car, config.world), config
+
+
+def at_home(pool: Pool, sources: list[str], config: Config) -> Config:
+    """The configuration for where some sources play: in our simulator, what the first was trained on.
+
+    Raises:
+        InputError: if the world or a source cannot be opened.
+    """
+    check_world(pool, config.world)
     if config.world != RACING:
-        check_world(pool, config.world)
-        config = config.suited
-        return enter_all(pool, sources, config.circuit, config.car, config.world), config
+        return config.suited
     circuit, car = trained_on(pool, sources)
-    return enter_all(pool, sources, circuit, car), config.model_copy(update={"circuit": circuit, "car": car})
+    return config.model_copy(update={"circuit": circuit, "car": car})

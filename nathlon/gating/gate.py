@@ -12,9 +12,8 @@ import polars as pl
 from nathlon.arena.decision import Decision
 from nathlon.arena.entrance import check_opponents
 from nathlon.arena.entrant import Entrant
-from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
-from nathlon.arena.worlds.registry import RACING, home
+from nathlon.arena.worlds.registry import home
 from nathlon.gating.questions import (
     Pair,
     Question,
@@ -85,8 +84,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
     for candidate in candidates:
         if candidate.id == champion.id:
             raise InputError(f"{candidate.source}: is the champion, expected another policy")
-    if config.world == RACING:
-        compile_kernels(run.pool, config.circuit, config.car)
+    run.compile(config.world, config.circuit, config.car)
     tests = _tests(run, champion, config.gate)
     cases = [
         _Case(pair, _questions(run, pair, config, tests))

@@ -15,6 +15,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import recording_name
 from nathlon.arena.store import Store
+from nathlon.arena.worlds.registry import RACING
 from nathlon.publishing.output import OutputFolder
 from nathlon.selection.run import RECORDINGS, OnMatch
 from nathlon.sim.errors import InputError
@@ -28,7 +29,7 @@ Kept = Literal["notable", "all"]
 def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: OnMatch) -> None:
     """Leave a recording of every race of a run's tournament; those that are there are not run again.
 
-    Why one cannot be recorded is logged.
+    In another world there is nothing that could be recorded. Why one cannot be recorded is logged.
 
     Args:
         store: that holds the run.
@@ -37,6 +38,8 @@ def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, 
         pool: runs the matches.
         on_match: told about progress.
     """
+    if store.facts(run).get("world", RACING) != RACING:
+        return
     results = store.results_of_run(run, "tournament")
     wanted: dict[str, list[int]] = {}
     for match, race in results.select("match", "race").unique(maintain_order=True).iter_rows():

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import RACING
 from nathlon.publishing.output import OutputFolder
 from nathlon.publishing.publish import publish
 from nathlon.publishing.recordings import record_tournament
@@ -53,7 +52,7 @@ def evaluate(
             return None
         on_verdict(verdict)
         selection = publish(run.store, run.name, output, run.pool, on_match)
-        if config.recordings == "all" and config.world == RACING:
+        if config.recordings == "all":
             record_tournament(run.store, run.name, output, run.pool, on_match)
         return selection
 

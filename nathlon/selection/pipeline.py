@@ -14,9 +14,7 @@ from typing import Any
 import polars as pl
 
 from nathlon.arena.entrant import Entrant, entrants_table
-from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
-from nathlon.arena.worlds.registry import RACING
 from nathlon.committee import ask
 from nathlon.committee.decision import Decision
 from nathlon.committee.event_log import EventLog
@@ -44,8 +42,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     Returns:
         what it came to, still without replays; None where the committee waits for people.
     """
-    if config.world == RACING:
-        compile_kernels(run.pool, config.circuit, config.car)
+    run.compile(config.world, config.circuit, config.car)
     event_log = EventLog(run.store, run.name)
     run.store.put_fact(run.name, "world", config.world)
     tables = {"entrants": entrants_table(field.entrants)}

@@ -200,7 +200,7 @@ def event_of(entrants: Sequence[Entrant], settings: TournamentSettings) -> Event
 
 def entered_there(pool: Pool, entrants: Sequence[Entrant], circuit: str, car: str) -> list[Entrant]:
     """Entrants on a circuit that may not be their own, where a composite is another policy."""
-    sources = [e.source for e in entrants if e.world == RACING and (e.circuit, e.car) != (circuit, car)]
+    sources = [e.source for e in entrants if (e.circuit, e.car) != (circuit, car)]
     there: dict[str, Entrant] = {}
     for source, answer in zip(sources, enter_each(pool, sources, circuit, car), strict=True):
         if isinstance(answer, InputError):

@@ -8,11 +8,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import polars as pl
 
 from nathlon.arena.entrant import Entrant
+from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RESULTS
@@ -23,6 +25,8 @@ from nathlon.sim.process import HOST, has_ended
 STAGES = ("pareto", "battery", "tournament")
 RECORDINGS = "recordings"
 """What recording every race is called where progress is shown."""
+KERNELS = "kernels"
+"""What is compiled before anything races."""
 GATE = "gate"
 CONFIDENCE = 0.95
 
@@ -40,7 +44,7 @@ CLAIM_LEAST = 16
 """Matches for each worker, if there are as many: together they cost much less than apart."""
 
 OnMatch = Callable[[str, int, int], None]
-"""Told the stage, matches done and matches in all, whenever a match ends."""
+"""Told the stage, matches done and matches in all, whenever one ends; of `KERNELS`, how many are compiled."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,10 @@ class Run:
     def rng(self, stage: str) -> np.random.Generator:
         """The generator of a stage's bootstrap."""
         return np.random.default_rng([*self.seeds_from, len(STAGES), STAGES.index(stage)])
+
+    def compile(self, world: str, circuit: str, car: str) -> None:
+        """Have what races need compiled; see `nathlon.arena.kernels.compile_kernels`."""
+        compile_kernels(self.pool, world, circuit, car, partial(self.on_match, KERNELS))
 
     def results(self, stage: str, matches: Sequence[Match]) -> pl.DataFrame:
         """RESULTS of all matches in their order, running those that the store does not have.

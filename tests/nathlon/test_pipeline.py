@@ -67,7 +67,7 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
         evaluate(
             entrants, OutputFolder(folder), CONFIG, pool, lambda *progress: seen.append(progress), on_verdict
         )
-    assert {stage for stage, _, _ in seen} == {"pareto", "battery", "tournament"}
+    assert {stage for stage, _, _ in seen} == {"kernels", "pareto", "battery", "tournament"}
     [verdict] = told
     published = read_summary(folder / "summary.json")
     assert verdict.ranking
