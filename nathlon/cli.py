@@ -12,6 +12,7 @@ from nathlon.commands.battery import battery
 from nathlon.commands.committee_app import committee
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
+from nathlon.commands.incident import incident
 from nathlon.commands.nightly import init, nightly, status
 from nathlon.commands.observation import observation
 from nathlon.commands.pareto import pareto
@@ -36,7 +37,7 @@ app = typer.Typer(
 )
 for command in (
     demo, evaluate, gate, pareto, battery, init, plan, nightly, status, report, train, polish, ablate,
-    recipes, race, replay, export, observation,
+    recipes, race, replay, incident, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

@@ -99,6 +99,26 @@ class AnywhereStart(Section):
     spun_share: Annotated[float, Field(ge=0, le=1)] = 0.0  # of starts with it at rest, facing anywhere
 
 
+class FrozenCar(Section):
+    """A car as it was at some moment of a race."""
+
+    progress_m: Metres
+    lateral_m: Metres
+    heading_rad: Angle  # relative to the road, + is to the left
+    speed_m_s: Speed  # along the heading
+    side_speed_m_s: Speed = 0.0  # to its left
+    yaw_rate_rad_s: Annotated[float, Field(ge=-20, le=20)] = 0.0
+
+
+class FrozenStart(Section):
+    """Cars as they were at some moment of a race, with a little disorder."""
+
+    kind: Literal["frozen"]
+    jitter_m: Annotated[float, Field(ge=0, le=10)] = 0.1  # along and across the road
+    jitter_m_s: Annotated[float, Field(ge=0, le=10)] = 0.1  # along the heading
+    car: Annotated[tuple[FrozenCar, ...], Field(min_length=1, max_length=20)]
+
+
 def _whole_period(hertz: float) -> float:
     if not 5.0 <= hertz <= DYNAMICS_HZ or DYNAMICS_HZ % hertz:
         raise ValueError("expected 5, 6, 10, 12, 15, 20, 30 or 60")
@@ -131,7 +151,8 @@ class Scenario(Section):
     description: str
     cars: Annotated[int, Field(ge=1, le=20)]
     start: Annotated[
-        GridStart | RollingStart | FormationStart | AbreastStart | AnywhereStart, Field(discriminator="kind")
+        GridStart | RollingStart | FormationStart | AbreastStart | AnywhereStart | FrozenStart,
+        Field(discriminator="kind"),
     ]
     origin: str | None = None
     laps: Annotated[int, Field(ge=1, le=MOST_LAPS)] | None = None
@@ -148,6 +169,8 @@ class Scenario(Section):
     def _consistent(self) -> Scenario:
         if self.laps is not None and self.finish_m is not None:
             raise ValueError("laps and finish_m exclude each other")
+        if isinstance(self.start, FrozenStart) and len(self.start.car) != self.cars:
+            raise ValueError(f"start.car has {len(self.start.car)} cars, expected {self.cars}")
         for name in ("action_hz", "perception_delay_s"):
             value = getattr(self, name)
             if isinstance(value, tuple) and len(value) != self.cars:
@@ -188,6 +211,8 @@ class Scenario(Section):
                 start = self._abreast(self.start, track, rng)
             case AnywhereStart():
                 start = self._anywhere(self.start, track, rng)
+            case FrozenStart():
+                start = self._frozen(self.start, track, rng)
         return start
 
     def _finish(self, track: Track) -> np.ndarray:
@@ -270,6 +295,22 @@ class Scenario(Section):
             lateral[0] = _off_the_walls(lateral[0], heading[0], track, int(row[0]))
             speed[0] = 0.0
         return Start(distance, lateral, heading, speed, self._finish(track))
+
+    def _frozen(self, start: FrozenStart, track: Track, rng: np.random.Generator) -> Start:
+        jitter = rng.uniform(-1.0, 1.0, (3, self.cars))
+
+        def of(field: str) -> np.ndarray:
+            return np.array([getattr(car, field) for car in start.car], np.float64)
+
+        return Start(
+            distance=of("progress_m") + start.jitter_m * jitter[0],
+            lateral=of("lateral_m") + start.jitter_m * jitter[1],
+            heading=of("heading_rad"),
+            speed=of("speed_m_s") + start.jitter_m_s * jitter[2],
+            finish=self._finish(track),
+            side_speed=of("side_speed_m_s"),
+            yaw_rate=of("yaw_rate_rad_s"),
+        )
 
 
 def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> float:

@@ -57,6 +57,8 @@ class Start:
         heading: relative to the centre line, rad.
         speed: along the heading, m/s.
         finish: progress at which the run is over, m; inf for none.
+        side_speed: to the left of the heading, m/s.
+        yaw_rate: rad/s.
     """
 
     distance: NDArray[np.float64]
@@ -64,6 +66,8 @@ class Start:
     heading: NDArray[np.float64]
     speed: NDArray[np.float64]
     finish: NDArray[np.float64]
+    side_speed: NDArray[np.float64] | float = 0.0
+    yaw_rate: NDArray[np.float64] | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -279,8 +283,10 @@ class World:
         cars[:] = np.zeros((), CAR_STATE)
         x, y, heading = self.track.pose(start.distance, start.lateral)
         cars["x"], cars["y"], cars["yaw"] = x, y, heading + start.heading
-        cars["world_velocity_x"] = start.speed * np.cos(cars["yaw"])
-        cars["world_velocity_y"] = start.speed * np.sin(cars["yaw"])
+        ahead, aside = np.cos(cars["yaw"]), np.sin(cars["yaw"])
+        cars["world_velocity_x"] = start.speed * ahead - start.side_speed * aside
+        cars["world_velocity_y"] = start.speed * aside + start.side_speed * ahead
+        cars["yaw_rate"] = start.yaw_rate
         cars["spin"] = (start.speed / self.car.wheel.radius_m)[:, None]
         shift_up = self.car.engine.shift_up_rpm / 60.0 * 2.0 * np.pi
         fastest = shift_up / self.parameters.car.ratios * self.car.wheel.radius_m

@@ -177,6 +177,13 @@ def skill_matches(
         drawn = draw_seeds(stream, runs or skill.runs)
         for entrant in entrants:
             matches[skill.name, entrant.id] = against(
-                "battery", skill.scenario, skill.scenario, entrant, skill.opponents, skill.slots, drawn
+                "battery",
+                skill.scenario,
+                skill.scenario,
+                entrant,
+                skill.opponents,
+                skill.slots,
+                drawn,
+                skill.in_order,
             )
     return matches

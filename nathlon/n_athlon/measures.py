@@ -65,6 +65,18 @@ def _place(own: Row, _: Sequence[Row]) -> float | None:
     return float(own["place"])
 
 
+def _at_fault(own: Row, _: Sequence[Row]) -> float | None:
+    return None if own["contacts_at_fault"] is None else float(own["contacts_at_fault"])
+
+
+def _contacts(own: Row, _: Sequence[Row]) -> float | None:
+    return None if own["contacts"] is None else float(own["contacts"])
+
+
+def _off_course(own: Row, _: Sequence[Row]) -> float | None:
+    return own["off_course_s"]
+
+
 def _score(own: Row, _: Sequence[Row]) -> float | None:
     return own["score"]
 
@@ -83,11 +95,14 @@ MEASURES: dict[str, Measure] = {
     "lead": Measure("distance", "s", False, _lead),
     "distance": Measure("distance", "m", True, _distance),
     "place": Measure("time", "places", False, _place),
+    "at_fault": Measure("time", "contacts", False, _at_fault),
+    "contacts": Measure("time", "contacts", False, _contacts),
+    "off_course": Measure("time", "s", False, _off_course),
     "score": Measure("distance", "1", False, _score),
 }
 """All measures: time to the finish; the best lap; how much the mean lap lies above the best; the lead
-over the best opponent at the finish; the way driven until the run ended; the finishing place; the score
-that another world gives."""
+over the best opponent at the finish; the way driven until the run ended; the finishing place; contacts that
+the stewards lay to the entrant, and all that it had; time off course; the score that another world gives."""
 
 
 def measured(name: str, world: World) -> Measure:

@@ -59,6 +59,18 @@ class Gains(Section):
         return self
 
 
+class Passed(Section):
+    """What counts as passed, where a test is passed or failed.
+
+    Attributes:
+        at_most: the mark of a run that is passed, in the unit of a measure of which less is better.
+        share: of the runs that an entrant must pass to pass the test.
+    """
+
+    at_most: Annotated[float, Field(ge=-1e9, le=1e9)]
+    share: Annotated[float, Field(gt=0, le=1)] = 0.9
+
+
 @dataclass(frozen=True)
 class Marks:
     """The marks of a test on some circuit with some car.
@@ -104,6 +116,9 @@ class Skill(Section):
         marks_scenario: what the built-in driver drives to set the marks, if not the scenario itself.
         contact_penalty: worsens the mark, in its unit, for each contact that the stewards lay to the entrant.
         scoring: what the marks are worth.
+        circuit, car: where alone it can be held; None is anywhere.
+        in_order: opponents keep their places; otherwise they move on by one from run to run.
+        passed: what counts as passed; None where the test is not passed or failed.
     """
 
     name: Name
@@ -117,6 +132,10 @@ class Skill(Section):
     marks_scenario: str | None = None
     contact_penalty: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     scoring: Gains
+    circuit: str | None = None
+    car: str | None = None
+    in_order: bool = False
+    passed: Passed | None = None
 
     @model_validator(mode="after")
     def _known(self) -> Skill:
@@ -206,7 +225,7 @@ def read_skill(path: Path, world: World | None = None) -> Skill:
         InputError: if the file cannot be read, or a field is missing, unknown or out of range.
     """
     world = world or load_world(RACING)
-    skill = read_toml(path, Skill, "skill")
+    skill = _located(path, read_toml(path, Skill, "skill"))
     places = _places(path, "scenario", skill.scenario, world)
     if skill.marks_scenario and _places(path, "marks_scenario", skill.marks_scenario, world) != places:
         raise InputError(
@@ -226,11 +245,24 @@ def read_skill(path: Path, world: World | None = None) -> Skill:
             f"{path}: scenario {skill.scenario!r} has one car: expected no opponents and no lead"
         )
     for opponent in skill.opponents:
-        if world.name == RACING and opponent.partition(":")[0] != DRIVER:
+        is_frozen = skill.passed is not None
+        if world.name == RACING and not is_frozen and opponent.partition(":")[0] != DRIVER:
             raise InputError(
                 f"{path}: field opponents names {opponent!r}: expected built-in drivers as driver:pace=0.95"
             )
     return skill
+
+
+def _located(path: Path, skill: Skill) -> Skill:
+    """A skill whose scenario and opponents are found beside its file, if they are there."""
+
+    def found(name: str) -> str:
+        beside = path.parent / name
+        return str(beside) if Path(name).suffix and beside.is_file() else name
+
+    return skill.model_copy(
+        update={"scenario": found(skill.scenario), "opponents": tuple(map(found, skill.opponents))}
+    )
 
 
 def _places(path: Path, field: str, scenario: str, world: World) -> int:

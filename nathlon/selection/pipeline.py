@@ -112,7 +112,7 @@ def _summary(
     stages_set_aside: dict[str, str],
     expected: Forecast,
 ) -> Summary:
-    deviation = unit_deviation(raced.results)
+    deviation = None if "tournament" in stages_set_aside else unit_deviation(raced.results)
     references = len(field.anchors)
     others = tables["ranking"].height - references
     endings = run.store.results_of_run(run.name)["ending"]

@@ -20,11 +20,13 @@ def against(
     opponents: Sequence[str],
     slots: Sequence[int],
     seeds: Sequence[int],
+    in_order: bool = False,
 ) -> Match:
     """One entrant among others, once for each seed, from the given slots in turn.
 
     A slot is a side of the scenario, of which the entrant takes all seats; the opponents take the other
-    sides in turn, and the world's baseline the seats of no side.
+    sides in turn, and the world's baseline the seats of no side. Which opponent comes first moves on from
+    run to run unless they keep their order.
 
     Raises:
         InputError: if there is no such opponent.
@@ -36,7 +38,8 @@ def against(
     races = []
     for run, seed in enumerate(seeds):
         own = slots[run % len(slots)] - 1
-        others = iter(1 + sources.index(opponents[k % len(opponents)]) for k in range(run, run + places))
+        first = 0 if in_order else run
+        others = iter(1 + sources.index(opponents[k % len(opponents)]) for k in range(first, first + places))
         seats = {seat: Seat(1 + sources.index(world.baseline), BACKGROUND) for seat in setup.free}
         for place, side in enumerate(setup.sides):
             taken = Seat(0, TESTED) if place == own else Seat(next(others))

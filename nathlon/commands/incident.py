@@ -1,0 +1,69 @@
+"""`nathlon incident`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson
+from nathlon.sim.errors import InputError
+from nathlon.terminal import say, tell
+
+
+def incident(
+    recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
+    at_s: Annotated[float, typer.Option("--at", help="When it happened, s since the start, within 2 s.")],
+    car: Annotated[int, typer.Option(min=0, help="Number of the car that is to be tested in its place.")],
+    name: Annotated[str, typer.Option(help="Of the test.")],
+    out: Annotated[Path, typer.Option(help="Folder of the incidents.")] = Path("incidents"),
+    store: Annotated[
+        str | None,
+        typer.Option(help="Store that knows the policies; the one beside the recording by default."),
+    ] = None,
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=FILE: a policy that the store does not know; may be repeated."),
+    ] = None,
+    before_s: Annotated[float, typer.Option("--before", min=0.5, max=30, help="Where it begins, s.")] = 4.0,
+    after_s: Annotated[float, typer.Option("--after", min=0.5, max=60, help="How long it goes on, s.")] = 6.0,
+    runs: Annotated[int, typer.Option(min=1, max=1000, help="Of an entrant, each a little different.")] = 16,
+    as_json: AsJson = False,
+) -> None:
+    """Make an incident a test: the same cars some seconds before it, which every later night runs.
+
+    What counts as passed stands in the file that is written and may be changed there.
+    """
+    from nathlon.arena.recording import read_recording
+    from nathlon.incidents.drivers import sources_of
+    from nathlon.incidents.folder import add_incident
+    from nathlon.incidents.freeze import freeze
+
+    log = read_recording(recording)
+    beside = recording.resolve().parent.parent / "store.sqlite"
+    known = store or (str(beside) if beside.exists() else None)
+    frozen = freeze(log, at_s, car, _file_name(name), before_s, after_s, runs)
+    path = add_incident(out, frozen, sources_of(log, known, dict(map(_named, policy or ()))))
+    passed, measure = frozen.skill.passed, frozen.skill.measure
+    assert passed is not None, "an incident is passed or failed"
+    facts = {"test": path, "happened": frozen.happened.text, "begins": f"{before_s:g} s before"}
+    tell(
+        facts | {"passed": f"{measure} at most {passed.at_most:g} in {passed.share:.0%} of {runs} runs"},
+        as_json,
+    )
+    if not as_json:
+        say(f"Every night runs it with [battery] incidents = {str(out)!r} in its configuration.")
+
+
+def _file_name(name: str) -> str:
+    if not name or any(letter in name for letter in '/\\:="') or name.startswith("."):
+        raise InputError(f"--name is {name!r}, expected one that a file may have")
+    return name
+
+
+def _named(text: str) -> tuple[str, str]:
+    name, given, file = text.rpartition("=")
+    if not given:
+        raise InputError(f"--policy is {text!r}, expected NAME=FILE")
+    return name, file

@@ -1,0 +1,1 @@
+"""Incidents of recorded races, frozen as tests that every later night runs."""
