@@ -163,6 +163,19 @@ RATINGS = pl.Schema(
 TOURNAMENT_NOTES = pl.Schema({"note": pl.String})
 """Sentences on what does not fit: ratings against points, lack of fit, cycles."""
 
+INCIDENTS = pl.Schema(
+    {
+        "entrant": pl.String,
+        "test": pl.String,
+        "happened": pl.String,  # the incident, in a sentence
+        "runs": pl.Int64,
+        "clean": pl.Int64,  # of the runs
+        "needed": pl.Float64,  # share of the runs that must be clean
+        "passed": pl.Boolean,
+    }
+)
+"""One row an entrant of the n-athlon and incident of an earlier race."""
+
 LAPS = pl.Schema(
     {
         "entrant": pl.String,
@@ -211,6 +224,7 @@ TABLES: dict[str, pl.Schema] = {
     "objectives": OBJECTIVES,
     "skills": SKILLS,
     "battery": BATTERY,
+    "incidents": INCIDENTS,
     "ranking": RANKING,
     "pool": RANKING,  # over the round robins of all nights
     "matchups": MATCHUPS,

@@ -40,6 +40,7 @@ def payload(selection: Selection) -> dict[str, Any]:
         "listed": selection.tables["entrants"].height,
         "entrants": _columns(entrants),
         "tables": {name: _columns(_numbered(table, numbers)) for name, table in tables.items()},
+        "incidentHistory": _columns(selection.incident_history),
         "notes": selection.tables["tournament_notes"]["note"].to_list(),
         "endings": ENDINGS,
         "matches": _columns(matches.rename({"match": "key"})),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import polars as pl
 
@@ -42,6 +42,8 @@ class Selection:
         store: where the run is kept, as one names it to a command.
         under_way: how far the run has come, in words; None if it has ended.
         logs: of the races to look at that are recorded.
+        incident_history: of the runs before: `run`, `test`, how many `entrants` drove it, how many `passed`, and
+            `sent_passed`, whether the one sent did.
         limit_s: fastest possible lap of the time trials, by optimal control, s; None where it is not known.
     """
 
@@ -54,6 +56,7 @@ class Selection:
     previous: Previous | None = None
     logs: tuple[RaceLog, ...] = ()
     limit_s: float | None = None
+    incident_history: pl.DataFrame = field(default_factory=pl.DataFrame)
 
     def named(self, table: str) -> pl.DataFrame:
         """A stage table with each entrant's card (`name`, `step`, ...) beside it; NaN becomes null."""

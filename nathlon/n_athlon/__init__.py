@@ -6,6 +6,7 @@ import time
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -55,10 +56,12 @@ class BatterySettings(Section):
     Attributes:
         tests: shipped names, or paths of `.toml` files.
         runs: of an entrant in every test, in place of the number that the test asks for.
+        incidents: folder of incidents that survivors must pass as well; they bring no points.
     """
 
     tests: Annotated[tuple[str, ...], Field(min_length=1)] = DECATHLON
     runs: Annotated[int, Field(ge=1, le=1000)] | None = None
+    incidents: str | None = None
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,9 @@ def skill_matches(
     """
     matches = {}
     for skill in tests:
-        stream = np.random.SeedSequence(seeds.entropy, spawn_key=(zlib.crc32(skill.scenario.encode()),))
+        stream = np.random.SeedSequence(
+            seeds.entropy, spawn_key=(zlib.crc32(Path(skill.scenario).name.encode()),)
+        )
         drawn = draw_seeds(stream, runs or skill.runs)
         for entrant in entrants:
             matches[skill.name, entrant.id] = against(

@@ -12,6 +12,7 @@ from nathlon.arena.store import RunRecord, Store
 from nathlon.arena.worlds.registry import RACING
 from nathlon.committee.decision import describe
 from nathlon.committee.event_log import EventLog
+from nathlon.incidents.history import incident_history
 from nathlon.publishing.curves import keep_curves
 from nathlon.publishing.films import record_films
 from nathlon.publishing.laps import keep_laps, lap_limit
@@ -56,6 +57,7 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
             _previous(store, run),
             replays.logs,
             lap_limit(store, run) if world == RACING else None,
+            incident_history(store, run),
         )
         write_page(selection, output.report)
         write_spreadsheet(selection, output.report / "ranking.xlsx")

@@ -17,6 +17,7 @@ from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
 from nathlon.committee.rules import CommitteeSettings
 from nathlon.gating.settings import GateSettings
+from nathlon.incidents.hold import load_incidents
 from nathlon.n_athlon import BatterySettings
 from nathlon.n_athlon.skill import load_skills, standing_tests
 from nathlon.pareto.filter import FilterSettings
@@ -93,6 +94,7 @@ class Config(Section):
         """What the files say that the configuration names, and the ids of the filter's opponents."""
         world = load_world(self.world, self.circuit, self.car)
         skills = load_skills(self.battery.tests, world) or standing_tests(world)
+        skills += load_incidents(self.battery.incidents, self.circuit, self.car)
         races = self.tournament.held(self.circuit, self.car, self.world).race
         here = {self.pareto.scenario, *(s for test in skills for s in test.scenarios)}
         if self.pareto.time_trial is not None:
@@ -103,6 +105,7 @@ class Config(Section):
             [self._facts(scenario, self.circuit, self.car) for scenario in sorted(here)],
             [self._facts(race.raced, race.circuit, race.car) for race in races],
             [policy_id(opponent) for opponent in self.pareto.opponents],
+            [policy_id(opponent) for test in skills if test.passed for opponent in test.opponents],
         ]
 
     def _facts(self, scenario: str, circuit: str, car: str) -> dict[str, Any]:
@@ -179,7 +182,9 @@ def read_config(path: Path) -> Config:
             "checkpoints": tuple(map(located, config.checkpoints)),
             "store": located(config.store),
             "out": located(config.out),
-            "battery": _changed(config.battery, "tests", files),
+            "battery": _changed(
+                _changed(config.battery, "tests", files), "incidents", lambda name: name and located(name)
+            ),
             "gate": _changed(config.gate, "tests", files),
             "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
             "nightly": _changed(config.nightly, "anchors", lambda names: tuple(map(located, names))),

@@ -18,6 +18,7 @@ from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.committee import ask
 from nathlon.committee.decision import Decision
 from nathlon.committee.event_log import EventLog
+from nathlon.incidents.hold import hold_incidents
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.pareto.filter import run_filter
 from nathlon.reports.forecast import Forecast
@@ -54,6 +55,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     survivors = [entrant for entrant in filtered.entrants if entrant.id not in incumbents]
     tested = run_battery(run, _together(survivors, field.incumbents), config.battery)
     tables |= filtered.tables | tested.tables
+    tables["incidents"] = hold_incidents(run, tested.entrants, config.battery.incidents)
     began = time.perf_counter()
     listed = ask(event_log, "shortlist", survivors, tested.tables, tested.results, config.committee)
     tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
