@@ -16,7 +16,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from nathlon.selection.run import KERNELS, RECORDINGS, STAGES, OnMatch
+from nathlon.selection.run import INCIDENT_RUNS, KERNELS, RECORDINGS, STAGES, OnMatch
 from nathlon.terminal import console, warn
 
 
@@ -40,7 +40,9 @@ def progress_bars(shown: bool = True) -> Progress:
 
 
 @contextmanager
-def stage_progress(shown: bool, stages: Sequence[str] = (KERNELS, *STAGES, RECORDINGS)) -> Iterator[OnMatch]:
+def stage_progress(
+    shown: bool, stages: Sequence[str] = (KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
+) -> Iterator[OnMatch]:
     """Show the stages that have begun, unless told not to.
 
     Yields:

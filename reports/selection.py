@@ -10,6 +10,17 @@ import polars as pl
 from nathlon.arena.race_log import RaceLog
 from nathlon.reports.summary import Sent, Summary
 
+INCIDENT_HISTORY = pl.Schema(
+    {
+        "run": pl.String,
+        "test": pl.String,
+        "entrants": pl.Int64,  # that drove it
+        "passed": pl.Int64,  # of them
+        "sent_passed": pl.Boolean,  # whether the one sent did; null where nobody was sent
+    }
+)
+"""One row a run and incident."""
+
 
 @dataclass(frozen=True)
 class Previous:
@@ -42,8 +53,7 @@ class Selection:
         store: where the run is kept, as one names it to a command.
         under_way: how far the run has come, in words; None if it has ended.
         logs: of the races to look at that are recorded.
-        incident_history: of the runs before: `run`, `test`, how many `entrants` drove it, how many `passed`, and
-            `sent_passed`, whether the one sent did.
+        incident_history: schema INCIDENT_HISTORY, of the runs before.
         limit_s: fastest possible lap of the time trials, by optimal control, s; None where it is not known.
     """
 
@@ -56,7 +66,7 @@ class Selection:
     previous: Previous | None = None
     logs: tuple[RaceLog, ...] = ()
     limit_s: float | None = None
-    incident_history: pl.DataFrame = field(default_factory=pl.DataFrame)
+    incident_history: pl.DataFrame = field(default_factory=lambda: pl.DataFrame(schema=INCIDENT_HISTORY))
 
     def named(self, table: str) -> pl.DataFrame:
         """A stage table with each entrant's card (`name`, `step`, ...) beside it; NaN becomes null."""

@@ -224,7 +224,9 @@ def _questions(
         how = measured(skill.measure, world)
         field = (skill.scenario, skill.opponents, skill.slots)
         if field not in driven:
-            driven[field] = trial_series(skill.scenario, pair, skill.opponents, skill.slots, seeds)
+            driven[field] = trial_series(
+                skill.scenario, pair, skill.opponents, skill.slots, seeds, skill.in_order
+            )
         asked.append(test_question(settings.test_points, driven[field], pair, skill, how, marks))
     return asked
 

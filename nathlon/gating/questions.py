@@ -71,7 +71,12 @@ def race_series(fixtures: Sequence[Fixture], most: int) -> Series:
 
 
 def trial_series(
-    scenario: str, pair: Pair, opponents: Sequence[str], slots: Sequence[int], seeds: Sequence[int]
+    scenario: str,
+    pair: Pair,
+    opponents: Sequence[str],
+    slots: Sequence[int],
+    seeds: Sequence[int],
+    in_order: bool = False,
 ) -> Series:
     """The same runs of both, one after the other, each among the same opponents."""
 
@@ -79,7 +84,7 @@ def trial_series(
         begin = units.start % len(slots)
         turned = [*slots[begin:], *slots[:begin]]
         return [
-            against(GATE, scenario, scenario, entrant, opponents, turned, seeds[units])
+            against(GATE, scenario, scenario, entrant, opponents, turned, seeds[units], in_order)
             for entrant in (pair.candidate, pair.champion)
         ]
 

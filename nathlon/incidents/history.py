@@ -7,22 +7,13 @@ from typing import Any
 import polars as pl
 
 from nathlon.arena.store import Store
+from nathlon.reports.selection import INCIDENT_HISTORY
 from nathlon.reports.summary import Summary
-
-HISTORY = pl.Schema(
-    {
-        "run": pl.String,
-        "test": pl.String,
-        "entrants": pl.Int64,
-        "passed": pl.Int64,  # of the entrants
-        "sent_passed": pl.Boolean,  # whether the one sent did; null where nobody was sent
-    }
-)
 
 
 def incident_history(store: Store, run: str) -> pl.DataFrame:
-    """HISTORY of the runs of a store before one, the oldest first, of the tests that this one holds."""
-    tests = store.table(run, "incidents")["test"].unique()
+    """INCIDENT_HISTORY of the runs of a store before one, oldest first, of the tests that this one holds."""
+    tests = store.table(run, "incidents")["test"].unique().to_list()
     rows: list[dict[str, Any]] = []
     for record in store.runs():
         if record.name == run:
@@ -41,4 +32,4 @@ def incident_history(store: Store, run: str) -> pl.DataFrame:
                     "sent_passed": of_sent[0] if of_sent else None,
                 }
             )
-    return pl.DataFrame(rows, schema=HISTORY)
+    return pl.DataFrame(rows, schema=INCIDENT_HISTORY)

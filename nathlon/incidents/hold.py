@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -15,7 +16,7 @@ from nathlon.incidents.folder import incident_files
 from nathlon.n_athlon import skill_matches
 from nathlon.n_athlon.measures import measured
 from nathlon.n_athlon.skill import Skill, load_skills
-from nathlon.selection.run import Run
+from nathlon.selection.run import INCIDENT_RUNS, Run
 from nathlon.sim.errors import InputError
 
 
@@ -46,18 +47,18 @@ def hold_incidents(run: Run, entrants: Sequence[Entrant], folder: str | None) ->
     world = home(entrants[0])
     for test in tests:
         check_opponents(run.pool, test.opponents, entrants[0], f"incident {test.name!r}: field opponents")
-    planned = skill_matches(entrants, tests, run.seeds("battery"))
-    results = run.results("battery", list(planned.values()))
+    planned = {
+        (test, entrant): replace(match, stage=INCIDENT_RUNS, test=test)
+        for (test, entrant), match in skill_matches(entrants, tests, run.seeds("battery")).items()
+    }
+    results = run.results(INCIDENT_RUNS, list(planned.values()))
     frames = {str(key): frame for (key,), frame in results.partition_by("match", as_dict=True).items()}
-    rows = [
-        _row(
-            test,
-            entrant,
-            test.runs_of(frames[planned[test.name, entrant.id].key], measured(test.measure, world)),
-        )
-        for test in tests
-        for entrant in entrants
-    ]
+    rows = []
+    for test in tests:
+        how = measured(test.measure, world)
+        for entrant in entrants:
+            runs = test.runs_of(frames[planned[test.name, entrant.id].key], how)
+            rows.append(_row(test, entrant, runs))
     return pl.DataFrame(rows, schema=INCIDENTS)
 
 

@@ -176,9 +176,8 @@ def skill_matches(
     """
     matches = {}
     for skill in tests:
-        stream = np.random.SeedSequence(
-            seeds.entropy, spawn_key=(zlib.crc32(Path(skill.scenario).name.encode()),)
-        )
+        own = zlib.crc32(Path(skill.scenario).name.encode())
+        stream = np.random.SeedSequence(seeds.entropy, spawn_key=(own,))
         drawn = draw_seeds(stream, runs or skill.runs)
         for entrant in entrants:
             matches[skill.name, entrant.id] = against(

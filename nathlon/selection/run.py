@@ -27,6 +27,7 @@ RECORDINGS = "recordings"
 """What recording every race is called where progress is shown."""
 KERNELS = "kernels"
 """What is compiled before anything races."""
+INCIDENT_RUNS = "incidents"
 GATE = "gate"
 CONFIDENCE = 0.95
 

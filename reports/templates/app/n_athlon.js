@@ -35,13 +35,13 @@ function nAthlon() {
       ...tests.map((test) => ({ key: test, head: plain(test), kind: "test", value: (row) => row.skills.get(test)?.points ?? null, cell: (row) => shaded(row, test) })),
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "n-athlon" }),
     section("Profiles", note("Up to three, picked in the table. Dashed: 500 and 1,000 points."), lines),
-    tables.incidents.length > 0 && section("Incidents", incidents()),
+    tables.incidents.length > 0 && section("Incidents", frozen()),
     section("Marks", marks()),
   ];
 }
 
 // Incidents of earlier races: who drives them clean, and how they have gone before.
-function incidents() {
+function frozen() {
   const held = [...groups(tables.incidents, "test")];
   const drivers = [...new Set(tables.incidents.map((row) => row.entrant))];
   const before = groups(rowsOf(data.incidentHistory), "test");
@@ -52,7 +52,7 @@ function incidents() {
   const told = (one) => `${one.run}: ${one.passed} of ${count(one.entrants, "entrant")}${one.sent_passed === null ? "" : `, the one sent ${one.sent_passed ? "passed" : "failed"}`}`;
   return [
     note("The same cars some seconds before an incident of an earlier race. They bring no points."),
-    scroll("Incidents", h("table", { id: "incidents" },
+    scroll("Incidents", h("table", { id: "frozen" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Incident"), drivers.map((one) => h("th", { scope: "col", class: "number" }, entrantLink(one))))),
       h("tbody", {}, held.map(([test, rows]) => h("tr", {}, h("th", { scope: "row", class: "name", title: rows[0].happened }, plain(test)), drivers.map((one) => cell(rows, one))))))),
     h("ul", {}, held.map(([test, rows]) => h("li", {}, h("strong", {}, plain(test)), `: ${rows[0].happened}`,

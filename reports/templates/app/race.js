@@ -39,7 +39,7 @@ function raceView([key, index]) {
     player && later(player, (ready) => [
       section("Along the race", raceCharts(ready)),
       section("Speed along the lap", speedCharts(ready)),
-      section("Incidents", incidents(ready)),
+      section("Incidents", incidents(ready, shown)),
       section("Where cars pass", passesView(ready)),
     ]),
     (racing || shown) && watched(race, shown),
@@ -63,19 +63,30 @@ async function playerOf(race) {
 }
 
 const VERDICTS = { contact: "nobody at fault", wall: "noted", off_course: "noted", penalty: "penalty" };
-function incidents(player) {
+function incidents(player, shown) {
   const { race } = player.recording;
   const rows = race.incidents.filter((incident) => !incident.notice);
   if (!rows.length) return empty("The stewards noted nothing.");
   const verdict = ({ kind, fault, penalty }) => [
     fault >= 0 ? h("span", { class: "fault" }, `${race.cars[fault].name} at fault`) : VERDICTS[kind], penalty > 0 && `, ${number(penalty, 1)} s`];
-  return dataTable("incidents", [
+  const asked = h("div", { role: "status" });
+  const file = shown?.recording?.replace("../", "");
+  const frozenBy = (row) => [
+    "nathlon", "incident", file, "--at", row.time.toFixed(1), "--car", String(row.fault >= 0 ? row.fault : row.cars[0]), "--name", "NAME",
+    ...(/(^|\/)store\.sqlite$/.test(data.store) ? [] : ["--store", data.store]),
+  ];
+  const ask = (row) => h("button", {
+    type: "button", class: "moment", "aria-label": `Make a test of the ${plain(row.kind)} at ${clock(row.time)}`,
+    onclick: () => asked.replaceChildren(h("p", {}, "Every later night can run it. From the folder above this page:"), command(frozenBy(row))),
+  }, "make a test");
+  return [dataTable("incidents", [
     { key: "time", head: "Time", first: "ascending", value: (row) => row.time, cell: (row) => momentButton(player, row.time - 3, row.cars[0], clock(row.time)) },
     { key: "kind", head: "Kind", kind: "text", first: "ascending", value: (row) => plain(row.kind) },
     { key: "what", head: "What the stewards saw", kind: "text long", cell: (row) => row.text.replace(/: [^:]* penalty$/, "") },
     { key: "closing", head: "Closing, m/s", value: (row) => (row.kind === "contact" ? row.closing : null), cell: (row) => number(row.kind === "contact" ? row.closing : null, 1) },
     { key: "verdict", head: "Verdict", kind: "text", first: "ascending", value: (row) => (row.fault >= 0 ? 0 : 1) - row.penalty / 100, cell: verdict },
-  ], rows, { sort: "time", prefix: "incidents-", label: "Incidents", text: (row) => `${plain(row.kind)} ${row.text}`, shown: 12 });
+    file && { key: "test", head: "", unseen: "Test", kind: "text", cell: (row) => row.kind !== "penalty" && ask(row) },
+  ].filter(Boolean), rows, { sort: "time", prefix: "incidents-", label: "Incidents", text: (row) => `${plain(row.kind)} ${row.text}`, shown: 12 }), asked];
 }
 
 // The video of an episode of another world, and who had which seat there.
