@@ -49,7 +49,7 @@ MOVING_M_S = 2.0
 
 @dataclass(frozen=True)
 class Start:
-    """Where the cars of one race begin; every array is (cars,) float64.
+    """Where the cars of one race begin; every array is (cars,) float64, a number is that of all of them.
 
     Attributes:
         distance: along the centre line, m; negative is before the line.
