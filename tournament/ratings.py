@@ -19,6 +19,7 @@ from scipy.special import fdtrc, logsumexp
 from nathlon.arena.results import RATINGS, TOURNAMENT_NOTES
 from nathlon.arena.statistics import Floats, holm
 from nathlon.tournament.evidence import UNIT, Evidence
+from nathlon.tournament.nash import nash_weights
 from nathlon.tournament.points import EQUAL, better
 
 PRIOR = 0.5
@@ -111,7 +112,8 @@ def notes(
 
     - Of two entrants of whom one scores more beyond doubt, a rating has the other before it.
     - The scores do not explain the differences between entrants: an F-test of the lack of fit.
-    - One beats the next beyond doubt, that one a third, and the third the first.
+    - One beats the next beyond doubt, that one a third, and the third the first; then also the mixture that
+      nobody beats, see `nathlon.tournament.nash`.
 
     Args:
         results: RESULTS.
@@ -173,8 +175,21 @@ def _cycles(evidence: Evidence, called: list[str], alpha: float) -> list[str]:
         (int(i), int(j)) if gap > 0 else (int(j), int(i))
         for (i, j), gap in zip(evidence.matchups[sure], difference[sure], strict=True)
     }
-    return [
+    found = [
         f"{called[a]} beats {called[b]}, {called[b]} beats {called[c]}, and {called[c]} beats {called[a]}."
         for a, b, c in permutations(range(len(called)), 3)
         if a < min(b, c) and {(a, b), (b, c), (c, a)} <= beats
     ]
+    return [*found, *_mixture(evidence, difference, called)] if found else []
+
+
+def _mixture(evidence: Evidence, difference: Floats, called: list[str]) -> list[str]:
+    """Where there are cycles, whom Nash averaging mixes; who did not meet differs as the scores do."""
+    scores = evidence.solution @ evidence.means
+    payoff = scores[:, None] - scores
+    first, second = evidence.matchups.T
+    payoff[first, second], payoff[second, first] = difference, -difference
+    weights = nash_weights(payoff).round(2)
+    mixed = [int(entrant) for entrant in np.argsort(-weights, kind="stable") if weights[entrant] > 0]
+    told = [f"{called[entrant]} {weights[entrant]:.0%}" for entrant in mixed]
+    return [f"Nobody scores more points against a mixture of {', '.join(told)} (Nash averaging)."]
