@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nathlon.tournament.nash import nash_weights
@@ -17,6 +17,7 @@ def game(*beats: tuple[int, int, float], count: int = 3) -> np.ndarray:
     return payoff
 
 
+@settings(deadline=None, max_examples=40)
 @given(st.tuples(*[st.floats(0.2, 5.0)] * 3))
 def test_a_cycle_of_three_has_its_closed_form(margins: tuple[float, float, float]) -> None:
     """Whom each beats by how much weighs the third: p of rock is the margin of the other two."""
@@ -36,6 +37,7 @@ def test_who_beats_all_has_all_the_weight_and_equals_share_it() -> None:
     assert nash_weights(np.zeros((4, 4))) == pytest.approx([0.25] * 4, abs=1e-3)
 
 
+@settings(deadline=None, max_examples=40)
 @given(st.integers(2, 9), st.integers(0, 1000))
 def test_nobody_scores_more_against_the_mixture(count: int, seed: int) -> None:
     half = np.random.default_rng(seed).normal(size=(count, count))
