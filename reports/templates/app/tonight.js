@@ -75,7 +75,7 @@ function foreseen() {
   return [
     scroll("Forecast and outcome", h("table", { id: "forecast" },
       h("thead", {},
-        h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", "Races", "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
+        h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", racing ? "Races" : "Episodes", "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
         h("tr", {}, [1, 2, 3].map(() => ["forecast", "outcome"].map((text) => h("th", { class: "number" }, text))))),
       h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, STAGES[stage.name]),
         pair(number(stage.entrants), number(came.in)),
