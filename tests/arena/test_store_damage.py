@@ -138,7 +138,10 @@ except InputError as error:
 """
 
 
-@pytest.mark.parametrize("limit", [10_000, 200_000, 600_000])
+EMPTY_STORE = 200_704  # bytes: a limit below it leaves no room for a match
+
+
+@pytest.mark.parametrize("limit", [10_000, EMPTY_STORE + 100_000, EMPTY_STORE + 400_000])
 def test_a_full_disk_stops_with_a_sentence_and_keeps_what_was_stored(limit: int, tmp_path: Path) -> None:
     path = tmp_path / "store.sqlite"
     command = [sys.executable, "-c", FILLING, str(path), str(limit)]
@@ -146,7 +149,7 @@ def test_a_full_disk_stops_with_a_sentence_and_keeps_what_was_stored(limit: int,
     assert answer.stderr == ""
     done, sentence = answer.stdout.strip().split(" ", 1)
     assert sentence.startswith(f"{path}: the store cannot be used: ")
-    assert (int(done) > 0) == (limit > 10_000)
+    assert (int(done) > 0) == (limit > EMPTY_STORE)
     with Store(path) as store:
         assert store.verify() == []
         assert store.results().height == int(done) * 60
