@@ -6,9 +6,9 @@ from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_validator
 
-from nathlon.sim.car import Car
+from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.reaction import Reaction
@@ -126,7 +126,8 @@ def _whole_period(hertz: float) -> float:
 
 
 Hertz = Annotated[float, AfterValidator(_whole_period)]
-Delay = Annotated[float, Field(ge=0.0, le=0.3)]
+LONGEST_DELAY_S = 0.3
+Delay = Annotated[float, Field(ge=0.0, le=LONGEST_DELAY_S)]
 
 
 class Scenario(Section):
@@ -321,29 +322,64 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-LAPS = ":laps="
-"""Between the name of a scenario and the laps to drive in it, in place of its own."""
+SETTINGS = ("laps", "compound", "delay")
+"""What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,delay=0.1`."""
 
 
 @lru_cache
 def load_scenario(name: str) -> Scenario:
-    """A scenario by its shipped name, or by the path of a `.toml` file; `race:laps=4` with other laps.
+    """A scenario by its shipped name, or by the path of a `.toml` file, with settings in place of its own.
 
-    With other laps its time changes in proportion.
+    With other laps its time changes in proportion; a compound is that of all cars, and a delay, s, that with
+    which all of them see.
 
     Raises:
-        InputError: if there is no such scenario, its file is wrong, or it has no laps to change.
+        InputError: if there is no such scenario, its file is wrong, or a setting cannot be.
     """
-    file, given, laps = name.partition(LAPS)
+    file, _, given = name.rpartition(":")
+    if not file or "=" not in given:
+        file, given = name, ""
     scenario = read_toml(find_data(file, "scenario", DATA / "scenarios"), Scenario, "scenario")
-    if not given:
-        return scenario
+    for setting in filter(None, given.split(",")):
+        key, _, value = setting.partition("=")
+        match key:
+            case "laps":
+                scenario = scenario.model_copy(update=_other_laps(name, scenario, value))
+            case "compound":
+                scenario = scenario.model_copy(update={"compound": _compound(name, value)})
+            case "delay":
+                scenario = scenario.model_copy(update={"perception_delay_s": _delay(name, value)})
+            case _:
+                raise InputError(
+                    f"scenario {name!r}: unknown setting {key!r}, expected one of {', '.join(SETTINGS)}"
+                )
+    return scenario
+
+
+def _other_laps(name: str, scenario: Scenario, laps: str) -> dict[str, float]:
+    """What changes in a scenario with other laps."""
     # Python reads no number of thousands of digits.
     if not laps.isdecimal() or len(laps) > 9 or not 1 <= int(laps) <= MOST_LAPS:
         raise InputError(f"scenario {name!r}: laps is {laps!r}, expected a number from 1 to {MOST_LAPS}")
     if scenario.laps is None:
-        raise InputError(f"scenario {name!r}: {file} is not driven in laps, expected one that is")
+        raise InputError(f"scenario {name!r}: {scenario.name} is not driven in laps, expected one that is")
     time_s = scenario.time_s * int(laps) / scenario.laps
     if time_s > LONGEST_S:
         raise InputError(f"scenario {name!r}: takes {time_s:.0f} s, expected at most {LONGEST_S:.0f} s")
-    return scenario.model_copy(update={"laps": int(laps), "time_s": time_s})
+    return {"laps": int(laps), "time_s": time_s}
+
+
+def _compound(name: str, compound: str) -> str:
+    if compound not in load_compounds():
+        known = ", ".join(load_compounds())
+        raise InputError(f"scenario {name!r}: compound {compound!r} is unknown, expected one of {known}")
+    return compound
+
+
+def _delay(name: str, delay: str) -> float:
+    try:
+        return TypeAdapter(Delay).validate_python(delay)
+    except ValidationError:
+        raise InputError(
+            f"scenario {name!r}: delay is {delay!r}, expected seconds from 0 to {LONGEST_DELAY_S}"
+        ) from None

@@ -372,6 +372,17 @@ def test_laps_in_the_name_change_laps_and_time_and_nothing_else(tmp_path: Path) 
     assert load_scenario(f"{path}:laps=3").laps == 3
 
 
+def test_compound_and_delay_in_the_name_are_those_of_all_cars() -> None:
+    race, changed = load_scenario("race"), load_scenario("race:laps=3,compound=racing-soft,delay=0.1")
+    assert changed.laps == 3
+    assert changed.reaction.delay.tolist() == 8 * [6]
+    assert race.reaction.delay.tolist() == 8 * [0]
+    soft, own = (scenario.world(TRACK, CARS[0], 1).parameters for scenario in (changed, race))
+    assert str(soft) != str(own)
+    same = race.model_copy(update={"compound": "racing-soft"}).world(TRACK, CARS[0], 1).parameters
+    assert str(soft) == str(same)
+
+
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
@@ -380,8 +391,12 @@ def test_laps_in_the_name_change_laps_and_time_and_nothing_else(tmp_path: Path) 
         ("race:laps=2.5", "laps is '2.5', expected"),
         ("standing_start:laps=2", "standing_start is not driven in laps"),
         ("chess:laps=2", "scenario 'chess' is unknown"),
+        ("race:compound=chewing-gum", "compound 'chewing-gum' is unknown, expected one of comfort-hard"),
+        ("race:delay=0.4", "delay is '0.4', expected seconds from 0 to 0.3"),
+        ("race:delay=nan", "delay is 'nan', expected seconds"),
+        ("race:laps=3,weather=wet", "unknown setting 'weather', expected one of laps, compound, delay"),
     ],
 )
-def test_laps_that_cannot_be_are_one_sentence(name: str, complaint: str) -> None:
+def test_settings_that_cannot_be_are_one_sentence(name: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         load_scenario(name)
