@@ -18,6 +18,7 @@ from nathlon.policies.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from nathlon.api.gating import GateResult, gate
+    from nathlon.api.matrix import MatrixResult, matrix
     from nathlon.api.planning import plan
     from nathlon.api.racing import RaceResult, race
     from nathlon.api.recipes import RecipesResult, recipes
@@ -39,6 +40,7 @@ _FROM = {
     "Forecast": "nathlon.reports.forecast",
     "GateResult": "nathlon.api.gating",
     "InputError": "nathlon.sim.errors",
+    "MatrixResult": "nathlon.api.matrix",
     "ObservationSpec": "nathlon.sim.observation",
     "Policy": "nathlon.policies.policy",
     "RaceGymEnv": "nathlon.policies.environments.race_gym_env",
@@ -52,6 +54,7 @@ _FROM = {
     "Declared": "nathlon.arena.worlds.environment",
     "PettingZooWorld": "nathlon.arena.worlds.environment",
     "gate": "nathlon.api.gating",
+    "matrix": "nathlon.api.matrix",
     "parallel_env": "nathlon.sim",
     "plan": "nathlon.api.planning",
     "race": "nathlon.api.racing",
@@ -67,6 +70,7 @@ __all__ = [
     "GateResult",
     "GymnasiumWorld",
     "InputError",
+    "MatrixResult",
     "ObservationSpec",
     "PettingZooWorld",
     "Policy",
@@ -78,6 +82,7 @@ __all__ = [
     "TrainingResult",
     "gate",
     "load_policy",
+    "matrix",
     "parallel_env",
     "plan",
     "race",

@@ -13,6 +13,7 @@ from nathlon.commands.committee_app import committee
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
 from nathlon.commands.incident import incident
+from nathlon.commands.matrix import matrix
 from nathlon.commands.nightly import init, nightly, status
 from nathlon.commands.observation import observation
 from nathlon.commands.pareto import pareto
@@ -36,7 +37,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # rich takes longer to load than the help to read
 )
 for command in (
-    demo, evaluate, gate, pareto, battery, init, plan, nightly, status, report, train, polish, ablate,
+    demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, status, report, train, polish, ablate,
     recipes, race, replay, incident, export, observation,
 ):  # fmt: skip
     app.command()(command)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from nathlon.arena.results import POLICY_FAULTS
 from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.n_athlon.scoring import Kind
 
@@ -61,6 +62,17 @@ def _distance(own: Row, _: Sequence[Row]) -> float | None:
     return own["distance_m"]
 
 
+def _pace(own: Row, _: Sequence[Row]) -> float | None:
+    if own["distance_m"] is None or not own["driven_s"]:
+        return None
+    took = own["driven_s"] if own["race_time_s"] is None else own["race_time_s"]
+    return float(own["distance_m"] / took)
+
+
+def _stopped(own: Row, _: Sequence[Row]) -> float | None:
+    return float(own["ending"] in ("stuck", *POLICY_FAULTS))
+
+
 def _place(own: Row, _: Sequence[Row]) -> float | None:
     return float(own["place"])
 
@@ -94,6 +106,8 @@ MEASURES: dict[str, Measure] = {
     "lap_loss": Measure("time", "s", False, _lap_loss),
     "lead": Measure("distance", "s", False, _lead),
     "distance": Measure("distance", "m", True, _distance),
+    "pace": Measure("distance", "m/s", True, _pace),
+    "stopped": Measure("time", "of runs", False, _stopped),
     "place": Measure("time", "places", False, _place),
     "at_fault": Measure("time", "contacts", False, _at_fault),
     "contacts": Measure("time", "contacts", False, _contacts),
@@ -101,8 +115,9 @@ MEASURES: dict[str, Measure] = {
     "score": Measure("distance", "1", False, _score),
 }
 """All measures: time to the finish; the best lap; how much the mean lap lies above the best; the lead
-over the best opponent at the finish; the way driven until the run ended; the finishing place; contacts that
-the stewards lay to the entrant, and all that it had; time off course; the score that another world gives."""
+over the best opponent at the finish; the way driven until the run ended; the mean speed along the road;
+whether the run ended early, stuck or by the policy's fault; the finishing place; contacts that the stewards
+lay to the entrant, and all that it had; time off course; the score that another world gives."""
 
 
 def measured(name: str, world: World) -> Measure:

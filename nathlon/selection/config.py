@@ -26,6 +26,7 @@ from nathlon.policies.sources import DRIVER, RANDOM
 from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
+from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.data_file import Section, read_toml
 
 SectionT = TypeVar("SectionT", bound=Section)
@@ -78,6 +79,7 @@ class Config(Section):
     tournament: TournamentSettings = TournamentSettings()
     nightly: NightlySettings = NightlySettings()
     gate: GateSettings = GateSettings()
+    matrix: MatrixSettings = MatrixSettings()
 
     @property
     def digest(self) -> str:
@@ -86,7 +88,7 @@ class Config(Section):
         Raises:
             InputError: if a file is missing or wrong.
         """
-        elsewhere = {"out", "workers", "store", "checkpoints", "recordings", "gate"}
+        elsewhere = {"out", "workers", "store", "checkpoints", "recordings", "gate", "matrix"}
         decisive = self.model_dump(mode="json", exclude=elsewhere)
         return hashlib.sha256(json.dumps([decisive, self._contents()]).encode()).hexdigest()
 
@@ -145,6 +147,13 @@ class Config(Section):
         }
         pareto = {name: value for name, value in defaults.items() if name not in self.pareto.model_fields_set}
         tests = {} if "tests" in self.battery.model_fields_set else {"tests": ()}
+        sides = max(len(world.setup(name).sides) for name in world.scenarios)
+        cells = {
+            "scenarios": world.scenarios,
+            "places": tuple(range(1, sides + 1)),
+            "margins": {"score": 0.0} | {OWN + name: 0.0 for name in world.measures if name not in KNOWN},
+        }
+        matrix = {name: value for name, value in cells.items() if name not in self.matrix.model_fields_set}
         anchors = {} if "anchors" in self.nightly.model_fields_set else {"anchors": (world.baseline,)}
         return self.model_copy(
             update={
@@ -153,6 +162,7 @@ class Config(Section):
                 "pareto": self.pareto.model_copy(update=pareto),
                 "battery": self.battery.model_copy(update=tests),
                 "nightly": self.nightly.model_copy(update=anchors),
+                "matrix": self.matrix.model_copy(update=matrix),
             }
         )
 
@@ -186,6 +196,11 @@ def read_config(path: Path) -> Config:
                 _changed(config.battery, "tests", files), "incidents", lambda name: name and located(name)
             ),
             "gate": _changed(config.gate, "tests", files),
+            "matrix": _changed(
+                _changed(config.matrix, "scenarios", files),
+                "opponents",
+                lambda names: tuple(map(located, names)),
+            ),
             "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
             "nightly": _changed(config.nightly, "anchors", lambda names: tuple(map(located, names))),
         }

@@ -29,6 +29,7 @@ KERNELS = "kernels"
 """What is compiled before anything races."""
 INCIDENT_RUNS = "incidents"
 GATE = "gate"
+MATRIX = "matrix"
 CONFIDENCE = 0.95
 
 DONE = "done"

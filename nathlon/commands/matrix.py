@@ -1,0 +1,66 @@
+"""`nathlon matrix`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers, WorldName
+from nathlon.commands.selection import stoppable
+from nathlon.terminal import new_table, print_json, print_table, say
+
+SHOWN = 12
+"""Cells in the table; the page has them all."""
+
+
+def matrix(
+    policy: Annotated[str, typer.Argument(help="Checkpoint, driver or plugin to look at.")],
+    baseline: Annotated[
+        str | None, typer.Option(help="Beside whom; the world's own if none is named.")
+    ] = None,
+    out: Out = Path("runs/matrix"),
+    config: ConfigPath = None,
+    seed: ConfigSeed = None,
+    workers: Workers = None,
+    world: WorldName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the settings in which a policy is worse than a baseline.
+
+    The section matrix of the configuration has circuits, cars, tyres, scenarios, starting places and delays.
+    """
+    from nathlon.arena.workers import start_server
+
+    start_server()
+    import nathlon
+    from nathlon.reports.matrix_page import differences
+
+    with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
+        result = nathlon.matrix(
+            policy,
+            out,
+            baseline=baseline,
+            config=config,
+            seed=seed,
+            workers=workers,
+            world=world,
+            progress=not as_json,
+        )
+    report = result.report
+    if as_json:
+        print_json(report.model_dump(mode="json"))
+        return
+    worst = [cell for cell in report.ordered() if cell.verdict == "worse"][:SHOWN]
+    if worst:
+        table = new_table("What got worse first", lean=True)
+        table.add_column("Cell")
+        table.add_column("Worse by")
+        for cell in worst:
+            table.add_row(cell.label, "; ".join(text for text, _ in differences(report, cell)))
+        print_table(table)
+    for sentence in report.set_aside:
+        say(f"Not driven: {sentence}")
+    say(report.headline)
+    say(f"Page         {out / 'index.html'}")

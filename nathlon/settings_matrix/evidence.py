@@ -1,0 +1,118 @@
+"""What few runs in each of many cells tell: shrunk estimates for the order, tests for the verdicts."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, stdtr
+from scipy.stats import false_discovery_control
+
+Floats = NDArray[np.float64]
+
+PRIOR_FREEDOM = 4.0
+"""Degrees of freedom that the variance pooled over all cells counts for beside a cell's own."""
+STEPS = 200
+"""Of expectation and maximisation; what is left to gain then is nothing that could be shown."""
+
+
+class Shrunk(NamedTuple):
+    """Means of cells, drawn towards what their rows and columns have in common.
+
+    Attributes:
+        mean, error: (cells,) posterior mean and standard deviation.
+    """
+
+    mean: Floats
+    error: Floats
+
+    def above(self, margin: float) -> Floats:
+        """(cells,) probability that the truth lies above a margin."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(
+                self.error > 0,
+                ndtr((self.mean - margin) / self.error),
+                np.where(self.mean > margin, 1.0, 0.0),
+            )
+
+
+def variances_of_means(differences: Floats) -> Floats:
+    """Variances (cells,) of the means of `differences` (cells, runs), NaN where there was no run.
+
+    A cell's own variance is drawn towards that of all cells, as a few runs say little of it (Smyth,
+    Statistical Applications in Genetics and Molecular Biology 3, 2004, with given prior degrees of freedom).
+    """
+    runs = np.isfinite(differences).sum(axis=1)
+    middle = np.nansum(differences, axis=1) / np.maximum(runs, 1)
+    squares = np.nansum((differences - middle[:, None]) ** 2, axis=1)
+    freedom = np.maximum(runs - 1, 0)
+    pooled = squares.sum() / max(freedom.sum(), 1)
+    variance: Floats = (PRIOR_FREEDOM * pooled + squares) / (PRIOR_FREEDOM + freedom)
+    return variance / np.maximum(runs, 1)
+
+
+def shrink(means: Floats, variances: Floats, levels: NDArray[np.int64]) -> Shrunk:
+    """The posterior of cells whose truth is the sum of effects of their levels and one of their own.
+
+    All effects are normal about 0 but for a common mean; how large those of each dimension are is estimated
+    from the cells by expectation and maximisation.
+
+    Args:
+        means: (cells,) observed.
+        variances: (cells,) of `means`.
+        levels: (cells, dimensions), the index of each cell's level in each dimension.
+    """
+    noise = np.maximum(variances, 1e-12 * (float(means.var()) + float(variances.mean())) + 1e-300)
+    sizes = levels.max(axis=0, initial=0) + 1
+    design = np.concatenate(
+        [np.ones((len(means), 1)), *(np.eye(n)[levels[:, d]] for d, n in enumerate(sizes))], axis=1
+    )
+    owner = np.concatenate([[0], np.repeat(np.arange(1, len(sizes) + 1), sizes)])
+    spread = np.full(len(sizes) + 1, max(float(means.var()), float(noise.mean())) / (len(sizes) + 1))
+    own = spread[0]
+    for _ in range(STEPS):
+        precision = np.where(owner > 0, 1.0 / spread[owner], 0.0)
+        weight = 1.0 / (noise + own)
+        covariance = np.linalg.inv((design.T * weight) @ design + np.diag(precision))
+        effects = covariance @ (design.T @ (weight * means))
+        fitted = design @ effects
+        doubt = np.einsum("ij,jk,ik->i", design, covariance, design)
+        kept = own / (own + noise)
+        for dimension in range(1, len(spread)):
+            here = owner == dimension
+            spread[dimension] = max(
+                float((effects[here] ** 2 + np.diag(covariance)[here]).mean()), 1e-12 * float(noise.mean())
+            )
+        left = kept * (means - fitted)
+        own = max(float((left**2 + kept * noise + kept**2 * doubt).mean()), 1e-12 * float(noise.mean()))
+    kept = own / (own + noise)
+    return Shrunk(fitted + kept * (means - fitted), np.sqrt(kept * noise + (1 - kept) ** 2 * doubt))
+
+
+def p_worse(differences: Floats, margin: float) -> Floats:
+    """One-sided p-values (cells,) that the mean of each row lies above a margin, by Student's t.
+
+    Args:
+        differences: (cells, runs), more is worse; NaN where there was no run. A row of fewer than two runs
+            proves nothing.
+    """
+    runs = np.isfinite(differences).sum(axis=1)
+    some = np.maximum(runs, 1)
+    mean = np.nansum(differences, axis=1) / some
+    squares = np.nansum((differences - mean[:, None]) ** 2, axis=1)
+    error = np.sqrt(squares / np.maximum(runs - 1, 1) / some)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p = stdtr(np.maximum(runs - 1, 1), -(mean - margin) / error)
+    p = np.where(error > 0, p, np.where(mean > margin, 0.0, 1.0))
+    return np.where(runs >= 2, p, 1.0)
+
+
+def discovered(p: Floats, rate: float) -> NDArray[np.bool_]:
+    """Which hypotheses (K,) are rejected at a false discovery rate.
+
+    After Benjamini and Hochberg (Journal of the Royal Statistical Society B 57, 1995).
+    """
+    if not len(p):
+        return np.zeros(0, np.bool_)
+    return np.asarray(false_discovery_control(p, method="bh") <= rate)

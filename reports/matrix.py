@@ -1,0 +1,154 @@
+"""What a settings matrix says, as `matrix.json` says it to other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import polars as pl
+
+from nathlon.reports.part import Part
+from nathlon.sim.whole_file import whole_file
+
+VERSION = 1
+"""Of `matrix.json`: raised when a field goes or changes its meaning, not when one is added."""
+
+Said = Literal["worse", "unconfirmed", "no sign"]
+
+
+class Measured(Part):
+    """A measure.
+
+    Attributes:
+        name, unit: of the marks.
+        relative: whether differences and margin are shares of the baseline's mark, or in `unit`.
+        less_is_better: of the marks.
+        margin: by which the policy may be worse.
+    """
+
+    name: str
+    unit: str
+    relative: bool
+    less_is_better: bool
+    margin: float
+
+
+class Finding(Part):
+    """A cell in one measure.
+
+    Attributes:
+        worse: by how much the policy is worse, drawn towards what rows and columns of the matrix have in common;
+            None where nothing was measured.
+        low, high: 95 % interval.
+        policy, baseline: mean marks.
+        verdict: "worse" if runs on fresh starts prove it, at the false discovery rate; "unconfirmed" if it only
+            looked so.
+    """
+
+    worse: float | None
+    low: float | None
+    high: float | None
+    policy: float | None
+    baseline: float | None
+    verdict: Said
+
+
+class CellReport(Part):
+    """A cell; `findings` in the order of the report's measures, `replays` paths beside it, of policy and baseline."""
+
+    circuit: str
+    car: str
+    scenario: str
+    compound: str
+    delay_s: float
+    place: int
+    runs: int
+    findings: tuple[Finding, ...]
+    replays: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Said:
+        """The gravest of its findings."""
+        said = {finding.verdict for finding in self.findings}
+        return "worse" if "worse" in said else "unconfirmed" if "unconfirmed" in said else "no sign"
+
+    @property
+    def label(self) -> str:
+        """The cell in words."""
+        parts = [self.scenario, f"place {self.place}", self.circuit, self.car, self.compound]
+        return ", ".join(filter(None, [*parts, f"{self.delay_s:g} s late" if self.delay_s else ""]))
+
+
+class MatrixReport(Part):
+    """All that a matrix says.
+
+    Attributes:
+        false_discovery_rate: the share, to be expected, of findings called worse that are not.
+        screening_runs: of policy and baseline in every cell.
+        runs: in all.
+        set_aside: sentences on what could not be driven.
+    """
+
+    policy: str
+    policy_id: str
+    baseline: str
+    baseline_id: str
+    world: str
+    seed: int
+    false_discovery_rate: float
+    screening_runs: int
+    runs: int
+    wall_s: float
+    versions: dict[str, str]
+    measures: tuple[Measured, ...]
+    set_aside: tuple[str, ...]
+    cells: tuple[CellReport, ...]
+    version: int = VERSION
+
+    @property
+    def worse(self) -> int:
+        """Number of cells in which the policy is worse."""
+        return sum(cell.verdict == "worse" for cell in self.cells)
+
+    @property
+    def headline(self) -> str:
+        """What it comes to."""
+        cells = f"{len(self.cells):,} cells"
+        if not self.worse:
+            return f"{self.policy} is nowhere proven to be worse than {self.baseline}: {cells}."
+        return f"{self.policy} is worse than {self.baseline} in {self.worse:,} of {cells}."
+
+    def severity(self, cell: CellReport) -> tuple[int, float]:
+        """For the order: how grave the verdict is, and by how many margins the policy is worse."""
+        rank = ("no sign", "unconfirmed", "worse").index(cell.verdict)
+        excess = [
+            finding.worse / max(measure.margin, finding.high - finding.worse, 1e-12)
+            for finding, measure in zip(cell.findings, self.measures, strict=True)
+            if finding.verdict == cell.verdict and finding.worse is not None and finding.high is not None
+        ]
+        return rank, max(excess, default=float("-inf"))
+
+    def ordered(self) -> list[CellReport]:
+        """Cells, what got worse first."""
+        return sorted(self.cells, key=self.severity, reverse=True)
+
+    def frame(self) -> pl.DataFrame:
+        """One row a cell and measure, what got worse first."""
+        rows = [
+            cell.model_dump(exclude={"findings", "replays"})
+            | {"measure": measure.name, "unit": "share" if measure.relative else measure.unit}
+            | finding.model_dump()
+            for cell in self.ordered()
+            for measure, finding in zip(self.measures, cell.findings, strict=True)
+        ]
+        return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def write_matrix(report: MatrixReport, folder: Path) -> Path:
+    """Write `matrix.json` and `matrix.csv` to a folder, each whole or not at all; the path of the first."""
+    path = folder / "matrix.json"
+    with whole_file(path) as partial:
+        partial.write_text(report.model_dump_json(indent=1), encoding="utf-8")
+    with whole_file(folder / "matrix.csv") as partial:
+        report.frame().write_csv(partial)
+    return path

@@ -1,0 +1,153 @@
+"""The page of a settings matrix: what got worse first, and a heat map of all cells."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from nathlon.reports.matrix import CellReport, Finding, MatrixReport, Measured
+from nathlon.sim.whole_file import whole_file
+
+TEMPLATES = Path(__file__).parent / "templates"
+DIMENSIONS = {
+    "scenario": "scenario",
+    "place": "starting place",
+    "circuit": "circuit",
+    "car": "car",
+    "compound": "tyres",
+    "delay_s": "delay",
+}
+"""Fields of a cell that make rows and columns, as the page calls them."""
+LISTED = 40
+"""Cells in the table; the heat map has them all."""
+NAMES = {
+    "pace": "pace",
+    "place": "place",
+    "off_course": "off course",
+    "at_fault": "contacts at fault",
+    "stopped": "stopped",
+    "best_lap": "best lap",
+    "lap_loss": "lap loss",
+}
+"""Measures whose names are not words."""
+
+
+def write_matrix_page(report: MatrixReport, folder: Path) -> Path:
+    """Write `folder`/index.html, whole or not at all, and return its path."""
+    path = folder / "index.html"
+    with whole_file(path) as partial:
+        partial.write_text(render_matrix(report), encoding="utf-8")
+    return path
+
+
+def render_matrix(report: MatrixReport) -> str:
+    """The page's HTML, which needs no network and runs the script written here alone."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    style = (TEMPLATES / "gate.css").read_text("utf-8") + (TEMPLATES / "matrix.css").read_text("utf-8")
+    script = (TEMPLATES / "matrix.js").read_text("utf-8")
+    listed = [cell for cell in report.ordered() if cell.verdict != "no sign"][:LISTED]
+    return environment.get_template("matrix.html").render(
+        report=report,
+        listed=listed,
+        unlisted=sum(cell.verdict != "no sign" for cell in report.cells) - len(listed),
+        counts=[
+            (name, sum(cell.findings[number].verdict == "worse" for cell in report.cells))
+            for number, name in enumerate(map(called, report.measures))
+        ],
+        rows=[(measure, called(measure)) for measure in report.measures],
+        differences=differences,
+        data=Markup(json.dumps(payload(report), separators=(",", ":")).replace("<", "\\u003c")),
+        policy=(
+            f"default-src 'none'; style-src {_digest(style)}; script-src {_digest(script)}; base-uri 'none'; "
+            "form-action 'none'"
+        ),
+        style=Markup(style),
+        script=Markup(script),
+    )
+
+
+def called(measure: Measured) -> str:
+    """A measure as the page calls it."""
+    return NAMES.get(measure.name, measure.name.removeprefix("own."))
+
+
+def differences(report: MatrixReport, cell: CellReport) -> list[tuple[str, Finding]]:
+    """What of a cell is shown in the table: its findings in words, those called worse before the others."""
+    told = [
+        (amount(measure, finding), finding)
+        for measure, finding in zip(report.measures, cell.findings, strict=True)
+        if finding.verdict != "no sign"
+    ]
+    return sorted(told, key=lambda one: one[1].verdict != "worse")
+
+
+def amount(measure: Measured, finding: Finding) -> str:
+    """By how much a cell is worse in a measure, with its interval."""
+    if finding.worse is None or finding.low is None or finding.high is None:
+        return called(measure)
+    scale, unit = (100.0, "%") if measure.relative else (1.0, measure.unit)
+    numbers = [scale * value for value in (finding.worse, finding.low, finding.high)]
+    worse, low, high = (f"{number:+.2g}" if abs(number) < 10 else f"{number:+.0f}" for number in numbers)
+    return f"{called(measure)} {worse} {unit} ({low} to {high})"
+
+
+def payload(report: MatrixReport) -> dict[str, Any]:
+    """All cells for the script: levels by dimension, and numbers by cell."""
+    levels = {field: list(dict.fromkeys(getattr(c, field) for c in report.cells)) for field in DIMENSIONS}
+    levels["place"].sort()
+    index = {field: {level: n for n, level in enumerate(those)} for field, those in levels.items()}
+    verdicts = ("no sign", "unconfirmed", "worse")
+    return {
+        "dimensions": [
+            {"field": field, "name": name, "levels": [_level(field, level) for level in levels[field]]}
+            for field, name in DIMENSIONS.items()
+        ],
+        "measures": [
+            measure.model_dump(include={"unit", "relative", "margin"}) | {"name": called(measure)}
+            for measure in report.measures
+        ],
+        "names": [report.policy, report.baseline],
+        "cells": [
+            [
+                [index[field][getattr(cell, field)] for field in DIMENSIONS],
+                cell.runs,
+                [
+                    [
+                        *(_short(value) for value in (f.worse, f.low, f.high, f.policy, f.baseline)),
+                        verdicts.index(f.verdict),
+                    ]
+                    for f in cell.findings
+                ],
+                list(cell.replays),
+            ]
+            for cell in report.cells
+        ],
+    }
+
+
+def _level(field: str, level: Any) -> str:
+    if field == "delay_s":
+        return f"{level:g} s late" if level else "no delay"
+    if field == "place":
+        return f"place {level}"
+    return str(level) or "own tyres"
+
+
+def _short(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.4g}")
+
+
+def _digest(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
