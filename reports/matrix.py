@@ -42,7 +42,7 @@ class Finding(Part):
         low, high: 95 % interval.
         policy, baseline: mean marks.
         verdict: "worse" if runs on fresh starts prove it, at the false discovery rate; "unconfirmed" if it only
-            looked so.
+            looks so.
     """
 
     worse: float | None

@@ -56,13 +56,19 @@ class Driving:
     ) -> NDArray[np.float64]:
         """(cells, runs) how much worse the policy was, NaN where one of the two set no mark.
 
-        Relative measures in shares of the baseline's mark.
+        Relative measures in shares of the baseline's mean mark in the cell.
         """
-        how = self.measures[measure]
-        rows = [
-            [worse(how, one.marks[measure]) for phase in phases for one in self.runs[cell][phase]]
-            for cell in cells
-        ]
+        how, phases = self.measures[measure], tuple(phases)
+        rows = []
+        for cell in cells:
+            base = self.marks(cell, measure)[1] if how.relative else 1.0
+            rows.append(
+                [
+                    worse(how, one.marks[measure]) / abs(base) if base else float("nan")
+                    for phase in phases
+                    for one in self.runs[cell][phase]
+                ]
+            )
         table = np.full((len(rows), max(map(len, rows), default=0)), np.nan)
         for row, values in zip(table, rows, strict=True):
             row[: len(values)] = values
@@ -81,12 +87,11 @@ def _mean(marks: Sequence[float | None]) -> float | None:
 
 
 def worse(how: Measure, marks: tuple[float | None, float | None]) -> float:
-    """By how much the first mark is worse than the second; NaN where one is missing."""
+    """By how much the first mark is worse than the second, in their unit; NaN where one is missing."""
     policy, baseline = marks
-    if policy is None or baseline is None or (how.relative and not baseline):
+    if policy is None or baseline is None:
         return float("nan")
-    difference = policy - baseline if how.kind == "time" else baseline - policy
-    return difference / abs(baseline) if how.relative else difference
+    return policy - baseline if how.kind == "time" else baseline - policy
 
 
 def begin(plan: Plan, measures: Iterable[str]) -> Driving:

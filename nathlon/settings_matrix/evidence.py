@@ -11,8 +11,8 @@ from scipy.stats import false_discovery_control
 
 Floats = NDArray[np.float64]
 
-PRIOR_FREEDOM = 4.0
-"""Degrees of freedom that the variance pooled over all cells counts for beside a cell's own."""
+PRIOR_FREEDOM = 2.0
+"""Degrees of freedom that the usual variance of a cell counts for beside a cell's own."""
 STEPS = 200
 """Of expectation and maximisation; what is left to gain then is nothing that could be shown."""
 
@@ -40,15 +40,17 @@ class Shrunk(NamedTuple):
 def variances_of_means(differences: Floats) -> Floats:
     """Variances (cells,) of the means of `differences` (cells, runs), NaN where there was no run.
 
-    A cell's own variance is drawn towards that of all cells, as a few runs say little of it (Smyth,
-    Statistical Applications in Genetics and Molecular Biology 3, 2004, with given prior degrees of freedom).
+    A cell's own variance is drawn towards the usual one, as a few runs say little of it (Smyth, Statistical
+    Applications in Genetics and Molecular Biology 3, 2004, with given prior degrees of freedom). The usual
+    one is the median over cells, which a few wild cells do not move, or the mean where most do not vary.
     """
     runs = np.isfinite(differences).sum(axis=1)
     middle = np.nansum(differences, axis=1) / np.maximum(runs, 1)
     squares = np.nansum((differences - middle[:, None]) ** 2, axis=1)
     freedom = np.maximum(runs - 1, 0)
-    pooled = squares.sum() / max(freedom.sum(), 1)
-    variance: Floats = (PRIOR_FREEDOM * pooled + squares) / (PRIOR_FREEDOM + freedom)
+    own = squares[freedom > 0] / freedom[freedom > 0]
+    usual = (float(np.median(own)) or float(own.mean())) if len(own) else 0.0
+    variance: Floats = (PRIOR_FREEDOM * usual + squares) / (PRIOR_FREEDOM + freedom)
     return variance / np.maximum(runs, 1)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.reports.matrix import CellReport, Finding, MatrixReport, Measured
+from nathlon.reports.matrix import CellReport, Finding, MatrixReport, Measured, Said
 from nathlon.reports.summary import versions
 from nathlon.selection.config import Config
 from nathlon.selection.run import Run
@@ -20,7 +20,7 @@ from nathlon.settings_matrix.evidence import Shrunk, discovered, p_worse, shrink
 from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.errors import InputError
 
-LOOKS_WORSE = 0.1
+LOOKS_WORSE = 0.5
 """Probability of being worse by the margin from which on a cell is driven again."""
 FIRST_RUNS = 8
 """Of a cell that is driven again, before it is looked at."""
@@ -192,14 +192,12 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
 
 def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
     shrunk = [estimates(matrix, name) for name in matrix.margins]
-    suspects = set(matrix.suspects)
     for number, cell in enumerate(matrix.plan.cells):
         findings = []
         for measure, name in enumerate(matrix.margins):
             mean, error = float(shrunk[measure].mean[number]), float(shrunk[measure].error[number])
             known = bool(np.isfinite(mean))
             policy, baseline = matrix.driving.marks(cell, name)
-            this = Suspect(number, measure)
             findings.append(
                 Finding(
                     worse=mean if known else None,
@@ -207,11 +205,7 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
                     high=mean + COVERED * error if known else None,
                     policy=policy,
                     baseline=baseline,
-                    verdict="worse"
-                    if this in matrix.worse
-                    else "unconfirmed"
-                    if this in suspects
-                    else "no sign",
+                    verdict=_said(Suspect(number, measure), matrix, mean),
                 )
             )
         screening, fresh = matrix.driving.runs[cell]
@@ -225,3 +219,11 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
             runs=len(screening) + len(fresh),
             findings=tuple(findings),
         )
+
+
+def _said(this: Suspect, matrix: Matrix, worse: float) -> Said:
+    """What is said of a finding by which the policy is worse by so much."""
+    if this in matrix.worse:
+        return "worse"
+    margin = list(matrix.margins.values())[this.measure]
+    return "unconfirmed" if this in matrix.suspects and worse > margin else "no sign"
