@@ -43,6 +43,7 @@ SETTINGS = {
     "Gates": "nathlon.committee.rules",
     "TournamentSettings": "nathlon.selection.round_robin",
     "GateSettings": "nathlon.gating.settings",
+    "MatrixSettings": "nathlon.settings_matrix.settings",
     "NightlySettings": "nathlon.selection.config",
     "Event": "nathlon.tournament.event",
     "EventRace": "nathlon.tournament.event",

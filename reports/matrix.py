@@ -113,7 +113,7 @@ class MatrixReport(Part):
     @property
     def headline(self) -> str:
         """What it comes to."""
-        cells = f"{len(self.cells):,} cells"
+        cells = "1 cell" if len(self.cells) == 1 else f"{len(self.cells):,} cells"
         if not self.worse:
             return f"{self.policy} is nowhere proven to be worse than {self.baseline}: {cells}."
         return f"{self.policy} is worse than {self.baseline} in {self.worse:,} of {cells}."

@@ -69,7 +69,7 @@ function draw() {
       while (last < columns.length && columns[last].slice(0, k + 1).join() === columns[first].slice(0, k + 1).join()) last++;
       const text = named(across, columns[first])[k], width = side * (last - first);
       const fits = Math.floor((width - 4) / 6.6);
-      if (fits >= 3) svg.append(element("text", { x: left + side * first + 2, y: 13 + 18 * k }, text.length > fits ? text.slice(0, fits - 1) + "…" : text, SVG));
+      if (fits >= 3) svg.append(element("text", { x: left + side * first + 2, y: 13 + 18 * k }, text.length > fits ? "…" + text.slice(1 - fits) : text, SVG));
       if (first) svg.append(element("line", { class: "split", x1: left + side * first - 0.5, x2: left + side * first - 0.5, y1: 18 * k, y2: top }, null, SVG));
       first = last;
     }

@@ -1,0 +1,131 @@
+"""`nathlon matrix`: planted regressions are found, what cannot be driven is said, and it resumes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+import nathlon
+from benchmarks import planted_cells
+from benchmarks.planted_cells import MARGINS, truth
+from nathlon.settings_matrix.cells import Setting
+from nathlon.sim.errors import InputError
+from tests.command_line import nathlon as command
+from tests.command_line import refused
+
+WORLD = f"{planted_cells.__file__}:PLANTED"
+REPOSITORY = Path(__file__).parent.parent.parent
+SPECIALIST = REPOSITORY / "policies" / "bundled" / "lindenring" / "lindenring-again-056k.safetensors"
+
+
+@pytest.fixture
+def policies(tmp_path: Path) -> tuple[Path, Path]:
+    new, old = tmp_path / "new.onnx", tmp_path / "old.onnx"
+    for path in (new, old):
+        path.write_text(path.stem)
+    return new, old
+
+
+def planted(folder: Path, old: Path, scenarios: int = 12, more: str = "") -> Path:
+    path = folder / "planted.toml"
+    names = json.dumps([f"s{number:03d}" for number in range(scenarios)])
+    path.write_text(
+        f"world = {json.dumps(WORLD)}\nworkers = 1\n[matrix]\nscenarios = {names}\n"
+        f"opponents = ['{old}']\n{more}"
+        f'[matrix.margins]\nscore = {MARGINS["score"]}\n"own.slips" = {MARGINS["own.slips"]}\n'
+    )
+    return path
+
+
+def test_large_regressions_are_found_and_alike_cells_are_not(
+    policies: tuple[Path, Path], tmp_path: Path
+) -> None:
+    new, old = policies
+    config = planted(tmp_path, old)
+    result = nathlon.matrix(new, tmp_path / "out", baseline=old, config=config, progress=False)
+    cells = result.cells.filter(measure="score").with_columns(
+        pl.struct("scenario", "place")
+        .map_elements(lambda one: truth(one["scenario"], one["place"]).score, pl.Float64)
+        .alias("truth")
+    )
+    assert cells.height == 12 * 8
+    large, alike = cells.filter(pl.col("truth") > 2.0), cells.filter(pl.col("truth") <= MARGINS["score"])
+    assert large.height >= 5
+    assert (large["verdict"] == "worse").all()
+    assert (alike["verdict"] == "worse").sum() <= 1
+    assert cells["verdict"][0] == "worse"
+    assert (large["low"] > 0).all()
+    # Only what looked worse was driven on, and until it was proven.
+    assert cells["runs"].min() == 4
+    assert large["runs"].median() < cells["runs"].max() == 4 + 32
+    again = nathlon.matrix(new, tmp_path / "out", baseline=old, config=config, progress=False)
+    assert again.report.cells == result.report.cells
+
+
+def test_other_cells_change_nothing_in_a_cell(policies: tuple[Path, Path], tmp_path: Path) -> None:
+    new, old = policies
+    marks = []
+    for scenarios in (2, 3):
+        config = planted(tmp_path, old, scenarios, "confirm = 0\n")
+        out = tmp_path / f"out{scenarios}"
+        cells = nathlon.matrix(new, out, baseline=old, config=config, progress=False).cells
+        marks.append(
+            cells.filter(scenario="s001").select("place", "measure", "policy", "baseline").sort(pl.all())
+        )
+    assert marks[0].equals(marks[1])
+
+
+def test_a_slower_driver_is_worse_wherever_it_can_drive(tmp_path: Path) -> None:
+    config = tmp_path / "quick.toml"
+    config.write_text(
+        "[matrix]\nscenarios = ['following', 'standing_start']\nplaces = [1, 2, 30]\ndelays_s = [0.0]\n"
+        "most_runs = 8\nreplays = 1\n[matrix.margins]\npace = 0.005\n"
+    )
+    done = command("matrix", "driver:pace=0.9", "--config", config, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "driver:pace=0.9 is worse than driver in 4 of 4 cells." in done.stdout
+    report = json.loads((tmp_path / "out" / "matrix.json").read_text())
+    assert all(0.05 < cell["findings"][0]["worse"] < 0.2 for cell in report["cells"])
+    [pages] = [cell["replays"] for cell in report["cells"] if cell["replays"]]
+    assert [Path(page).name for page in pages] == ["01-policy.html", "01-baseline.html"]
+    assert all((tmp_path / "out" / page).stat().st_size > 10_000 for page in pages)
+    assert pl.read_csv(tmp_path / "out" / "matrix.csv").height == 4
+
+
+def test_pairs_that_a_policy_cannot_drive_are_said(tmp_path: Path) -> None:
+    config = tmp_path / "quick.toml"
+    config.write_text(
+        "[matrix]\ncircuits = ['lindenring', 'porto-sereno']\nscenarios = ['time_trial', 'pit_stop']\n"
+        "places = [1]\ndelays_s = [0.0]\nconfirm = 0\n"
+    )
+    with pytest.raises(InputError, match="scenario 'pit_stop' is unknown"):
+        nathlon.matrix(SPECIALIST, tmp_path / "out", config=config, progress=False)
+    config.write_text(config.read_text().replace(", 'pit_stop'", ""))
+    report = nathlon.matrix(SPECIALIST, tmp_path / "out", config=config, progress=False).report
+    assert {cell.circuit for cell in report.cells} == {"lindenring"}
+    [sentence] = [said for said in report.set_aside if said.startswith("porto-sereno with gt3: ")]
+    assert "expected" in sentence
+
+
+def test_what_has_no_sense_is_refused(tmp_path: Path) -> None:
+    refused(
+        command("matrix", "driver", "--out", "out", cwd=tmp_path), "is the baseline, expected another policy"
+    )
+    config = tmp_path / "wrong.toml"
+    config.write_text("[matrix.margins]\nbeauty = 1.0\n")
+    refused(command("matrix", "driver:pace=0.9", "--config", config, cwd=tmp_path), "margins has 'beauty'")
+    config.write_text("[matrix]\ncompounds = ['glue']\nscenarios = ['following']\n")
+    refused(
+        command("matrix", "driver:pace=0.9", "--config", config, cwd=tmp_path), "compound 'glue' is unknown"
+    )
+
+
+def test_a_setting_is_a_scenario_with_tyres_and_delay() -> None:
+    assert Setting("lindenring", "gt3", "race", "", 0.0).raced == "race"
+    assert (
+        Setting("lindenring", "gt3", "race", "racing-soft", 0.1).raced
+        == "race:compound=racing-soft,delay=0.1"
+    )

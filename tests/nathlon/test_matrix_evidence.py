@@ -1,0 +1,81 @@
+"""What few runs in many cells tell: against closed forms, another library, and drawn truths."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import ttest_1samp
+
+from nathlon.settings_matrix.evidence import discovered, p_worse, shrink, variances_of_means
+
+
+def grid(rows: int, columns: int) -> np.ndarray:
+    return np.stack([np.repeat(np.arange(rows), columns), np.tile(np.arange(columns), rows)], axis=1)
+
+
+def test_cells_are_drawn_towards_their_rows_and_keep_what_they_know() -> None:
+    rng = np.random.default_rng(1)
+    levels = grid(60, 8)
+    truth = rng.normal(0.0, 0.8, 60)[levels[:, 0]] + rng.normal(0.0, 0.3, len(levels))
+    variances = np.full(len(levels), 0.5)
+    means = truth + rng.normal(0.0, np.sqrt(0.5), len(levels))
+    shrunk = shrink(means, variances, levels)
+    # The error of the best linear estimate that knows all spreads is about 0.14.
+    assert np.mean((means - truth) ** 2) > 0.4
+    assert np.mean((shrunk.mean - truth) ** 2) < 0.2
+    assert 0.92 < np.mean(np.abs(shrunk.mean - truth) < 1.96 * shrunk.error) < 0.98
+    certain = shrink(means, np.full(len(levels), 1e-9), levels)
+    np.testing.assert_allclose(certain.mean, means, atol=1e-4)
+
+
+def test_equal_cells_have_their_common_mean() -> None:
+    rng = np.random.default_rng(2)
+    means = 3.0 + rng.normal(0.0, 0.5, 400)
+    shrunk = shrink(means, np.full(400, 0.25), grid(20, 20))
+    assert np.abs(shrunk.mean - means.mean()).max() < 0.35
+    assert np.std(shrunk.mean) < 0.2 * np.std(means)
+
+
+def test_nothing_that_varies_is_no_evidence() -> None:
+    shrunk = shrink(np.zeros(12), np.zeros(12), grid(3, 4))
+    assert np.abs(shrunk.mean).max() == 0.0
+    assert not shrunk.above(0.01).any()
+
+
+def test_one_wild_cell_leaves_the_others_their_precision() -> None:
+    rng = np.random.default_rng(3)
+    differences = rng.normal(0.0, 0.1, (100, 4))
+    differences[0] = [50.0, -50.0, 40.0, -60.0]
+    variances = variances_of_means(differences)
+    assert np.median(variances[1:]) == pytest.approx(0.01 / 4, rel=0.3)
+    assert variances[0] > 300
+
+
+def test_runs_that_are_missing_do_not_count() -> None:
+    differences = np.array(
+        [[1.0, 2.0, np.nan, np.nan], [1.0, 1.0, 1.0, 1.0], [np.nan] * 4, [5.0, np.nan, np.nan, np.nan]]
+    )
+    p = p_worse(differences, 0.0)
+    assert p[0] == pytest.approx(ttest_1samp([1.0, 2.0], 0.0, alternative="greater").pvalue)
+    assert p[1:].tolist() == [0.0, 1.0, 1.0]
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(st.floats(-100, 100), min_size=3, max_size=20).filter(lambda runs: np.std(runs) > 1e-3),
+    st.floats(0, 10),
+)
+def test_p_values_are_those_of_a_t_test_against_the_margin(runs: list[float], margin: float) -> None:
+    [p] = p_worse(np.array([runs]), margin)
+    assert p == pytest.approx(ttest_1samp(runs, margin, alternative="greater").pvalue, abs=1e-9)
+
+
+def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:
+    # Their own example: of 15 p-values the first four are rejected at 0.05.
+    p = np.array([0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240, 0.4262,
+                  0.5719, 0.6528, 0.7590, 1.0])  # fmt: skip
+    assert discovered(p, 0.05).tolist() == 4 * [True] + 11 * [False]
+    assert discovered(p[::-1], 0.05).tolist() == 11 * [False] + 4 * [True]
+    assert discovered(np.zeros(0), 0.05).tolist() == []
