@@ -66,6 +66,7 @@ def planted(folder: Path, repeats: int) -> dict[str, Any]:
     return {
         "cells": len(result.report.cells),
         "repeats": repeats,
+        "confirm": settings.confirm,
         "called": called,
         "false_discovery": false / max(called, 1),
         "found": [
