@@ -45,7 +45,8 @@ def film_episodes(wanted: Wanted, policies: Sequence[Any], watch: Watch) -> Reco
             f"world {wanted.match.world!r}, scenario {wanted.match.scenario!r}: has no pictures, "
             "expected environments made with render_mode 'rgb_array'"
         )
-    assert folder is not None and wanted.results is not None
+    assert folder is not None
+    assert wanted.results is not None
     for race in wanted.races:
         camera = Camera()
         rows.append(world.replay((wanted.match, policies), race, watch, camera))

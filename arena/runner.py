@@ -109,7 +109,7 @@ class _View:
 class _Relief(NamedTuple):
     """Somebody who takes a car over from a moment on.
 
-    It is asked for all cars of the one whose place it takes, and heard for its own: products of matrices round
+    It is asked for all cars of the one whose place it takes, and heard for its own: matrix products round
     differently with the number of rows, and so the same policy drives the same to the bit.
 
     Attributes:

@@ -32,6 +32,20 @@ class Seen(NamedTuple):
     numbers: NDArray[np.float32]
 
 
+class _Driver(NamedTuple):
+    """How a driver observes, and what it has seen: times in s and standardised numbers."""
+
+    spec: ObservationSpec
+    perception: Perception
+    kept: list[tuple[float, NDArray[np.float32]]]
+
+    @property
+    def seen(self) -> Seen:
+        mean, deviation = self.spec.scaling
+        times, numbers = zip(*self.kept, strict=True)
+        return Seen(self.spec, np.array(times), np.stack(numbers) * deviation + mean)
+
+
 class Sight:
     """Watches a match and keeps what one car's driver sees; a car that is swapped has two."""
 
@@ -45,43 +59,32 @@ class Sight:
         """
         self._race, self._car = race, car
         reaction = load_scenario(match.scenario).reaction
+        where = np.array([race]), np.array([car])
         drivers = [match.races[race].seats[car].entrant]
         self._from_s = [0.0]
         if match.swap and (match.swap.race, match.swap.car) == (race, car):
             drivers.append(match.swap.entrant)
             self._from_s.append(match.swap.from_s)
-        specs = [
-            None if isinstance(policies[driver], Absent) else policies[driver].observation_spec  # type: ignore[union-attr]
+        self._drivers = [
+            _Driver(policy.observation_spec, Perception(policy.observation_spec, *where, reaction), [])
+            if not isinstance(policy := policies[driver], Absent)
+            else None
             for driver in drivers
         ]
-        self._views = [
-            spec and (spec, Perception(spec, np.array([race]), np.array([car]), reaction)) for spec in specs
-        ]
-        self._kept: list[list[tuple[float, NDArray[np.float32]]]] = [[] for _ in drivers]
 
     def __call__(self, world: World) -> None:
         """Look at the world before a tick."""
         now_s = float(world.time[self._race])
         at_wheel = sum(now_s > from_s - EARLY_S for from_s in self._from_s) - 1
-        for driver, view in enumerate(self._views):
-            if view is None:
+        for number, driver in enumerate(self._drivers):
+            if driver is None:
                 continue
             # What is seen may be late: every driver looks from the start.
-            [seen], [due] = view[1].see(world), view[1].due(world)
-            if driver == at_wheel and due and world.state["driving"][self._race, self._car]:
-                self._kept[driver].append((now_s, seen))
+            [seen], [due] = driver.perception.see(world), driver.perception.due(world)
+            if number == at_wheel and due and world.state["driving"][self._race, self._car]:
+                driver.kept.append((now_s, seen))
 
     @property
     def seen(self) -> tuple[Seen, ...]:
         """What its drivers saw, in turn; nothing of one that never acted."""
-        return tuple(
-            _in_units(view[0], kept)
-            for view, kept in zip(self._views, self._kept, strict=True)
-            if view and kept
-        )
-
-
-def _in_units(spec: ObservationSpec, kept: Sequence[tuple[float, NDArray[np.float32]]]) -> Seen:
-    mean, deviation = spec.scaling
-    times, numbers = zip(*kept, strict=True)
-    return Seen(spec, np.array(times), np.stack(numbers) * deviation + mean)
+        return tuple(driver.seen for driver in self._drivers if driver and driver.kept)

@@ -26,7 +26,7 @@ SOURCES = ("a", "b", "c")
 
 @pytest.fixture(scope="module")
 def match(tmp_path_factory: pytest.TempPathFactory) -> Match:
-    """Two races of four cars, two of each policy, that see late and act at unlike rates; the third has no seat."""
+    """Two races of two cars a policy, that see late and act at unlike rates; the third has no seat."""
     facts = {"time_s": "6.0", "laps": "1", "start": '{kind = "grid"}'}
     late = {"action_hz": "[10, 20, 10, 20]", "perception_delay_s": "[0.1, 0.1, 0, 0.2]"}
     match = match_on(tmp_path_factory.mktemp("swap"), 4, facts | late, races=2)

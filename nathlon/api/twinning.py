@@ -1,0 +1,174 @@
+"""`nathlon.twin`: a recorded race beside one that began alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+
+import polars as pl
+
+from nathlon.api.selection import Candidate, named_sources
+from nathlon.arena.entrance import enter_each
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recording import read_recording, write_recording
+from nathlon.progress import stage_progress
+from nathlon.reports.cars import car_index
+from nathlon.reports.twin import Side, Twins, outcome
+from nathlon.reports.twin_page import write_twin_page
+from nathlon.sim.errors import InputError
+from nathlon.twins.rebuild import rebuild
+from nathlon.twins.running import check_moment, check_one_start, race_both, see_again
+
+RACES = "races"
+"""What progress counts."""
+
+
+class TwinResult:
+    """Two races side by side, and where they are.
+
+    Attributes:
+        folder: of all that it has left.
+        page: both races in a player (.html).
+        replay: both on one timeline, for Rerun (.rrd).
+        original, twin: recordings (.mcap).
+        car: index of the car that is looked at.
+        parted_s: when the races first differ, s; None if never.
+        outcomes: a polars frame, how each race ended for the car: `race`, `driver` and the fields of
+            `nathlon.reports.twin.Outcome`.
+    """
+
+    def __init__(self, folder: Path, twins: Twins) -> None:
+        self.folder = folder
+        self.page, self.replay = folder / "index.html", folder / "twin.rrd"
+        self.original, self.twin = folder / "original.mcap", folder / "twin.mcap"
+        self.car, self.parted_s = twins.car, twins.parted_s
+        self.outcomes = pl.DataFrame(
+            [
+                {"race": race, "driver": log.names[twins.car], **outcome(log, twins.car)._asdict()}
+                for race, log in (("original", twins.original.log), ("twin", twins.twin.log))
+            ]
+        )
+
+    def __repr__(self) -> str:
+        lines = [
+            f"{row['race']}: {row['driver']} comes {row['place']}., {row['ending']}"
+            for row in self.outcomes.iter_rows(named=True)
+        ]
+        same = "to the end" if self.parted_s is None else f"until {self.parted_s:.1f} s"
+        return "\n".join([*lines, f"The races are the same {same}", f"Page: {self.page}"])
+
+    def _repr_html_(self) -> str:
+        return self.outcomes._repr_html_() + f"<p>{escape(repr(self).splitlines()[-2])}</p>"
+
+
+def twin(
+    recording: str | Path,
+    other: str | Path | None = None,
+    *,
+    car: int | str,
+    policy: Candidate | None = None,
+    at_s: float = 0.0,
+    out: str | Path = "runs/twin",
+    store: str | Path | None = None,
+    entrants: Mapping[str, Candidate] | None = None,
+    progress: bool = True,
+) -> TwinResult:
+    """A recorded race beside its twin: another policy in a car's place from a moment, or another recording.
+
+    The recorded race is run again, to the bit, and once more with the other policy, which has no memory of
+    what was before its moment. What each driver of the car saw is kept.
+
+    Args:
+        recording: of the race (.mcap).
+        other: recording of another race from the same start, in place of `policy`.
+        car: number or name of the car.
+        policy: who drives it in the twin: a checkpoint, `driver:pace=0.95`, `plugin:NAME` or an object.
+        at_s: from when, s since the start.
+        out: folder for what it leaves.
+        store: that holds the race's match; the one beside the recording by default.
+        entrants: policies of the race, by their names in it, where no store knows them.
+        progress: whether to show it, on standard error.
+
+    Raises:
+        InputError: if the race cannot be run again as it was, the policy cannot drive there, the car or the
+            moment is not one of the race, the two races did not begin alike, or the folder cannot be written.
+    """
+    if (other is None) == (policy is None):
+        raise InputError("twin: expected either a policy in the car's place or another recording")
+    path = Path(recording)
+    log = read_recording(path)
+    index = car_index(log, str(car), path)
+    named = {name: _one_source(each, name) for name, each in (entrants or {}).items()}
+    with Pool(2) as pool:
+        if other is not None:
+            twins = _two_recordings(pool, path, Path(other), index, store, named)
+        else:
+            assert policy is not None, "it is one or the other"
+            check_moment(log, path, index, at_s)
+            driver = _enter(pool, policy, log)
+            rebuilt = rebuild(pool, log, path, store or _beside(path), named)
+            with stage_progress(progress, (RACES,)) as on_match:
+                pair = race_both(
+                    pool,
+                    rebuilt,
+                    log,
+                    path,
+                    (index, driver, at_s),
+                    lambda done, total: on_match(RACES, done, total),
+                )
+            twins = Twins(*pair, index, at_s)
+    return _write(twins, Path(out))
+
+
+def _enter(pool: Pool, policy: Candidate, log: RaceLog) -> Entrant:
+    [answer] = enter_each(pool, [_one_source(policy)], log.circuit, log.car)
+    if isinstance(answer, InputError):
+        raise answer
+    return answer
+
+
+def _one_source(policy: Candidate, name: str | None = None) -> str:
+    sources = named_sources(policy if name is None else {name: policy})
+    if len(sources) != 1:
+        raise InputError(f"{policy}: holds {len(sources)} checkpoints, expected one policy")
+    return sources[0]
+
+
+def _beside(recording: Path) -> Path | None:
+    """The store of the run that a recording is part of."""
+    store = recording.resolve().parent.parent / "store.sqlite"
+    return store if store.exists() else None
+
+
+def _two_recordings(
+    pool: Pool, one: Path, other: Path, car: int, store: str | Path | None, named: Mapping[str, str]
+) -> Twins:
+    logs = read_recording(one), read_recording(other)
+    check_one_start(*logs, (one, other))
+    try:
+        sides = []
+        for log, path in zip(logs, (one, other), strict=True):
+            rebuilt = rebuild(pool, log, path, store or _beside(path), named)
+            sides.append(see_again(pool, rebuilt, log, path, car))
+    except InputError as error:
+        # The races can be looked at all the same.
+        return Twins(Side(logs[0]), Side(logs[1]), car, missing=str(error))
+    return Twins(sides[0], sides[1], car)
+
+
+def _write(twins: Twins, folder: Path) -> TwinResult:
+    from nathlon.reports.twin_replay import write_twin_replay  # Rerun takes seconds to load
+
+    result = TwinResult(folder, twins)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_recording(result.original, twins.original.log)
+        write_recording(result.twin, twins.twin.log)
+        write_twin_replay(twins, result.replay)
+        write_twin_page(twins, result.page)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+    return result
