@@ -195,9 +195,11 @@ class _Meeting:
         for view in self._views:
             view.keep(self._cars["driving"])
         self._views = [view for view in self._views if view.teams]
+        driving = self._cars["driving"]
+        self._reliefs = [relief for relief in self._reliefs if driving[relief.car]]
         for relief in self._reliefs:
             if relief.view:
-                relief.view.keep(self._cars["driving"])
+                relief.view.keep(driving)
 
     def over(self, number: int) -> bool:
         """Whether no car of a match drives any more."""

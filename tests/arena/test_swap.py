@@ -14,6 +14,7 @@ from nathlon.arena.recorder import Recorded, record_races
 from nathlon.arena.runner import run_match
 from nathlon.arena.team import Absent
 from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.world import World
@@ -127,6 +128,25 @@ def test_a_fault_of_the_one_before_is_not_laid_to_the_car(match: Match) -> None:
     results = run_match(replace(match, swap=Swap(0, CAR, 2, 1.0)), [Steady(0.3), Faulty(0.4), Steady(0.2)])
     out = results.filter(results["ending"] == "policy_raised")
     assert out.select("race", "car").rows() == [(0, 3), (1, 1), (1, 3)]
+
+
+def test_the_car_goes_on_when_those_of_the_one_before_are_out(match: Match) -> None:
+    class Lost(Steady):
+        asked = 0
+
+        def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+            actions, memory = super().act(observations, memory)
+            Lost.asked += 1
+            if Lost.asked > 60:
+                actions[:] = np.nan
+            return actions, memory
+
+    driver = load_policy("driver", match.circuit, match.car)
+    results = run_match(replace(match, swap=Swap(0, CAR, 2, 2.0)), [Steady(0.3), Lost(0.4), driver])
+    out = results.filter(results["ending"] == "illegal_action")
+    assert out.select("race", "car").rows() == [(0, 3), (1, 1), (1, 3)]
+    [driven] = results.filter((results["race"] == 0) & (results["car"] == CAR))["driven_s"]
+    assert driven == pytest.approx(6.0, abs=0.1)
 
 
 def test_a_swap_is_part_of_the_key(match: Match) -> None:
