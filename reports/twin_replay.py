@@ -19,7 +19,7 @@ from nathlon.sim.observation import PRESENT, X, Y
 from nathlon.sim.whole_file import whole_file
 
 COLOURS = {"original": (125, 184, 238), "twin": (245, 180, 80)}
-SEEN_M = 0.6
+SEEN_M = 0.15
 """Height above the road at which what is seen is drawn."""
 SHOWN = ("velocity", "steering", "throttle", "brake")
 """Fields that the layout shows; the others are there too."""

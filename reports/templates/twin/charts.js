@@ -71,6 +71,13 @@ function chartOf(player, { name, lines, down, zero, least, words }, mark) {
       pen.lineTo(x(end), y(0));
       pen.stroke();
     }
+    pen.fillStyle = "#99a1ac";
+    pen.font = `${10 * ratio}px system-ui, sans-serif`;
+    pen.textAlign = "right";
+    for (const v of [low + room, high - room]) {
+      const at = y(v) + (y(v) < height / 2 ? 10 : -2) * ratio;
+      pen.fillText(words(v), width - 2 * ratio, at);
+    }
     lines.forEach(([{ time }, values, colour], i) => {
       pen.strokeStyle = colour;
       // Where both are the same, the one below is still to be seen.

@@ -4,7 +4,7 @@ const UNLIKE = 0.02; // share of a number's range by which two differ visibly
 const STRONGLY = 0.25; // and that at which a strip has its full colour
 const BINS = 600;
 const CAR_NUMBERS = 5; // present, x, y, velocity x, velocity y
-const SHOWN_M = { ahead: 90, behind: 30 };
+const SHOWN_M = { ahead: 70, behind: 20 };
 
 // All drivers of a car in turn: `at` gives the numbers that were seen last at a moment, null before the first.
 async function openSeen(seen) {
