@@ -35,6 +35,12 @@ PARTS = {
     "inclination": AXES,
 }
 """What the numbers of a field are called, where it has several."""
+NOTES = {
+    "velocity": "forward and left",
+    "acceleration": "forward and left",
+    **dict.fromkeys(("tyre_load", "slip_angle", "tyre_wear"), "each wheel"),
+}
+"""What is said of these beside their unit."""
 LEVELS = 2000
 """Steps of a number over its range."""
 MOST_POINTS = 24
@@ -55,7 +61,7 @@ def seen_data(seen: Sequence[Seen]) -> dict[str, Any]:
         "fields": [
             {
                 "name": field.name.replace("_", " "),
-                "unit": field.unit,
+                "unit": ", ".join(filter(None, [field.unit, NOTES.get(field.name)])),
                 "parts": PARTS.get(field.name, ("",)),
                 "step": (field.high[0] - field.low[0]) / LEVELS,
                 "range": field.high[0] - field.low[0],
