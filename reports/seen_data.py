@@ -61,7 +61,7 @@ def seen_data(seen: Sequence[Seen]) -> dict[str, Any]:
         "fields": [
             {
                 "name": field.name.replace("_", " "),
-                "unit": ", ".join(filter(None, [field.unit, NOTES.get(field.name)])),
+                "unit": ", ".join(filter(None, [field.unit.replace("^2", "²"), NOTES.get(field.name)])),
                 "parts": PARTS.get(field.name, ("",)),
                 "step": (field.high[0] - field.low[0]) / LEVELS,
                 "range": field.high[0] - field.low[0],

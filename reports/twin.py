@@ -75,7 +75,7 @@ class Outcome(NamedTuple):
 def outcome(log: RaceLog, car: int) -> Outcome:
     """How a race ended for a car."""
     own = [one for one in log.incidents if car in one.cars]
-    endings = [one.text.partition(": ")[2] for one in own if one.kind == "ending"]
+    endings = [one.text.rpartition(": ")[2] for one in own if one.kind == "ending"]
     contacts = [one for one in own if one.kind == "contact"]
     return Outcome(
         place=int(log.samples["place"][-1, car]),

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from html import escape
 from pathlib import Path
+from typing import NamedTuple
 
 import polars as pl
 
@@ -19,8 +21,9 @@ from nathlon.reports.cars import car_index
 from nathlon.reports.twin import Side, Twins, outcome
 from nathlon.reports.twin_page import write_twin_page
 from nathlon.sim.errors import InputError
-from nathlon.twins.rebuild import rebuild
-from nathlon.twins.running import check_moment, check_one_start, race_both, see_again
+from nathlon.twins.checks import check_moment, check_one_start
+from nathlon.twins.rebuild import Rebuilt, rebuild
+from nathlon.twins.running import OnRace, race_both, see_again
 
 RACES = "races"
 """What progress counts."""
@@ -98,29 +101,34 @@ def twin(
     """
     if (other is None) == (policy is None):
         raise InputError("twin: expected either a policy in the car's place or another recording")
-    path = Path(recording)
+    path, folder = Path(recording), Path(out)
     log = read_recording(path)
     index = car_index(log, str(car), path)
-    named = {name: _one_source(each, name) for name, each in (entrants or {}).items()}
-    with Pool(2) as pool:
+    known = _Known(store, {name: _one_source(each, name) for name, each in (entrants or {}).items()})
+    with Pool(2) as pool, stage_progress(progress, (RACES,)) as on_match:
+        on_race = partial(on_match, RACES)
         if other is not None:
-            twins = _two_recordings(pool, path, Path(other), index, store, named)
+            twins = _two_recordings(pool, (path, Path(other)), index, known, folder, on_race)
         else:
             assert policy is not None, "it is one or the other"
             check_moment(log, path, index, at_s)
             driver = _enter(pool, policy, log)
-            rebuilt = rebuild(pool, log, path, store or _beside(path), named)
-            with stage_progress(progress, (RACES,)) as on_match:
-                pair = race_both(
-                    pool,
-                    rebuilt,
-                    log,
-                    path,
-                    (index, driver, at_s),
-                    lambda done, total: on_match(RACES, done, total),
-                )
-            twins = Twins(*pair, index, at_s)
-    return _write(twins, Path(out))
+            rebuilt = known.rebuild(pool, log, path)
+            _make(folder)
+            twins = Twins(*race_both(pool, rebuilt, log, path, (index, driver, at_s), on_race), index, at_s)
+    return _write(twins, folder)
+
+
+class _Known(NamedTuple):
+    """Where matches and policies of recorded races may be: a store that was named, and sources by name."""
+
+    store: str | Path | None
+    named: Mapping[str, str]
+
+    def rebuild(self, pool: Pool, log: RaceLog, recording: Path) -> Rebuilt:
+        """The match of a race; by default from the store of the run that its recording is part of."""
+        beside = recording.resolve().parent.parent / "store.sqlite"
+        return rebuild(pool, log, recording, self.store or (beside if beside.exists() else None), self.named)
 
 
 def _enter(pool: Pool, policy: Candidate, log: RaceLog) -> Entrant:
@@ -137,26 +145,27 @@ def _one_source(policy: Candidate, name: str | None = None) -> str:
     return sources[0]
 
 
-def _beside(recording: Path) -> Path | None:
-    """The store of the run that a recording is part of."""
-    store = recording.resolve().parent.parent / "store.sqlite"
-    return store if store.exists() else None
-
-
 def _two_recordings(
-    pool: Pool, one: Path, other: Path, car: int, store: str | Path | None, named: Mapping[str, str]
+    pool: Pool, paths: tuple[Path, Path], car: int, known: _Known, folder: Path, on_race: OnRace
 ) -> Twins:
-    logs = read_recording(one), read_recording(other)
-    check_one_start(*logs, (one, other))
+    logs = read_recording(paths[0]), read_recording(paths[1])
+    check_one_start(*logs, paths)
+    _make(folder)
     try:
-        sides = []
-        for log, path in zip(logs, (one, other), strict=True):
-            rebuilt = rebuild(pool, log, path, store or _beside(path), named)
-            sides.append(see_again(pool, rebuilt, log, path, car))
+        rebuilt = [known.rebuild(pool, log, path) for log, path in zip(logs, paths, strict=True)]
+        original, twin = see_again(pool, rebuilt, logs, paths, car, on_race)
     except InputError as error:
         # The races can be looked at all the same.
         return Twins(Side(logs[0]), Side(logs[1]), car, missing=str(error))
-    return Twins(sides[0], sides[1], car)
+    return Twins(original, twin, car)
+
+
+def _make(folder: Path) -> None:
+    """Make the folder before races are run for it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
 
 
 def _write(twins: Twins, folder: Path) -> TwinResult:
@@ -164,7 +173,6 @@ def _write(twins: Twins, folder: Path) -> TwinResult:
 
     result = TwinResult(folder, twins)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         write_recording(result.original, twins.original.log)
         write_recording(result.twin, twins.twin.log)
         write_twin_replay(twins, result.replay)

@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Swap
@@ -58,12 +56,23 @@ def race_both(
     return original, twin
 
 
-def see_again(pool: Pool, rebuilt: Rebuilt, log: RaceLog, recording: Path, car: int) -> Side:
-    """A race with what the driver of a car saw, for which it is run again; raises as `race_both`."""
-    wanted = Wanted(rebuilt.match, (log.race,), rebuilt.names, None, seen_by=car)
-    [side] = _raced(pool, [wanted], lambda done, total: None)
-    _check(side, log, recording)
-    return Side(log, side.seen)
+def see_again(
+    pool: Pool,
+    rebuilt: Sequence[Rebuilt],
+    logs: Sequence[RaceLog],
+    recordings: Sequence[Path],
+    car: int,
+    on_race: OnRace,
+) -> list[Side]:
+    """Races with what the drivers of a car saw, for which they are run again; else as `race_both`."""
+    wanted = [
+        Wanted(match, (log.race,), names, None, seen_by=car)
+        for (match, names), log in zip(rebuilt, logs, strict=True)
+    ]
+    sides = _raced(pool, wanted, on_race)
+    for side, log, recording in zip(sides, logs, recordings, strict=True):
+        _check(side, log, recording)
+    return sides
 
 
 def _raced(pool: Pool, wanted: Sequence[Wanted], on_race: OnRace) -> list[Side]:
@@ -83,29 +92,3 @@ def _check(side: Side, log: RaceLog, recording: Path) -> None:
             f"{recording}: came out otherwise when it was run again, expected a machine that computes the "
             "same as the one that recorded it"
         )
-
-
-def check_moment(log: RaceLog, recording: Path, car: int, at_s: float) -> None:
-    """Raise an InputError for a moment at which a car does not drive."""
-    driving = np.flatnonzero(log.samples["driving"][:, car])
-    end_s = float(log.time_s[driving[-1]]) if len(driving) else 0.0
-    if not 0.0 <= at_s <= end_s or not len(driving):
-        raise InputError(
-            f"{recording}: at is {at_s:g} s, expected a moment at which car {car} drives, 0 to {end_s:.1f} s"
-        )
-
-
-def check_one_start(original: RaceLog, twin: RaceLog, recordings: tuple[Path, Path]) -> None:
-    """Raise an InputError for two races that did not begin alike."""
-    between = f"{recordings[0]} and {recordings[1]}"
-    for field in ("circuit", "car"):
-        one, other = getattr(original, field), getattr(twin, field)
-        if one != other:
-            raise InputError(f"{between}: {field} is {one!r} and {other!r}, expected the same")
-    if len(original.names) != len(twin.names):
-        cars = f"{len(original.names)} and {len(twin.names)}"
-        raise InputError(f"{between}: {cars} cars start, expected as many")
-    first = [log.samples[:1] for log in (original, twin)]
-    start = ("x_m", "y_m", "yaw_rad", "velocity_x_m_s")
-    if not all(np.array_equal(first[0][name], first[1][name]) for name in start):
-        raise InputError(f"{between}: the cars start elsewhere or at another speed, expected one start")

@@ -138,6 +138,15 @@ def test_two_recordings_from_one_start_are_shown_together(scenario: Path, tmp_pa
     assert result.twin.read_bytes() == paths[1].read_bytes()
 
 
+def test_races_that_cannot_be_run_again_are_shown_without_what_was_seen(
+    result: TwinResult, tmp_path: Path
+) -> None:
+    again = nathlon.twin(result.original, result.twin, car=CAR, out=tmp_path / "out", progress=False)
+    assert f"It is not known: car 0 is &#39;{RACER.stem}&#39;: expected" in again.page.read_text()
+    assert again.parted_s == result.parted_s
+    assert again.twin.read_bytes() == result.twin.read_bytes()
+
+
 def opened(browser: Browser, page: Path, complaints: list[list[str]], address: str = "") -> Page:
     shown = browser.new_page(viewport={"width": 1440, "height": 1340})
     requests, said = overhear(shown)

@@ -90,7 +90,7 @@ function seenView(player, sides, mark) {
         const unlike = values[0] && values[1] && apart(values[0][p], values[1][p], group.range[p]) > UNLIKE;
         cells.forEach((parts, i) => {
           const v = values[i]?.[p];
-          parts[p].textContent = v === null || v === undefined ? "–" : v.toFixed(group.digits).replace("-", "−");
+          parts[p].textContent = v === null || v === undefined ? "–" : (Number(v.toFixed(group.digits)) || 0).toFixed(group.digits).replace("-", "−");
           parts[p].classList.toggle("unlike", Boolean(unlike));
         });
       });
