@@ -46,6 +46,7 @@ def film_episodes(wanted: Wanted, policies: Sequence[Any], watch: Watch) -> Reco
             "expected environments made with render_mode 'rgb_array'"
         )
     assert folder is not None
+    assert wanted.results is not None
     for race in wanted.races:
         camera = Camera()
         rows.append(world.replay((wanted.match, policies), race, watch, camera))

@@ -29,15 +29,17 @@ class Wanted(NamedTuple):
         match: the match.
         races: their indices in it.
         names: of its entrants, as reports show them.
-        results: RESULTS that it came to when it was first run.
+        results: RESULTS that it came to when it was first run; None if it was not.
         folder: where the worker leaves the recordings, instead of sending the logs; None if it sends them.
+        seen_by: a car of the first of these races; what its drivers see is sent as well.
     """
 
     match: Match
     races: tuple[int, ...]
     names: tuple[str, ...]
-    results: pl.DataFrame
+    results: pl.DataFrame | None
     folder: Path | None = None
+    seen_by: int | None = None
 
 
 @dataclass(frozen=True)

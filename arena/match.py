@@ -42,6 +42,22 @@ class Race:
 
 
 @dataclass(frozen=True)
+class Swap:
+    """Another entrant at the wheel of a car from a moment on, without memory of what was before.
+
+    Attributes:
+        race, car: which car, as indices.
+        entrant: who drives it then; it needs no seat.
+        from_s: when, s since the start.
+    """
+
+    race: int
+    car: int
+    entrant: int
+    from_s: float
+
+
+@dataclass(frozen=True)
 class Match:
     """Races of one scenario between some entrants.
 
@@ -52,6 +68,7 @@ class Match:
         entrants: ids of the policies.
         sources: where to load them from; does not decide the outcome.
         world: name of the simulator, see `nathlon.arena.worlds.registry`.
+        swap: of a car's driver; None in all matches that decide something.
     """
 
     stage: str
@@ -63,6 +80,7 @@ class Match:
     sources: tuple[str, ...]
     races: tuple[Race, ...]
     world: str = RACING
+    swap: Swap | None = None
 
     @classmethod
     def from_spec(cls, spec: Mapping[str, Any], sources: Mapping[str, str]) -> Match:
@@ -124,4 +142,6 @@ class Match:
         """All that decides the outcome, as plain JSON values."""
         facts = asdict(self) | load_world(self.world, self.circuit, self.car).facts(self.scenario)
         del facts["sources"]
+        if self.swap is None:
+            del facts["swap"]
         return facts

@@ -16,7 +16,6 @@ import polars as pl
 from nathlon.arena.grouping import group
 from nathlon.arena.job import Answer, Job, Loss, Opening, Racing, Wanted, again
 from nathlon.arena.match import Match
-from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.serving import came_otherwise, do, serve
@@ -113,12 +112,10 @@ class Pool:
         if refused:
             raise refused[0]
 
-    def record(
-        self, wanted: Sequence[Wanted]
-    ) -> Generator[tuple[Match, list[RaceLog] | InputError], None, None]:
-        """Run matches again, watched as in `run`, and yield each with the logs of its wanted races.
+    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+        """Run matches again, watched as in `run`, and yield each with what was recorded of it.
 
-        In place of the logs there is an InputError where a policy cannot be loaded or is another one by now,
+        In its place there is an InputError where a policy cannot be loaded or is another one by now,
         where the match came out otherwise, and where a recording cannot be written.
         """
         with closing(self._work([[Racing(each.match, each)] for each in wanted])) as ended:
@@ -126,7 +123,7 @@ class Pool:
                 assert isinstance(racing, Racing)
                 if isinstance(answer, Recorded):
                     void = answer.results["ending"].is_in(VOID_ENDINGS).all()
-                    yield racing.match, came_otherwise(racing.match) if void else answer.logs
+                    yield racing.match, came_otherwise(racing.match) if void else answer
                 else:
                     yield racing.match, answer
 

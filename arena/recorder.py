@@ -14,6 +14,7 @@ from nathlon.arena.incidents import Alarm, IncidentWatch
 from nathlon.arena.match import Match
 from nathlon.arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, Outline, RaceLog, Stretch
 from nathlon.arena.runner import run_together
+from nathlon.arena.sight import Seen, Sight
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.policies.policy import Policy
@@ -74,10 +75,12 @@ class Recorded(NamedTuple):
     Attributes:
         results: schema RESULTS.
         logs: of the races that were kept.
+        seen: by the drivers of the car that was asked for, in turn.
     """
 
     results: pl.DataFrame
     logs: list[RaceLog]
+    seen: tuple[Seen, ...] = ()
 
 
 class _Moment(NamedTuple):
@@ -102,6 +105,7 @@ def record_races(
     races: Sequence[int],
     names: Sequence[str],
     watch: Watch | None = None,
+    seen_by: int | None = None,
 ) -> Recorded:
     """Run a match again and keep some of its races, at its own rate of actions or 10 to 20 samples a second.
 
@@ -111,14 +115,22 @@ def record_races(
         races: indices of the races to keep; the logs are in their order.
         names: of the match's entrants, as reports show them.
         watch: told who is asked.
+        seen_by: a car of the first of these races; what its drivers see is kept.
     """
     recorder = _Recorder(match, races, names)
-    [(_, results)] = run_together({0: (match, policies)}, watch or Watch(), recorder)
+    sight = None if seen_by is None else Sight(match, policies, races[0], seen_by)
+
+    def observe(world: World) -> None:
+        recorder(world)
+        if sight:
+            sight(world)
+
+    [(_, results)] = run_together({0: (match, policies)}, watch or Watch(), observe)
     logs = []
     for index, race in enumerate(races):
         rows = results.filter(results["race"] == race).sort("car")
         logs.append(recorder.log(index, list(rows["ending"]), rows["driven_s"].to_list()))
-    return Recorded(results, logs)
+    return Recorded(results, logs, sight.seen if sight else ())
 
 
 class _Recorder:
@@ -126,7 +138,7 @@ class _Recorder:
 
     def __init__(self, match: Match, races: Sequence[int], names: Sequence[str]) -> None:
         self._match, self._races = match, list(races)
-        self._names = [[names[seat.entrant] for seat in match.races[race].seats] for race in races]
+        self._names = [_driver_names(match, race, names) for race in races]
         self._track = load_track(match.circuit)
         self._outline = outline(self._track)
         rules = load_rules(load_scenario(match.scenario).rules)
@@ -221,6 +233,15 @@ class _Recorder:
             samples=samples,
             incidents=tuple(sorted(incidents, key=lambda incident: incident.time_s)),
         )
+
+
+def _driver_names(match: Match, race: int, names: Sequence[str]) -> list[str]:
+    """Names of those who drive the cars of a race; one who takes over later is named with the moment."""
+    drivers = [names[seat.entrant] for seat in match.races[race].seats]
+    if match.swap and match.swap.race == race:
+        name, from_s = names[match.swap.entrant], match.swap.from_s
+        drivers[match.swap.car] = f"{name} from {from_s:g} s" if from_s > 0.0 else name
+    return drivers
 
 
 def outline(track: Track) -> Outline:

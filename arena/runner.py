@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.classification import BLANK, classify
-from nathlon.arena.match import Match
+from nathlon.arena.match import Match, Swap
 from nathlon.arena.team import ROW_WISE, Absent, Team
 from nathlon.arena.watch import Watch
 from nathlon.policies.policy import Batch, Policy
@@ -27,6 +28,8 @@ Observer = Callable[[World], None]
 LineUp = tuple[Match, Sequence[Policy | Absent]]
 """A match and a policy for each of its entrants."""
 
+EARLY_S = 1e-6
+"""By how much a moment of the world may fall short of one that is named."""
 MOTION = ("x", "y", "yaw", "world_velocity_x", "world_velocity_y", "yaw_rate")
 """Fields of CAR_STATE that no other can be wrong for long without."""
 
@@ -103,6 +106,25 @@ class _View:
                 yield team, seen[rows], due[rows]
 
 
+class _Relief(NamedTuple):
+    """Somebody who takes a car over from a moment on.
+
+    It is asked for all cars of the one whose place it takes, and heard for its own: matrix products round
+    differently with the number of rows, and so the same policy drives the same to the bit.
+
+    Attributes:
+        car: index in the world.
+        from_s: when, s.
+        view: what it would see in all those cars; None if its policy is absent.
+        policy: its policy.
+    """
+
+    car: int
+    from_s: float
+    view: _View | None
+    policy: Policy | Absent
+
+
 class _Meeting:
     """Matches that share a world, whose cars are numbered race by race."""
 
@@ -123,6 +145,11 @@ class _Meeting:
         self._driven = np.zeros(self.world.state.shape)
         self._actions = np.zeros((self._cars.size, 2), np.float32)
         self._views = self._line_up(line_ups)
+        self._reliefs = [
+            self._relief(number, match.swap, policies)
+            for number, (match, policies) in line_ups.items()
+            if match.swap
+        ]
 
     def _line_up(self, line_ups: Mapping[int, LineUp]) -> list[_View]:
         """All teams by what they observe; cars whose policy is absent are out."""
@@ -145,6 +172,17 @@ class _Meeting:
             views[everybody.policy.observation_spec].append(everybody)
         return [_View(spec, teams, grid, self._reaction) for spec, teams in views.items()]
 
+    def _relief(self, number: int, swap: Swap, policies: Sequence[Policy | Absent]) -> _Relief:
+        match, first, grid = self._matches[number], self._races[number].start, self._endings.shape[1]
+        before = match.races[swap.race].seats[swap.car].entrant
+        seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
+        cars = np.flatnonzero(seats == before) + grid * first
+        view, policy = None, policies[swap.entrant]
+        if not isinstance(policy, Absent):
+            team = Team(policy, cars, number, swap.entrant, match.races[0].seed + before)
+            view = _View(policy.observation_spec, [team], grid, self._reaction)
+        return _Relief(grid * (first + swap.race) + swap.car, swap.from_s, view, policy)
+
     def _retire(self, cars: NDArray[np.int64], ending: str) -> None:
         """Take those of some cars that still drive out of their races, now."""
         cars = cars[self._cars["driving"][cars]]
@@ -157,6 +195,11 @@ class _Meeting:
         for view in self._views:
             view.keep(self._cars["driving"])
         self._views = [view for view in self._views if view.teams]
+        driving = self._cars["driving"]
+        self._reliefs = [relief for relief in self._reliefs if driving[relief.car]]
+        for relief in self._reliefs:
+            if relief.view:
+                relief.view.keep(driving)
 
     def over(self, number: int) -> bool:
         """Whether no car of a match drives any more."""
@@ -186,17 +229,46 @@ class _Meeting:
 
     def _act(self) -> None:
         """Set the actions of all cars whose turn it is; those with a faulty policy are out."""
+        relieved = self._relieved()
         for view in self._views:
             for team, seen, due in view.look(self.world):
                 actions, fault = team.act(seen, due, self._watch)
                 asked = team.cars[due]
                 self._actions[asked] = actions[due]
                 if fault:
-                    self._retire(asked, fault)
+                    self._retire(np.setdiff1d(asked, relieved), fault)
+        for relief in self._reliefs:
+            self._take_over(relief, relief.car in relieved)
         illegal = ~np.isfinite(self._actions).all(axis=1)
         if illegal.any():
             self._retire(np.flatnonzero(illegal), "illegal_action")
             self._actions[illegal] = 0.0
+
+    def _relieved(self) -> list[int]:
+        """Cars that somebody else drives by now."""
+        grid = self._endings.shape[1]
+        return [
+            relief.car
+            for relief in self._reliefs
+            if self.world.time[relief.car // grid] > relief.from_s - EARLY_S
+        ]
+
+    def _take_over(self, relief: _Relief, now: bool) -> None:
+        """Look at the race as a relief does, and set the action of its car if it drives now."""
+        if isinstance(relief.policy, Absent):
+            if now:
+                self._retire(np.array([relief.car]), relief.policy.ending)
+            return
+        assert relief.view is not None, "a policy looks"
+        # What it sees may be late: it looks from the start.
+        for team, seen, due in relief.view.look(self.world):
+            [row] = np.flatnonzero(team.cars == relief.car)
+            if not (now and due[row]):
+                continue
+            actions, fault = team.act(seen, due, self._watch)
+            self._actions[relief.car] = actions[row]
+            if fault:
+                self._retire(team.cars[[row]], fault)
 
     def _void_faulty_races(self, driving: NDArray[np.bool_]) -> None:
         """Void the races in which the motion of a car that drove in the last step is not finite."""

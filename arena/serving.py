@@ -120,8 +120,8 @@ def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -
         from nathlon.arena.filming import film_episodes  # most processes film nothing
 
         return film_episodes(wanted, policies, watch)
-    recorded = record_races(wanted.match, policies, wanted.races, wanted.names, watch)
-    if not came_out_alike(recorded.results, wanted.results):
+    recorded = record_races(wanted.match, policies, wanted.races, wanted.names, watch, wanted.seen_by)
+    if wanted.results is not None and not came_out_alike(recorded.results, wanted.results):
         return came_otherwise(wanted.match)
     if wanted.folder is None:
         return recorded

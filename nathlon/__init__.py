@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from nathlon.api.recipes import RecipesResult, recipes
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
+    from nathlon.api.twinning import TwinResult, twin
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
@@ -49,6 +50,7 @@ _FROM = {
     "RecipesResult": "nathlon.api.recipes",
     "SelectionResult": "nathlon.api.selection",
     "TrainingResult": "nathlon.api.training",
+    "TwinResult": "nathlon.api.twinning",
     "load_policy": "nathlon.policies.load",
     "GymnasiumWorld": "nathlon.arena.worlds.environment",
     "Declared": "nathlon.arena.worlds.environment",
@@ -61,6 +63,7 @@ _FROM = {
     "recipes": "nathlon.api.recipes",
     "select": "nathlon.api.selection",
     "train": "nathlon.api.training",
+    "twin": "nathlon.api.twinning",
 }
 
 __all__ = [
@@ -80,6 +83,7 @@ __all__ = [
     "RecipesResult",
     "SelectionResult",
     "TrainingResult",
+    "TwinResult",
     "gate",
     "load_policy",
     "matrix",
@@ -89,6 +93,7 @@ __all__ = [
     "recipes",
     "select",
     "train",
+    "twin",
 ]
 
 

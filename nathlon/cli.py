@@ -24,6 +24,7 @@ from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.track import import_track, show_track
 from nathlon.commands.training import polish, train
+from nathlon.commands.twin import twin
 from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -38,7 +39,7 @@ app = typer.Typer(
 )
 for command in (
     demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, status, report, train, polish, ablate,
-    recipes, race, replay, incident, export, observation,
+    recipes, race, replay, twin, incident, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

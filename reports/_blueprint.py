@@ -24,11 +24,7 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     names, dots = (
         [f"- world/cars/{car}/{part}" for car in range(len(log.names))] for part in ("name", "dot")
     )
-    chase = _space(
-        f"Behind {name}",
-        rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/chase"),
-        [f"- world/cars/{followed}/name", "- world/incidents/**", *dots],
-    )
+    chase = chase_view(log, followed, "", f"Behind {name}")
     above = _space(
         f"Around {name}",
         rrb.EyeControls3D(tracking_entity=f"world/cars/{followed}/above"),
@@ -38,35 +34,35 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     # There the names of marks would stand in a heap.
     nameless = rr.Points3D.from_fields(show_labels=False)
     whole = _space("Whole circuit", _above(log.outline), names, marks, nameless)
-    shown_s = {f"map/trails/{car}": TRAIL_S for car in range(len(log.names))}
-    shown_s |= {f"map/incidents/{incident.kind}": MARK_S for incident in log.incidents}
-    circuit = rrb.Spatial2DView(
-        origin="map",
-        name=f"Map of {log.circuit}",
-        background=[28, 30, 34],
-        visual_bounds=_around(log.outline),
-        overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
-    )
+    circuit = map_view(log, "", f"Map of {log.circuit}")
     pedals = [f"$origin/{share}/{followed}" for share in ("throttle", "brake", "slipstream")]
-    recent = rr.TimeRange(
-        start=rr.TimeRangeBoundary.cursor_relative(seconds=-SERIES_S),
-        end=rr.TimeRangeBoundary.cursor_relative(),
-    )
-    whole_race = rr.TimeRange(
-        start=rr.TimeRangeBoundary.absolute(seconds=0.0),
-        end=rr.TimeRangeBoundary.absolute(seconds=float(log.time_s[-1]) if len(log.time_s) else 0.0),
-    )
+    whole_race = absolute(float(log.time_s[-1]) if len(log.time_s) else 0.0)
     series = rrb.Vertical(
-        _series("Speed (km/h), all cars; incidents", ["$origin/speed/**", "$origin/incidents/**"], recent),
-        _series(f"Throttle, brake and slipstream of {name}", pedals, recent, (-0.02, 1.02), legend=True),
-        _series(f"Steering of {name} (left +)", [f"$origin/steering/{followed}"], recent, (-1.0, 1.0)),
-        _series(
+        series_view(
+            "Speed (km/h), all cars; incidents",
+            "series",
+            ["$origin/speed/**", "$origin/incidents/**"],
+            recent(),
+        ),
+        series_view(
+            f"Throttle, brake and slipstream of {name}",
+            "series",
+            pedals,
+            recent(),
+            (-0.02, 1.02),
+            legend=True,
+        ),
+        series_view(
+            f"Steering of {name} (left +)", "series", [f"$origin/steering/{followed}"], recent(), (-1.0, 1.0)
+        ),
+        series_view(
             "Places (the first on top) and incidents, whole race",
+            "series",
             ["$origin/place/**", "$origin/standings/**"],
             whole_race,
             (-len(log.names) - 0.5, -0.5),
         ),
-        _series("Gap to the first (s), whole race", ["$origin/gap/**"], whole_race),
+        series_view("Gap to the first (s), whole race", "series", ["$origin/gap/**"], whole_race),
     )
     lists = rrb.Tabs(
         rrb.TextLogView(
@@ -93,15 +89,56 @@ def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     )
 
 
+def chase_view(log: RaceLog, followed: int, branch: str, name: str) -> rrb.Spatial3DView:
+    """A race from behind one car; `branch` is what its entities lie below, empty or ending in /."""
+    cars = f"{branch}world/cars"
+    dots = [f"- {cars}/{car}/dot" for car in range(len(log.names))]
+    return _space(
+        name,
+        rrb.EyeControls3D(tracking_entity=f"{cars}/{followed}/chase"),
+        [f"- {cars}/{followed}/name", f"- {branch}world/incidents/**", *dots],
+        origin=f"{branch}world",
+    )
+
+
+def map_view(log: RaceLog, branch: str, name: str) -> rrb.Spatial2DView:
+    """A race from above, with trails; `branch` as for `chase_view`."""
+    shown_s = {f"{branch}map/trails/{car}": TRAIL_S for car in range(len(log.names))}
+    shown_s |= {f"{branch}map/incidents/{incident.kind}": MARK_S for incident in log.incidents}
+    return rrb.Spatial2DView(
+        origin=f"{branch}map",
+        name=name,
+        background=[28, 30, 34],
+        visual_bounds=_around(log.outline),
+        overrides={entity: _last(seconds) for entity, seconds in shown_s.items()},
+    )
+
+
+def recent() -> rr.TimeRange:
+    """The last seconds before the time cursor."""
+    return rr.TimeRange(
+        start=rr.TimeRangeBoundary.cursor_relative(seconds=-SERIES_S),
+        end=rr.TimeRangeBoundary.cursor_relative(),
+    )
+
+
+def absolute(end_s: float) -> rr.TimeRange:
+    """A race from its start to its end."""
+    return rr.TimeRange(
+        start=rr.TimeRangeBoundary.absolute(seconds=0.0), end=rr.TimeRangeBoundary.absolute(seconds=end_s)
+    )
+
+
 def _space(
     name: str,
     eye: rrb.EyeControls3D,
     without: list[str],
     marks: Sequence[str] = (),
     *look: rrb.VisualizableArchetype,
+    origin: str = "world",
 ) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
-        origin="world",
+        origin=origin,
         name=name,
         contents=["$origin/**", *without],
         eye_controls=eye,
@@ -120,15 +157,17 @@ def _above(outline: Outline) -> rrb.EyeControls3D:
     )
 
 
-def _series(
+def series_view(
     name: str,
+    origin: str,
     contents: list[str],
     shown: rr.TimeRange,
     span: tuple[float, float] | None = None,
     legend: bool = False,
 ) -> rrb.TimeSeriesView:
+    """A chart of scalars below an entity, over a time that is shown."""
     return rrb.TimeSeriesView(
-        origin="series",
+        origin=origin,
         name=name,
         contents=contents,
         axis_x=rrb.TimeAxis(view_range=shown),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any, Protocol
+
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -20,7 +23,17 @@ PAINT_M = 0.03
 """Height of painted lines above the road, so that they are seen."""
 
 
-def log_circuit(stream: rr.RecordingStream, outline: Outline) -> None:
+class Logging(Protocol):
+    """Where entities are logged: a Rerun stream, or a part of one."""
+
+    def log(self, entity_path: str, entity: Any, *extra: Any, static: bool = False) -> None:
+        """Log something now or for ever."""
+
+    def send_columns(self, entity_path: str, indexes: Iterable[Any], columns: Iterable[Any]) -> None:
+        """Log something for many times."""
+
+
+def log_circuit(stream: Logging, outline: Outline) -> None:
     """Draw the ground, painted lines, walls and the country around in the world's frame."""
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     vertices, triangles = countryside(outline)
@@ -49,7 +62,7 @@ def log_circuit(stream: rr.RecordingStream, outline: Outline) -> None:
             stream.log(f"world/circuit/wall_{side}/{panel}", _mesh(quads[mine], colour), static=True)
 
 
-def log_map(stream: rr.RecordingStream, outline: Outline) -> None:
+def log_map(stream: Logging, outline: Outline) -> None:
     """Draw the road from above."""
     half_width_m = float(np.mean(np.linalg.norm(outline.left - outline.right, axis=1))) / 2
     surface = rr.LineStrips2D([north_up(_closed(outline.centre))], radii=half_width_m, colors=[70, 72, 78])

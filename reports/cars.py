@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from nathlon.arena.foxglove_scene import TEAM_COLOURS
 from nathlon.arena.race_log import RaceLog
+from nathlon.sim.errors import InputError
 
 
 def winner(log: RaceLog) -> int:
@@ -16,6 +19,24 @@ def winner(log: RaceLog) -> int:
 def labels(log: RaceLog) -> list[str]:
     """Number and name of each car."""
     return [f"{car} {name}" for car, name in enumerate(log.names)]
+
+
+def car_index(log: RaceLog, car: str, path: Path) -> int:
+    """The car with this number or name; the best placed one of several with the same name.
+
+    Raises:
+        InputError: if there is none.
+    """
+    numbers = range(len(log.names))
+    if car.isdecimal() and int(car) in numbers:
+        return int(car)
+    named = [number for number in numbers if car in (log.names[number], labels(log)[number])]
+    if not named:
+        raise InputError(
+            f"{path}: there is no car {car!r}, expected a number from 0 to {len(numbers) - 1} "
+            f"or one of {', '.join(dict.fromkeys(log.names))}"
+        )
+    return min(named, key=lambda number: log.samples["place"][-1, number]) if len(log.time_s) else named[0]
 
 
 def car_colours(teams: tuple[int, ...]) -> list[tuple[int, int, int]]:

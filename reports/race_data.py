@@ -50,9 +50,9 @@ def race_data(log: RaceLog) -> dict[str, Any]:
         "width": log.car_width_m,
         "origin": round(origin(log), 1),
         "ticks": len(rows),
-        "time": _packed(np.rint(log.time_s[rows] * 1000.0)[None]),
+        "time": packed(np.rint(log.time_s[rows] * 1000.0)[None]),
         "columns": [{"name": name, "step": step} for name, step in STEPS.items()],
-        "samples": _packed(_columns(log, rows)),
+        "samples": packed(_columns(log, rows)),
         "incidents": [
             {
                 "time": round(incident.time_s, 3),
@@ -91,8 +91,8 @@ def circuit_data(log: RaceLog) -> dict[str, Any]:
         "lap": round(lap_length(outline), 1),
         "lines": lines,
         "step": OUTLINE_STEP_M,
-        "points": _packed(np.rint(points / OUTLINE_STEP_M)),
-        "runoff": _packed(np.stack([outline.runoff_left, outline.runoff_right, outline.zone])),
+        "points": packed(np.rint(points / OUTLINE_STEP_M)),
+        "runoff": packed(np.stack([outline.runoff_left, outline.runoff_right, outline.zone])),
         "surfaces": [_css(RUNOFF.get(name, ROAD)) for name in SURFACES],
         "road": _css(ROAD),
         "kerb": [_css(colour) for colour in KERB],
@@ -128,7 +128,7 @@ def _columns(log: RaceLog, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     )
 
 
-def _packed(rows: NDArray[Any]) -> str:
+def packed(rows: NDArray[Any]) -> str:
     """Rows of whole numbers as differences along each row, 32-bit little-endian, deflated, in base64."""
     differences = np.ascontiguousarray(np.diff(rows, axis=1, prepend=0), "<i4")
     # The bytes of one weight together: they are alike.

@@ -12,7 +12,7 @@ import rerun as rr
 
 from nathlon.arena.race_log import NOTICES, Incident, RaceLog, orientation
 from nathlon.reports._blueprint import TIMELINE, blueprint
-from nathlon.reports._circuit import log_circuit, log_map, north_up
+from nathlon.reports._circuit import Logging, log_circuit, log_map, north_up
 from nathlon.reports._motion import POSE, gaps, poses
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, labels, winner
@@ -53,16 +53,21 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
     # To a file, Rerun writes from a thread that waits for ever once the disk is full.
     written = rr.binary_stream(stream)
     stream.send_blueprint(blueprint(log, followed), make_active=False)
-    log_circuit(stream, log.outline)
-    log_map(stream, log.outline)
-    _log_cars(stream, log, followed)
-    _log_series(stream, log, followed)
-    _log_incidents(stream, log)
+    log_race(stream, log, followed)
     stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
     content = written.read()
     stream.disconnect()
     with whole_file(path) as partial:
         partial.write_bytes(content or b"")
+
+
+def log_race(stream: Logging, log: RaceLog, followed: int) -> None:
+    """Log the circuit, the cars with their cameras, how they were driven, and what the stewards noted."""
+    log_circuit(stream, log.outline)
+    log_map(stream, log.outline)
+    _log_cars(stream, log, followed)
+    _log_series(stream, log, followed)
+    _log_incidents(stream, log)
 
 
 def open_viewer(replay: Path) -> None:
@@ -104,7 +109,7 @@ def _plain(value: object) -> str:
     return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", str(value))
 
 
-def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
+def _log_cars(stream: Logging, log: RaceLog, followed: int) -> None:
     ticks = np.arange(len(log.time_s))
     if not len(ticks):
         return
@@ -131,9 +136,7 @@ def _log_cars(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
     _log_cameras(stream, followed)
 
 
-def _log_body(
-    stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple[int, int, int], label: str
-) -> None:
+def _log_body(stream: Logging, log: RaceLog, car: int, colour: tuple[int, int, int], label: str) -> None:
     vertices, triangles, colours = car_model(log.car_length_m, log.car_width_m, colour)
     body = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, vertex_colors=colours)
     stream.log(f"world/cars/{car}/body", body, static=True)
@@ -144,7 +147,7 @@ def _log_body(
     stream.log(f"world/cars/{car}/dot", dot, static=True)
 
 
-def _log_draught(stream: rr.RecordingStream, log: RaceLog, car: int) -> None:
+def _log_draught(stream: Logging, log: RaceLog, car: int) -> None:
     """Streaks of air ahead of the car, the longer the deeper it sits in the wakes of others."""
     side, nose_m = 0.4 * log.car_width_m, log.car_length_m / 2
     roots = np.array([[nose_m, y, z] for y in (-side, 0.0, side) for z in (0.5, 1.1)])
@@ -159,7 +162,7 @@ def _log_draught(stream: rr.RecordingStream, log: RaceLog, car: int) -> None:
     stream.send_columns(f"world/cars/{car}/draught", index, streaks.partition(len(roots) * drawn))
 
 
-def _log_trail(stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple[int, int, int]) -> None:
+def _log_trail(stream: Logging, log: RaceLog, car: int, colour: tuple[int, int, int]) -> None:
     """One stroke from each sample to the next; the map shows the last few."""
     path = north_up(np.stack([log.samples["x_m"][:, car], log.samples["y_m"][:, car]], axis=1))
     strokes = rr.LineStrips2D.columns(strips=list(np.stack([path[:-1], path[1:]], axis=1)))
@@ -168,7 +171,7 @@ def _log_trail(stream: rr.RecordingStream, log: RaceLog, car: int, colour: tuple
     stream.log(f"map/trails/{car}", rr.LineStrips2D.from_fields(radii=-1.5, colors=colour), static=True)
 
 
-def _log_cameras(stream: rr.RecordingStream, followed: int) -> None:
+def _log_cameras(stream: Logging, followed: int) -> None:
     for name, (metres, down_degrees) in CAMERAS.items():
         stream.log(
             f"world/cars/{followed}/{name}",
@@ -187,7 +190,7 @@ def _log_cameras(stream: rr.RecordingStream, followed: int) -> None:
         )
 
 
-def _log_series(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None:
+def _log_series(stream: Logging, log: RaceLog, followed: int) -> None:
     gap_s = gaps(log)
     for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
         sample = log.samples[:, car]
@@ -210,7 +213,7 @@ def _log_series(stream: rr.RecordingStream, log: RaceLog, followed: int) -> None
             stream.send_columns(entity, index, rr.Scalars.columns(scalars=values[known]))
 
 
-def _log_incidents(stream: rr.RecordingStream, log: RaceLog) -> None:
+def _log_incidents(stream: Logging, log: RaceLog) -> None:
     """What the stewards noted: as text, and as marks in the scene, on the map and on speeds and places."""
     for kind in sorted({incident.kind for incident in log.incidents}):
         incidents, colour = [i for i in log.incidents if i.kind == kind], MARK_COLOURS[kind]

@@ -126,5 +126,5 @@ def _record(
         raise answer
     path = output.races / "race.mcap"
     with output.filling():
-        write_recording(path, answer[0])
+        write_recording(path, answer.logs[0])
     return path

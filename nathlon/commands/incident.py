@@ -44,7 +44,9 @@ def incident(
     beside = recording.resolve().parent.parent / "store.sqlite"
     known = store or (str(beside) if beside.exists() else None)
     frozen = freeze(log, at_s, car, _file_name(name), before_s, after_s, runs)
-    path = add_incident(out, frozen, sources_of(log, known, dict(map(_named, policy or ()))))
+    path = add_incident(
+        out, frozen, sources_of(log, known, dict(named_policy(each, "--policy") for each in policy or ()))
+    )
     passed, measure = frozen.skill.passed, frozen.skill.measure
     assert passed is not None, "an incident is passed or failed"
     facts = {"test": path, "happened": frozen.happened.text, "begins": f"{before_s:g} s before"}
@@ -62,8 +64,9 @@ def _file_name(name: str) -> str:
     return name
 
 
-def _named(text: str) -> tuple[str, str]:
+def named_policy(text: str, option: str) -> tuple[str, str]:
+    """Name and source of a policy that an option gives as NAME=FILE."""
     name, given, file = text.rpartition("=")
     if not given:
-        raise InputError(f"--policy is {text!r}, expected NAME=FILE")
+        raise InputError(f"{option} is {text!r}, expected NAME=FILE")
     return name, file

@@ -5,7 +5,7 @@ from __future__ import annotations
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -13,9 +13,6 @@ from nathlon.commands.options import AsJson, Out
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.terminal import print_json, say, tell, warn
-
-if TYPE_CHECKING:
-    from nathlon.arena.race_log import RaceLog
 
 
 def replay(
@@ -48,6 +45,10 @@ def replay(
     """Look at a race or an episode: in Rerun, in the browser, as a page of its own, or as a video."""
     if race is None and not Path(source).exists():
         raise InputError(f"{source}: no such file, expected a recording")
+    if race is not None and Path(race).suffix == Path(source).suffix == ".mcap":
+        raise InputError(
+            f"{race}: is a second recording, expected one; nathlon twin {source} {race} --car N shows both"
+        )
     if recover:
         _recover(Path(source), as_json)
         return
@@ -108,6 +109,7 @@ def _make_race(
 ) -> Path | None:
     """What is wanted of a race's recording: noted in `made`; the Rerun replay, if it is that."""
     from nathlon.arena.recording import read_recording
+    from nathlon.reports.cars import car_index
 
     log = read_recording(path)
     follow = None if car is None else car_index(log, car, path)
@@ -142,26 +144,6 @@ def _recover(recording: Path, as_json: bool) -> None:
     tell(made, as_json)
     lost = "nothing was missing" if found.whole else "what came after cannot be read"
     say(f"The race until {until_s:.1f} s; {lost}")
-
-
-def car_index(log: RaceLog, car: str, path: Path) -> int:
-    """The car with this number or name; the best placed one of several with the same name.
-
-    Raises:
-        InputError: if there is none.
-    """
-    from nathlon.reports.cars import labels
-
-    numbers = range(len(log.names))
-    if car.isdecimal() and int(car) in numbers:
-        return int(car)
-    named = [number for number in numbers if car in (log.names[number], labels(log)[number])]
-    if not named:
-        raise InputError(
-            f"{path}: there is no car {car!r}, expected a number from 0 to {len(numbers) - 1} "
-            f"or one of {', '.join(dict.fromkeys(log.names))}"
-        )
-    return min(named, key=lambda number: log.samples["place"][-1, number]) if len(log.time_s) else named[0]
 
 
 def _written(path: Path, write: Callable[[], object]) -> Path:

@@ -11,13 +11,16 @@ from nathlon.policies.sources import DRIVER, PLUGIN
 from nathlon.sim.errors import InputError
 
 
-def sources_of(log: RaceLog, store: Path | str | None, named: Mapping[str, str]) -> dict[int, str]:
+def sources_of(
+    log: RaceLog, store: Path | str | None, named: Mapping[str, str], option: str = "--policy"
+) -> dict[int, str]:
     """Sources of the policies of a race by car.
 
     Args:
         log: the race.
         store: that holds its run; None where there is none.
         named: sources by the names of the policies, which come first.
+        option: of the command by which these are given, for errors.
 
     Raises:
         InputError: if that of a car is not known.
@@ -32,7 +35,7 @@ def sources_of(log: RaceLog, store: Path | str | None, named: Mapping[str, str])
         elif name.partition(":")[0] in (DRIVER, PLUGIN):
             found[car] = name
         else:
-            raise InputError(f"car {car} is {name!r}: expected --policy {name}=FILE, or --store with its run")
+            raise InputError(f"car {car} is {name!r}: expected {option} {name}=FILE, or --store with its run")
     return found
 
 

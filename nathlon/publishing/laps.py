@@ -56,7 +56,7 @@ def keep_laps(store: Store, run: str, pool: Pool) -> None:
     for match, answer in pool.record([want for want, _ in wanted.values()]):
         _, trial = wanted[match.key]
         if not isinstance(answer, InputError):
-            driven.append((trial["entrant"], lap_of(answer[0], trial["best_lap_s"])))
+            driven.append((trial["entrant"], lap_of(answer.logs[0], trial["best_lap_s"])))
     if driven:
         frames = [
             lap.with_columns(entrant=pl.lit(entrant)).select(LAPS.names())

@@ -85,7 +85,7 @@ def run_again(
         called = tuple(names.get(entrant, entrant) for entrant in match.entrants)
         wanted.append(Wanted(match, tuple(numbers), called, store.results_of([key]), folder))
     for match, answer in pool.record(wanted):
-        yield match.key, answer
+        yield match.key, answer if isinstance(answer, InputError) else answer.logs
 
 
 def stored_match(store: Store, key: str, entrants: pl.DataFrame) -> Match:

@@ -85,7 +85,7 @@ def _record(
         if isinstance(answer, InputError):
             log.warning("%s", answer)
         else:
-            logs |= {(match.key, one.race): one for one in answer}
+            logs |= {(match.key, one.race): one for one in answer.logs}
         run.on_match(RECORDINGS, done, len(wanted))
     return logs
 

@@ -178,7 +178,7 @@ def test_races_are_recorded_behind_the_same_watch(site: Path) -> None:
     for match, answer in recorded.items():
         assert not isinstance(answer, InputError)
         distance = run[match.key].sort("car")["distance_m"]
-        np.testing.assert_array_equal(answer[0].samples["distance_m"][-1], distance)
+        np.testing.assert_array_equal(answer.logs[0].samples["distance_m"][-1], distance)
 
 
 def test_a_policy_that_is_another_one_by_now_is_refused_after_the_others_have_run(

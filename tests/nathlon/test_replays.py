@@ -18,11 +18,12 @@ from nathlon.arena.recording import read_recording, recording_name, write_record
 from nathlon.arena.results import RANKING, RESULTS
 from nathlon.arena.runner import run_match
 from nathlon.arena.store import Store
-from nathlon.commands.replay import car_index, replay
+from nathlon.commands.replay import replay
 from nathlon.publishing.decider import Notable, deciding_race, notable_races
 from nathlon.publishing.output import OutputFolder
 from nathlon.publishing.recordings import record_tournament
 from nathlon.publishing.replays import record_replays, record_stored_race
+from nathlon.reports.cars import car_index
 from nathlon.sim.errors import InputError
 from tests.race_logs import oval_race
 

@@ -149,6 +149,18 @@ def test_a_race_that_was_not_recorded_says_how_to_record_it(
     opened.assert_quiet()
 
 
+def test_the_command_of_a_twin_names_the_moment_and_the_car(
+    browser: Browser, tmp_path: Path, full: Selection
+) -> None:
+    opened = open_race(browser, tmp_path, full, at=5)
+    opened.page.locator("#follow").select_option("2")
+    opened.page.get_by_role("button", name="race it again").click()
+    asked = opened.page.get_by_role("status").locator("pre").inner_text()
+    assert asked.startswith("nathlon twin ")
+    assert "--car 2 --policy FILE --at 5.0 --out twin" in asked
+    opened.assert_quiet()
+
+
 @pytest.mark.parametrize("ticks", [0, 1, 2])
 def test_the_shortest_race_and_hostile_names_can_be_shown(
     browser: Browser, tmp_path: Path, full: Selection, ticks: int

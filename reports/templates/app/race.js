@@ -19,7 +19,7 @@ function raceView([key, index]) {
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     shown?.video && filmOf(shown),
-    player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown)]),
+    player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown), twinOf(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
       { key: "grid", head: racing ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", racing && gained(row.slot - row.place)] },
@@ -62,6 +62,22 @@ async function playerOf(race) {
   return player;
 }
 
+// What commands are told of a store that is not found beside the recording.
+const storeAsked = () => (/(^|\/)store\.sqlite$/.test(data.store) ? [] : ["--store", data.store]);
+
+// How to race it again with another policy at the wheel of the followed car, from the player's moment on.
+function twinOf({ state, recording }, shown) {
+  if (!shown?.recording || !recording.time.length) return null;
+  const asked = h("div", { role: "status" });
+  const show = () => {
+    const car = state.followed >= 0 ? state.followed : recording.order(recording.tickAt(state.now))[0];
+    asked.replaceChildren(
+      h("p", {}, `Both races side by side, with FILE at the wheel of ${recording.race.cars[car].name} from ${clock(state.now)} on. From the folder above this page:`),
+      command(["nathlon", "twin", shown.recording.replace("../", ""), "--car", String(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
+  };
+  return [h("p", {}, h("button", { type: "button", class: "moment", onclick: show }, "race it again with another policy from this moment")), asked];
+}
+
 const VERDICTS = { contact: "nobody at fault", wall: "noted", off_course: "noted", penalty: "penalty" };
 function incidents(player, shown) {
   const { race } = player.recording;
@@ -73,7 +89,7 @@ function incidents(player, shown) {
   const file = shown?.recording?.replace("../", "");
   const frozenBy = (row) => [
     "nathlon", "incident", file, "--at", row.time.toFixed(1), "--car", String(row.fault >= 0 ? row.fault : row.cars[0]), "--name", "NAME",
-    ...(/(^|\/)store\.sqlite$/.test(data.store) ? [] : ["--store", data.store]),
+    ...storeAsked(),
   ];
   const ask = (row) => h("button", {
     type: "button", class: "moment", "aria-label": `Make a test of the ${plain(row.kind)} at ${clock(row.time)}`,

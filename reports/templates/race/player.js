@@ -3,20 +3,29 @@
 const RATES = { 0.25: "¼×", 0.5: "½×", 1: "1×", 2: "2×", 4: "4×", 8: "8×" };
 
 // Its `node` goes into a page; `on` has functions called with the state whenever the moment or the car changes.
-function racePlayer(recording, { followed = -1, now = 0, scrolls = false } = {}) {
-  const { race, cars, end } = recording;
+// With another recording `beside` it, both are shown at the same moment, which may come after the end of one.
+function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside = null } = {}) {
+  const { race, cars } = recording;
+  const recordings = [recording, beside].filter(Boolean);
+  const end = Math.max(...recordings.map((one) => one.end));
   const state = { now: 0, playing: false, rate: 1, followed, zoom: 1, moved: null };
   const watchers = [];
 
-  const scene = h("canvas", { id: "scene", role: "img", "aria-label": "The race from above" });
-  const news = h("p", { id: "news", role: "status" });
+  const stages = recordings.map((one, i) => {
+    const scene = h("canvas", { id: i ? "scene-beside" : "scene", class: "scene", role: "img", "aria-label": "The race from above" });
+    const news = h("p", { id: i ? "news-beside" : "news", class: "news", role: "status" });
+    // Each has a scale and a middle of its own.
+    const own = i ? Object.create(state) : state;
+    return { scene, news, own, race: one.race, draw: raceScene(one, scene, own), node: h("div", { class: "stage" }, scene, news) };
+  });
+  const { scene } = stages[0];
   const button = h("button", { id: "play", type: "button", "aria-pressed": "false", onclick: () => play(!state.playing) }, "Play");
   const shownTime = h("output", { id: "clock" }, clock(0));
   const marks = h("svg:svg", { id: "marks", viewBox: `0 0 ${end || 1} 9`, preserveAspectRatio: "none", "aria-hidden": "true" },
-    race.incidents.map((incident) => h("svg:line", {
-      x1: incident.time, x2: incident.time, y1: 1, y2: 9, "stroke-width": 1.5, "vector-effect": "non-scaling-stroke",
+    stages.map((stage, i) => stage.race.incidents.map((incident) => h("svg:line", {
+      x1: incident.time, x2: incident.time, y1: 1 + 4 * i, y2: 9 - 4 * (stages.length - 1 - i), "stroke-width": 1.5, "vector-effect": "non-scaling-stroke",
       stroke: incident.notice ? QUIET : ALARM,
-    })));
+    }))));
   const scrub = h("input", {
     id: "scrub", type: "range", min: 0, max: end, step: 0.01, value: 0, "aria-label": "Time in the race",
     oninput: () => seek(Number(scrub.value)),
@@ -26,19 +35,20 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false } = {})
   const choice = h("select", { id: "follow", onchange: () => follow(Number(choice.value)) },
     h("option", { value: -1 }, "whole circuit"), race.cars.map(({ name }, car) => h("option", { value: car }, name)));
   const node = h("div", { class: "player" },
-    h("div", { class: "stage" }, scene, news),
+    beside ? h("div", { class: "stages" }, stages.map((stage) => stage.node)) : stages[0].node,
     h("div", { class: "transport" }, button, shownTime, h("span", { class: "timeline" }, marks, scrub),
       h("label", {}, "Speed ", rate), h("label", {}, "Follow ", choice)));
-  const drawScene = raceScene(recording, scene, state);
 
   function show() {
     scrub.value = state.now;
     scrub.setAttribute("aria-valuetext", clock(state.now));
     shownTime.textContent = clock(state.now);
-    const last = race.incidents.findLast((incident) => incident.time <= state.now && !incident.notice);
-    const said = last && state.now - last.time < NEWS_S ? last.text : "";
-    if (news.textContent !== said) news.textContent = said;
-    drawScene();
+    for (const { race: { incidents }, news, draw } of stages) {
+      const last = incidents.findLast((incident) => incident.time <= state.now && !incident.notice);
+      const said = last && state.now - last.time < NEWS_S ? last.text : "";
+      if (news.textContent !== said) news.textContent = said;
+      draw();
+    }
     watchers.forEach((watcher) => watcher(state));
   }
 
@@ -87,23 +97,26 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false } = {})
     }
   }
 
-  new ResizeObserver(refresh).observe(scene);
-  scene.addEventListener("wheel", (event) => {
-    // Where the page scrolls, the wheel alone is for that.
-    if (scrolls && !event.ctrlKey) return;
-    event.preventDefault();
-    state.zoom = Math.min(Math.max(state.zoom * Math.exp(-event.deltaY / 600), 0.15), 60);
-    refresh();
-  }, { passive: false });
-  scene.addEventListener("pointermove", (event) => {
-    if (!event.buttons || state.followed >= 0) return;
-    const ratio = (window.devicePixelRatio || 1) / state.scale;
-    state.moved = [state.centre[0] - event.movementX * ratio, state.centre[1] + event.movementY * ratio];
-    refresh();
-  });
+  for (const { scene: canvas, own } of stages) {
+    new ResizeObserver(refresh).observe(canvas);
+    canvas.addEventListener("wheel", (event) => {
+      // Where the page scrolls, the wheel alone is for that.
+      if (scrolls && !event.ctrlKey) return;
+      event.preventDefault();
+      state.zoom = Math.min(Math.max(state.zoom * Math.exp(-event.deltaY / 600), 0.15), 60);
+      refresh();
+    }, { passive: false });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!event.buttons || state.followed >= 0) return;
+      const ratio = (window.devicePixelRatio || 1) / own.scale;
+      state.moved = [own.centre[0] - event.movementX * ratio, own.centre[1] + event.movementY * ratio];
+      refresh();
+    });
+  }
 
   function nextIncident(direction) {
-    const times = race.incidents.filter((incident) => !incident.notice).map((incident) => incident.time);
+    const times = stages.flatMap((stage) => stage.race.incidents).filter((incident) => !incident.notice)
+      .map((incident) => incident.time).sort((a, b) => a - b);
     const there = direction > 0 ? times.find((t) => t > state.now + 0.01) : times.findLast((t) => t < state.now - 0.01);
     if (there !== undefined) seek(there);
   }
@@ -133,7 +146,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false } = {})
 
   choice.value = followed;
   seek(now);
-  return { node, scene, state, recording, on: watchers, seek, follow, key };
+  return { node, scene, state, recording, end, on: watchers, seek, follow, key };
 }
 
 // Have the moment and the car written down, where they are others than at first, when the player has stood still.

@@ -1,0 +1,1 @@
+"""Two races from one start: a recorded one, and one that went otherwise."""

@@ -1,0 +1,28 @@
+// The page of two races from one start.
+
+async function start() {
+  const at = (id) => document.getElementById(id);
+  const { circuit, car, at: takenOver, parted, sides } = JSON.parse(at("twins").textContent);
+  const recordings = await Promise.all(sides.map(({ race }) => openRecording(race, circuit)));
+  const mark = takenOver ?? parted;
+  const first = { followed: car, now: Math.max((mark ?? 0) - 1, 0), ...momentOf(new URLSearchParams(location.hash.slice(1))) };
+  const player = racePlayer(recordings[0], { ...first, beside: recordings[1], scrolls: true });
+  at("races").append(player.node);
+  // Below the page, so that it stays in reach.
+  at("foot").append(player.node.querySelector(".transport"), h("p", { class: "keys" },
+    [["Space"], " play", ["←"], ["→"], " 1 s, with ", ["Shift"], " 10 s", [","], ["."], " 0.1 s", ["↑"], ["↓"], " next car", ["["], ["]"], " incidents", ["M"], " whole circuit"]
+      .map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : part))));
+  if (mark !== null) {
+    at("marks").append(h("svg:line", { id: "parted", x1: mark, x2: mark, y1: -3, y2: 24, stroke: "#f06a6a", "stroke-width": 2, "vector-effect": "non-scaling-stroke" }));
+  }
+  at("charts").append(...twinCharts(player, recordings, car, mark));
+  if (sides.every(({ seen }) => seen)) {
+    at("seen").append(seenView(player, await Promise.all(sides.map(({ seen }) => openSeen(seen))), mark));
+  }
+  document.addEventListener("keydown", player.key);
+  keepMoment(player, (moment) => history.replaceState(null, "", `#${new URLSearchParams(moment)}`));
+  player.on.push(() => (document.body.dataset.ready = "yes"));
+  player.seek(first.now);
+}
+
+start();
