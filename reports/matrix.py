@@ -54,7 +54,13 @@ class Finding(Part):
 
 
 class CellReport(Part):
-    """A cell; `findings` in the order of the report's measures, `replays` paths beside it, of policy and baseline."""
+    """A cell.
+
+    Attributes:
+        runs: of policy and baseline, each.
+        findings: in the order of the report's measures.
+        replay: path, beside the report, of the page with the worst run.
+    """
 
     circuit: str
     car: str
@@ -64,7 +70,7 @@ class CellReport(Part):
     place: int
     runs: int
     findings: tuple[Finding, ...]
-    replays: tuple[str, ...] = ()
+    replay: str | None = None
 
     @property
     def verdict(self) -> Said:
@@ -135,7 +141,7 @@ class MatrixReport(Part):
     def frame(self) -> pl.DataFrame:
         """One row a cell and measure, what got worse first."""
         rows = [
-            cell.model_dump(exclude={"findings", "replays"})
+            cell.model_dump(exclude={"findings", "replay"})
             | {"measure": measure.name, "unit": "share" if measure.relative else measure.unit}
             | finding.model_dump()
             for cell in self.ordered()

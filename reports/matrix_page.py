@@ -130,7 +130,7 @@ def payload(report: MatrixReport) -> dict[str, Any]:
                     ]
                     for f in cell.findings
                 ],
-                list(cell.replays),
+                cell.replay,
             ]
             for cell in report.cells
         ],

@@ -1,4 +1,4 @@
-"""Replays of what got worse: the policy's worst run, and the baseline's from the same start."""
+"""Replays of what got worse: the policy's worst run beside the baseline's from the same start."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from nathlon.arena.job import Wanted
-from nathlon.arena.match import TESTED, Match
-from nathlon.arena.race_log import RaceLog
+from nathlon.arena.match import TESTED
 from nathlon.arena.recording import write_recording
 from nathlon.arena.worlds.registry import RACING
 from nathlon.publishing.output import OutputFolder
 from nathlon.reports.matrix import CellReport, MatrixReport
-from nathlon.reports.player import write_player
+from nathlon.reports.twin import Side, Twins
+from nathlon.reports.twin_page import write_twin_page
 from nathlon.selection.run import RECORDINGS, Run
 from nathlon.settings_matrix.cells import Cell, Setting
 from nathlon.settings_matrix.driving import Driven, worse
@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 def record_worst(
     run: Run, report: MatrixReport, matrix: Matrix, most: int, output: OutputFolder
 ) -> MatrixReport:
-    """Leave a recording and a page of the worst run, by policy and baseline, in each of the worst cells.
+    """Leave recordings and a page of the worst run, by baseline and policy, in each of the worst cells.
 
     In another world nothing is recorded. Why a race cannot be is logged.
 
@@ -38,17 +38,14 @@ def record_worst(
     if report.world != RACING or not worst:
         return report
     driven = {cell.label: _worst_run(report, cell, matrix) for cell in worst}
-    races = {(match.key, one.race) for one in driven.values() for match in one.matches}
-    logs = _record(run, report, {m.key: m for one in driven.values() for m in one.matches}, races)
-    pages: dict[str, tuple[str, ...]] = {}
+    sides = _record(run, report, list(driven.values()))
+    pages: dict[str, str] = {}
     for number, (label, one) in enumerate(driven.items(), 1):
-        written = [
-            _write(logs[match.key, one.race], match, one.race, output, f"{number:02d}-{called}")
-            for match, called in zip(one.matches, ("policy", "baseline"), strict=True)
-            if (match.key, one.race) in logs
-        ]
-        pages[label] = tuple(path.relative_to(output.root).as_posix() for path in written)
-    cells = [cell.model_copy(update={"replays": pages.get(cell.label, ())}) for cell in report.cells]
+        policy, baseline = (sides.get((match.key, one.race)) for match in one.matches)
+        if policy and baseline:
+            page = _write(Twins(baseline, policy, _tested(one)), output.replays, f"{number:02d}")
+            pages[label] = page.relative_to(output.root).as_posix()
+    cells = [cell.model_copy(update={"replay": pages.get(cell.label)}) for cell in report.cells]
     return report.model_copy(update={"cells": tuple(cells)})
 
 
@@ -65,35 +62,42 @@ def _worst_run(report: MatrixReport, cell: CellReport, matrix: Matrix) -> Driven
     return max([*screening, *fresh], key=lambda one: np.nan_to_num(worse(how, one.marks[name]), nan=-np.inf))
 
 
-def _record(
-    run: Run, report: MatrixReport, matches: dict[str, Match], races: set[tuple[str, int]]
-) -> dict[tuple[str, int], RaceLog]:
-    """The logs of races by match and index, as far as they can be run again."""
+def _tested(one: Driven) -> int:
+    """The car of a run that is the policy's in one match and the baseline's in the other."""
+    seats = one.matches[0].races[one.race].seats
+    return next(car for car, seat in enumerate(seats) if seat.team == TESTED)
+
+
+def _record(run: Run, report: MatrixReport, driven: list[Driven]) -> dict[tuple[str, int], Side]:
+    """Races by match and index, with what the drivers saw, as far as they can be run again."""
     names = {report.policy_id: report.policy, report.baseline_id: report.baseline}
-    wanted = [
-        Wanted(
+    wanted = {
+        (match.key, one.race): Wanted(
             match,
-            tuple(sorted(race for key, race in races if key == match.key)),
+            (one.race,),
             tuple(names.get(entrant, entrant) for entrant in match.entrants),
             run.store.results_of([match.key]),
+            seen_by=_tested(one),
         )
-        for match in matches.values()
-    ]
+        for one in driven
+        for match in one.matches
+    }
     run.on_match(RECORDINGS, 0, len(wanted))
-    logs: dict[tuple[str, int], RaceLog] = {}
-    for done, (match, answer) in enumerate(run.pool.record(wanted), 1):
+    sides: dict[tuple[str, int], Side] = {}
+    for done, (_, answer) in enumerate(run.pool.record(list(wanted.values())), 1):
         if isinstance(answer, InputError):
             log.warning("%s", answer)
         else:
-            logs |= {(match.key, one.race): one for one in answer.logs}
+            [race] = answer.logs
+            sides[race.match, race.race] = Side(race, answer.seen)
         run.on_match(RECORDINGS, done, len(wanted))
-    return logs
+    return sides
 
 
-def _write(log: RaceLog, match: Match, race: int, output: OutputFolder, name: str) -> Path:
-    """Leave a race as `replays`/`name`.mcap and .html, whose path it returns."""
-    tested = next(car for car, seat in enumerate(match.races[race].seats) if seat.team == TESTED)
-    write_recording(output.replays / f"{name}.mcap", log)
-    page = output.replays / f"{name}.html"
-    write_player(log, page, tested)
+def _write(twins: Twins, folder: Path, name: str) -> Path:
+    """Leave both races as recordings, and side by side as a page, whose path it returns."""
+    write_recording(folder / f"{name}-baseline.mcap", twins.original.log)
+    write_recording(folder / f"{name}-policy.mcap", twins.twin.log)
+    page = folder / f"{name}.html"
+    write_twin_page(twins, page)
     return page

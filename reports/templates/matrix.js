@@ -104,8 +104,8 @@ function draw() {
   };
   svg.addEventListener("pointerover", (event) => { if (event.target.dataset.cell) choose(Number(event.target.dataset.cell)); });
   svg.addEventListener("click", (event) => {
-    const paths = event.target.dataset.cell ? data.cells[Number(event.target.dataset.cell)][3] : [];
-    if (paths.length) location.href = paths[0];
+    const path = event.target.dataset.cell && data.cells[Number(event.target.dataset.cell)][3];
+    if (path) location.href = path;
   });
   svg.addEventListener("keydown", (event) => {
     const step = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] }[event.key];
@@ -148,7 +148,7 @@ function tell(cell) {
   thead.append(head);
   table.append(thead, body);
   const runs = element("p", { class: "note" }, `${cell[1]} runs of each. `);
-  cell[3].forEach((path, n) => runs.append(element("a", { href: path }, `worst run: ${["policy", "baseline"][n]}`), " "));
+  if (cell[3]) runs.append(element("a", { href: cell[3] }, "the worst run, side by side"));
   detail.replaceChildren(element("h3", {}, title), table, runs);
 }
 

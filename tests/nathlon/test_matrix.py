@@ -11,6 +11,7 @@ import pytest
 import nathlon
 from benchmarks import planted_cells
 from benchmarks.planted_cells import MARGINS, truth
+from nathlon.arena.recording import read_recording
 from nathlon.settings_matrix.cells import Setting
 from nathlon.sim.errors import InputError
 from tests.command_line import nathlon as command
@@ -89,9 +90,11 @@ def test_a_slower_driver_is_worse_wherever_it_can_drive(tmp_path: Path) -> None:
     assert "driver:pace=0.9 is worse than driver in 4 of 4 cells." in done.stdout
     report = json.loads((tmp_path / "out" / "matrix.json").read_text())
     assert all(0.05 < cell["findings"][0]["worse"] < 0.2 for cell in report["cells"])
-    [pages] = [cell["replays"] for cell in report["cells"] if cell["replays"]]
-    assert [Path(page).name for page in pages] == ["01-policy.html", "01-baseline.html"]
-    assert all((tmp_path / "out" / page).stat().st_size > 10_000 for page in pages)
+    [page] = [cell["replay"] for cell in report["cells"] if cell["replay"]]
+    assert (tmp_path / "out" / page).stat().st_size > 10_000
+    logs = [read_recording(tmp_path / "out" / f"replays/01-{who}.mcap") for who in ("policy", "baseline")]
+    assert logs[0].seed == logs[1].seed
+    assert [log.names.count("driver:pace=0.9") for log in logs] == [1, 0]
     assert pl.read_csv(tmp_path / "out" / "matrix.csv").height == 4
 
 

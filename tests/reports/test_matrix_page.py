@@ -29,7 +29,7 @@ def report(circuits: int = 3, cars: int = 3) -> MatrixReport:
                 finding(0.03 if bad else 0.002 * circuit - 0.001, "worse" if bad else "no sign"),
                 finding(None if scenario == "sprint" else 0.1, "no sign"),
             ),
-            replays=("replays/01-policy.html", "replays/01-baseline.html") if bad and place == 4 else (),
+            replay="replays/01.html" if bad and place == 4 else None,
         )
         for circuit in range(circuits) for car in range(cars) for scenario in scenarios
         for compound in ("racing-hard", "racing-soft") for delay in (0.0, 0.1, 0.2) for place in (1, 4)
@@ -56,7 +56,7 @@ def test_what_got_worse_stands_first_and_every_cell_can_be_reached(browser: Brow
     assert page.locator("#grid rect[data-cell]").count() == 540
     assert page.locator("#grid circle").count() == 12
     assert page.locator("tbody th").first.inner_text() == "a<b>c"
-    assert page.get_by_role("link", name="policy").count() == 6
+    assert page.get_by_role("link", name="side by side").count() == 6
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=SCREENSHOTS / "matrix.png")
