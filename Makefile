@@ -6,6 +6,9 @@ INSTALL := $(BIN)/uv pip install --quiet --python $(BIN)/python
 ITSELF := $(INSTALL) --no-deps --no-build-isolation --editable .
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes pyproject.toml
 
+# Some images set it: every process that starts, and tests start hundreds, would compile all its libraries anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup demo test lint docs gallery lock lowest release
 
 demo: .venv/base

@@ -260,9 +260,10 @@ def test_nathlon_race_prints_json_whatever_policies_print(site: Path) -> None:
 LIMITED = """
 import json, resource, sys
 from nathlon.arena.pool import Pool
-from tests.arena.test_hostile_plugins import race
 
-if __name__ == "__main__":
+if __name__ == "__main__":  # the rest is not for workers, which load what stands before it
+    from tests.arena.test_hostile_plugins import race
+
     resource.setrlimit(resource.RLIMIT_DATA, (5 << 29, 5 << 29))
     pairs = [("Hog", "driver"), ("Loader", "driver"), ("Hog", "Loader"), ("Straight", "driver")]
     matches = [race(*pair) for pair in pairs]

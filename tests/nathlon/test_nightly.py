@@ -20,6 +20,7 @@ from nathlon.arena.store import Store
 from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
 from nathlon.reports.summary import Sent, SetAside
 from nathlon.selection.config import TEMPLATE, Config, read_config
+from nathlon.selection.run import KERNELS, RECORDINGS, STAGES
 from tests.checkpoints import BUNDLED
 from tests.clocks import Jumping
 from tests.command_line import nathlon, refused
@@ -270,14 +271,11 @@ def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path) -> No
         assert [record.status for record in store.runs()] == ["abandoned", "done"]
 
 
-KILLED = """
-import os, random, shutil, signal, sys
+FORKED = """
+import os, signal, sys
 from multiprocessing import forkserver
-from pathlib import Path
-import sqlalchemy
 from nathlon.arena.entrant import enter
 from nathlon.nightly import nightly
-from nathlon.selection.config import read_config
 
 # What all nights load is loaded once, and the workers of all come from one server.
 for driver in ("driver", "driver:pace=0.9"):
@@ -285,45 +283,64 @@ for driver in ("driver", "driver:pace=0.9"):
 forkserver.ensure_running()
 forkserver._forkserver.ensure_running = lambda: None
 
-folder, kills = Path(sys.argv[1]), int(sys.argv[2])
-rng = random.Random(1)
-nights = 1
-while kills:
-    night = folder / str(nights)
-    if not night.exists():
-        shutil.copytree(folder / "0", night)
-    config = read_config(night / "nathlon.toml")
-    left = int(10 ** rng.uniform(0.3, rng.choice([1.5, 1.5, 2.3])))
-    event = rng.choice(["before_cursor_execute", "commit"])
+def is_killed(night):
     child = os.fork()
     if child == 0:
-        def count(*_):
-            global left
-            left -= 1
-            if left == 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-        sqlalchemy.event.listen(sqlalchemy.Engine, event, count)
-        nightly(config, 1, lambda *_: None)
+        night()
         os._exit(0)
     _, status = os.waitpid(child, 0)
-    if os.WIFSIGNALED(status):
-        kills -= 1
-    else:
-        nights += 1
+    return os.WIFSIGNALED(status)
+
+def dies(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
 """
+"""Nights in processes forked from one, to be killed."""
+
+KILLED = (
+    FORKED
+    + """
+import shutil
+from pathlib import Path
+import sqlalchemy
+from nathlon.selection.config import read_config
+
+def dying(config, event, which, fatal):
+    stage, left = stages[0], which
+    def note(now, *_):
+        nonlocal stage
+        stage = now
+    def count(*_):
+        nonlocal left
+        left -= stage == fatal
+        if left == 0:
+            dies()
+    sqlalchemy.event.listen(sqlalchemy.Engine, event, count)
+    nightly(config, 1, note)
+
+folder, stages = Path(sys.argv[1]), sys.argv[2:]
+for event in ("before_cursor_execute", "commit"):
+    night = folder / event
+    shutil.copytree(folder / "watched", night)
+    config = read_config(night / "nathlon.toml")
+    for fatal in stages:
+        for which in (1, 4):
+            assert is_killed(lambda: dying(config, event, which, fatal)), (event, which, fatal)
+"""
+)
 
 
-def test_a_night_killed_at_fifty_points_ends_as_if_nothing_had_happened(
+def test_a_night_killed_in_every_stage_ends_as_if_nothing_had_happened(
     tmp_path: Path, folder: Path, nights: list[Night]
 ) -> None:
-    watch_two(tmp_path / "0")
-    subprocess.run([sys.executable, "-c", KILLED, tmp_path, "50"], check=True)
+    """At the first and at a later statement and commit of each; 24 times in all."""
+    watched = watch_two(tmp_path / "watched")
+    stages = ("opening", KERNELS, *STAGES, RECORDINGS)
+    subprocess.run([sys.executable, "-c", KILLED, tmp_path, *stages], check=True)
     whole = outcome(folder)["runs"]["night-0001"]
-    killed = sorted(set(tmp_path.iterdir()) - {tmp_path / "0"})
-    for night in killed:
+    by_statement, by_commit = set(tmp_path.iterdir()) - {watched}
+    for night in (by_statement, by_commit):
         run(night)
         assert outcome(night)["runs"]["night-0001"] == whole
-    assert killed
 
 
 def test_a_clock_that_jumps_changes_nothing(

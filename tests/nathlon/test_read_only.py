@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
+import subprocess
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -14,9 +15,15 @@ import pytest
 
 from nathlon.arena.store import Store
 from tests.stored import match_of
-from tests.unprivileged import ordinary, ordinary_nathlon
+from tests.unprivileged import CommandLine, ordinary, ordinary_nathlon
 
 CONFIG = 'checkpoints = ["."]\nstore = "nathlon.sqlite"\n'
+
+
+@pytest.fixture(scope="module")
+def nathlon() -> Iterator[CommandLine]:
+    with ordinary_nathlon() as nathlon:
+        yield nathlon
 
 
 @pytest.fixture
@@ -43,16 +50,16 @@ def lock(folder: Path, mode: int = 0o555) -> dict[str, bytes]:
     return held
 
 
-def runs(folder: Path) -> list[str]:
-    done = ordinary_nathlon("status", "--verify", "--json", cwd=folder)
+def runs(nathlon: CommandLine, folder: Path) -> list[str]:
+    done = nathlon("status", "--verify", "--json", cwd=folder)
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
     assert said["disagreements"] == []
     return [run["name"] for run in said["runs"]]
 
 
-def refused(folder: Path, *command: str | Path) -> str:
-    done = ordinary_nathlon(*command, cwd=folder)
+def refused(nathlon: CommandLine, folder: Path, *command: str | Path) -> str:
+    done = nathlon(*command, cwd=folder)
     assert done.returncode == 2, done.stdout + done.stderr
     assert done.stderr.count("\n") == 1, done.stderr
     return done.stderr
@@ -60,16 +67,18 @@ def refused(folder: Path, *command: str | Path) -> str:
 
 def test_permissions_mean_something_here(locked: Path) -> None:
     lock(locked)
-    assert ordinary("touch", "new", cwd=locked).returncode != 0
+    assert subprocess.run(ordinary("touch", "new"), cwd=locked).returncode != 0
 
 
 @pytest.mark.parametrize("files", [0o644, 0o444])
-def test_a_store_in_a_folder_that_cannot_be_written_is_read(locked: Path, tmp_path: Path, files: int) -> None:
+def test_a_store_in_a_folder_that_cannot_be_written_is_read(
+    nathlon: CommandLine, locked: Path, tmp_path: Path, files: int
+) -> None:
     for path in locked.iterdir():
         path.chmod(files)
     before = lock(locked)
-    assert runs(locked) == ["night-0001"]
-    report = ordinary_nathlon("report", "nathlon.sqlite", "--out", tmp_path / "report", cwd=locked)
+    assert runs(nathlon, locked) == ["night-0001"]
+    report = nathlon("report", "nathlon.sqlite", "--out", tmp_path / "report", cwd=locked)
     assert report.returncode == 0, report.stderr
     results = pl.read_parquet(tmp_path / "report" / "report" / "tables" / "results.parquet")
     assert results.is_empty()
@@ -77,25 +86,27 @@ def test_a_store_in_a_folder_that_cannot_be_written_is_read(locked: Path, tmp_pa
     assert {path.name: path.read_bytes() for path in locked.iterdir()} == before
 
 
-def test_a_file_alone_that_cannot_be_written_is_read(locked: Path) -> None:
+def test_a_file_alone_that_cannot_be_written_is_read(nathlon: CommandLine, locked: Path) -> None:
     (locked / "nathlon.sqlite").chmod(0o444)
-    assert runs(locked) == ["night-0001"]
+    assert runs(nathlon, locked) == ["night-0001"]
 
 
-def test_odd_paths_of_read_only_stores(locked: Path) -> None:
+def test_odd_paths_of_read_only_stores(nathlon: CommandLine, locked: Path) -> None:
     name = "a b?mode=rwc&x#%20é.sqlite"
     (locked / "nathlon.sqlite").rename(locked / name)
     (locked / "nathlon.toml").write_text(CONFIG.replace("nathlon.sqlite", name))
     lock(locked)
-    assert runs(locked) == ["night-0001"]
+    assert runs(nathlon, locked) == ["night-0001"]
 
 
 @pytest.mark.parametrize("left", [("-shm",), ("-wal",), ("-wal", "-shm")])
-def test_empty_files_beside_a_read_only_store_are_no_obstacle(locked: Path, left: tuple[str, ...]) -> None:
+def test_empty_files_beside_a_read_only_store_are_no_obstacle(
+    nathlon: CommandLine, locked: Path, left: tuple[str, ...]
+) -> None:
     for end in left:
         (locked / f"nathlon.sqlite{end}").touch()
     lock(locked)
-    assert runs(locked) == ["night-0001"]
+    assert runs(nathlon, locked) == ["night-0001"]
 
 
 def with_writes_beside(locked: Path, shared_memory: bool) -> None:
@@ -115,42 +126,48 @@ def with_writes_beside(locked: Path, shared_memory: bool) -> None:
         assert alone.execute("SELECT name FROM run").fetchall() == [("night-0001",)]
 
 
-def test_writes_beside_a_read_only_store_are_read_where_they_can_be(locked: Path) -> None:
+def test_writes_beside_a_read_only_store_are_read_where_they_can_be(
+    nathlon: CommandLine, locked: Path
+) -> None:
     with_writes_beside(locked, shared_memory=True)
     lock(locked)
-    assert runs(locked) == ["night-0001", "night-0002"]
+    assert runs(nathlon, locked) == ["night-0001", "night-0002"]
 
 
-def test_writes_beside_a_read_only_store_that_cannot_be_read_are_named(locked: Path) -> None:
+def test_writes_beside_a_read_only_store_that_cannot_be_read_are_named(
+    nathlon: CommandLine, locked: Path
+) -> None:
     with_writes_beside(locked, shared_memory=False)
     before = lock(locked)
-    said = refused(locked, "status")
+    said = refused(nathlon, locked, "status")
     assert "nathlon.sqlite: its last writes are in nathlon.sqlite-wal, which cannot be read here" in said
     assert "expected a folder that can be written" in said
     assert lock(locked) == before
     locked.chmod(0o755)
-    assert runs(locked) == ["night-0001", "night-0002"]
+    assert runs(nathlon, locked) == ["night-0001", "night-0002"]
 
 
-def test_a_reader_beside_one_who_writes(locked: Path) -> None:
+def test_a_reader_beside_one_who_writes(nathlon: CommandLine, locked: Path) -> None:
     with Store(locked / "nathlon.sqlite") as store:
         store.begin_run("night-0002", {})
         lock(locked)
-        assert runs(locked) == ["night-0001", "night-0002"]
+        assert runs(nathlon, locked) == ["night-0001", "night-0002"]
 
 
-def test_an_older_store_that_cannot_be_brought_up_to_date(locked: Path) -> None:
+def test_an_older_store_that_cannot_be_brought_up_to_date(nathlon: CommandLine, locked: Path) -> None:
     with closing(sqlite3.connect(locked / "nathlon.sqlite")) as connection:
         connection.execute("DROP TABLE ranking")
     lock(locked)
-    assert "nathlon.sqlite: a store of an older version" in refused(locked, "status")
+    assert "nathlon.sqlite: a store of an older version" in refused(nathlon, locked, "status")
 
 
-def test_folders_without_permission_are_one_sentence(locked: Path) -> None:
+def test_folders_without_permission_are_one_sentence(nathlon: CommandLine, locked: Path) -> None:
     lock(locked)
-    assert "output folder cannot be written" in refused(locked, "report", "nathlon.sqlite", "--out", "out")
-    assert "other.toml: cannot be written" in refused(locked, "init", "other.toml")
-    assert "Permission denied" in refused(locked, "track", "show", "lindenring")
+    assert "output folder cannot be written" in refused(
+        nathlon, locked, "report", "nathlon.sqlite", "--out", "out"
+    )
+    assert "other.toml: cannot be written" in refused(nathlon, locked, "init", "other.toml")
+    assert "Permission denied" in refused(nathlon, locked, "track", "show", "lindenring")
     lock(locked, 0)
     for command in (
         ("status", "--config", locked / "nathlon.toml"),
@@ -161,4 +178,4 @@ def test_folders_without_permission_are_one_sentence(locked: Path) -> None:
         ("replay", locked / "race.mcap"),
         ("committee", locked / "nathlon.sqlite", "show"),
     ):
-        assert "Permission denied" in refused(locked.parent, *command), command
+        assert "Permission denied" in refused(nathlon, locked.parent, *command), command

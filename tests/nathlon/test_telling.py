@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -13,38 +12,36 @@ from typing import Any
 from nathlon.arena.store import Store
 from nathlon.nightly import HEALTH, OK
 from tests.command_line import nathlon
-from tests.nathlon.test_nightly import WEAK, run, watch_two
+from tests.nathlon.test_nightly import FORKED, WEAK, run, watch_two
 
-TELLING = """
-import os, signal, sys
+TELLING = (
+    FORKED
+    + """
 import nathlon.nightly
 from nathlon.commands import nightly as command
 from nathlon.arena.store import Store
-
-def dies(*_):
-    os.kill(os.getpid(), signal.SIGKILL)
 
 def dies_after(store, name, status, end=Store.end_run):
     end(store, name, status)
     dies()
 
-point = sys.argv[1]
-if point == "outcome stored":
-    Store.end_run = dies
-elif point == "run ended":
-    Store.end_run = dies_after
-elif point == "printed":
-    nathlon.nightly.told = dies
-command.nightly(command.Path("nathlon.toml"), 1, False)
+def dying(place, name, death):
+    setattr(place, name, death)
+    command.nightly(command.Path("nathlon.toml"), 1, False)
+
+outcome_stored = (Store, "end_run", dies)
+run_ended = (Store, "end_run", dies_after)
+printed = (nathlon.nightly, "told", dies)
+for point in (outcome_stored, run_ended, printed):
+    assert is_killed(lambda: dying(*point)), point
 """
+)
 
 
 def test_a_night_killed_before_it_was_told_is_told_by_the_next(tmp_path: Path) -> None:
     watch_two(tmp_path)
     (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
-    for point in ("outcome stored", "run ended", "printed"):
-        killed = subprocess.run([sys.executable, "-c", TELLING, point], cwd=tmp_path, capture_output=True)
-        assert killed.returncode == -signal.SIGKILL, killed.stderr
+    subprocess.run([sys.executable, "-c", TELLING], cwd=tmp_path, check=True)
     newcomer = Path(shutil.copy(WEAK, tmp_path / "checkpoints"))
     repeated = nathlon("nightly", "--workers", "1", "--json", cwd=tmp_path)
     night = json.loads(repeated.stdout)

@@ -81,10 +81,10 @@ def test_what_is_no_world_to_be_checked_is_refused(tmp_path: Path, name: str) ->
 @pytest.mark.parametrize("fault", ["hangs", "prints"])
 def test_a_world_that_hangs_is_ended(tmp_path: Path, fault: str) -> None:
     name = world_of(tmp_path, f"PettingZooWorld({{'duel': envs['faulty']('{fault}')}})")
-    with Pool(1, first_answer_s=8.0) as pool:
+    with Pool(1, first_answer_s=4.0) as pool:
         report = rehearse(pool, name)
     [finding] = report.faults
-    assert finding.says.startswith(f"world {name!r}, scenario 'duel': took more than 8 s")
+    assert finding.says.startswith(f"world {name!r}, scenario 'duel': took more than 4 s")
 
 
 def test_fairness_is_told_from_differences_between_sides() -> None:

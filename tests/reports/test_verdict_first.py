@@ -15,6 +15,7 @@ from nathlon.arena.store import Store
 from nathlon.reports.summary import read_summary
 from nathlon.selection.run import DONE
 from tests.checkpoints import BUNDLED
+from tests.nathlon.test_nightly import configure
 
 CONFIG = """\
 seed = 5
@@ -23,11 +24,12 @@ recordings = "all"
 races = 1
 most_races = 1
 [battery]
-tests = ["hot_lap", "start_back"]
+tests = ["pass_left"]
 runs = 2
 [committee]
 shortlist = 2
 [tournament]
+event = "event.toml"
 pairs = 3
 """
 CHOSEN = ("lindenring-aggressive-004k", "lindenring-s1-008k", "lindenring-wake-028k")
@@ -35,8 +37,8 @@ CHOSEN = ("lindenring-aggressive-004k", "lindenring-s1-008k", "lindenring-wake-0
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 def test_ctrl_c_after_the_verdict_loses_nothing(tmp_path: Path) -> None:
-    config, out = tmp_path / "config.toml", tmp_path / "out"
-    config.write_text(CONFIG)
+    configure(tmp_path, CONFIG)
+    config, out = tmp_path / "nathlon.toml", tmp_path / "out"
     script = Path(sys.executable).parent / "nathlon"
     checkpoints = [path for path in BUNDLED if path.stem in CHOSEN]
     command = [str(part) for part in (script, "evaluate", *checkpoints, "--config", config, "--out", out)]
