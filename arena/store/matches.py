@@ -55,7 +55,7 @@ def require(connection: sa.Connection, keys: Collection[str]) -> None:
 
 
 def add(connection: sa.Connection, key: str, stage: str, spec: dict[str, Any], results: pl.DataFrame) -> bool:
-    """Store a match and drop the claim on it; False, and no change, where its key is there already."""
+    """Store a match, which nobody then claims or wants; False, and no change, where its key is there."""
     # SQLite does not keep the sign of zero.
     results = results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
     text = schema.to_json(spec)
@@ -69,7 +69,8 @@ def add(connection: sa.Connection, key: str, stage: str, spec: dict[str, Any], r
     if connection.scalar(insert_new(connection, schema.match).returning(schema.match.c.key), row) is None:
         return False
     schema.insert_frame(connection, schema.result, results)
-    connection.execute(schema.claim.delete().where(schema.claim.c.match == key))
+    for table in (schema.claim, schema.queue):
+        connection.execute(table.delete().where(table.c.match == key))
     return True
 
 
