@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from multiprocessing import connection
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import polars as pl
 
@@ -26,10 +26,16 @@ from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.sources import OBJECT
 from nathlon.sim.errors import InputError
 
+JobT = TypeVar("JobT")
+
 LOOKS = 5
 """How often a policy is looked at within its time for an answer."""
 MOST_OPENINGS = 16
 """Of those that a worker is given at once."""
+
+
+Feed = Callable[[int], list[list[Match]]]
+"""Gives so many idle processes groups of matches; none if there is nothing to do now."""
 
 
 class Pool:
@@ -84,7 +90,7 @@ class Pool:
             list(openings[begin : begin + size]) for begin in range(0, len(openings), size)
         ]
         answers: dict[Opening, Any] = {}
-        with closing(self._work(groups)) as ended:
+        with closing(self._work(_once(groups))) as ended:
             for opening, answer in ended:
                 assert isinstance(opening, Opening)
                 answers[replace(opening, alone=False)] = answer
@@ -100,18 +106,29 @@ class Pool:
             InputError: when all others have run, if a policy cannot be loaded or is another one by now.
         """
         refused: list[InputError] = []
-        groups: list[list[Job]] = [
-            [Racing(match) for match in those] for those in group(matches, self.workers)
-        ]
-        with closing(self._work(groups)) as ended:
-            for racing, answer in ended:
-                assert isinstance(racing, Racing)
+        with closing(self.race(_once(group(matches, self.workers)))) as ended:
+            for match, answer in ended:
                 if isinstance(answer, InputError):
                     refused.append(answer)
                 else:
-                    yield racing.match, answer.results
+                    yield match, answer
         if refused:
             raise refused[0]
+
+    def race(self, feed: Feed) -> Generator[tuple[Match, pl.DataFrame | InputError], None, None]:
+        """Run matches as in `run`, asking for more whenever processes have nothing to do.
+
+        It ends when all are idle and there is nothing to do now. In place of the results there is an
+        InputError where a policy cannot be loaded, or is another one by now.
+        """
+
+        def jobs(idle: int) -> list[list[Job]]:
+            return [[Racing(match) for match in those] for those in feed(idle)]
+
+        with closing(self._work(jobs)) as ended:
+            for racing, answer in ended:
+                assert isinstance(racing, Racing)
+                yield racing.match, answer if isinstance(answer, InputError) else answer.results
 
     def record(
         self, wanted: Sequence[Wanted]
@@ -121,7 +138,7 @@ class Pool:
         In place of the logs there is an InputError where a policy cannot be loaded or is another one by now,
         where the match came out otherwise, and where a recording cannot be written.
         """
-        with closing(self._work([[Racing(each.match, each)] for each in wanted])) as ended:
+        with closing(self._work(_once([[Racing(each.match, each)] for each in wanted]))) as ended:
             for racing, answer in ended:
                 assert isinstance(racing, Racing)
                 if isinstance(answer, Recorded):
@@ -130,30 +147,36 @@ class Pool:
                 else:
                     yield racing.match, answer
 
-    def _work(self, groups: Iterable[list[Job]]) -> Generator[tuple[Job, Answer], None, None]:
+    def _work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[tuple[Job, Answer], None, None]:
         queue: deque[list[Job]] = deque()
-        for jobs in groups:
-            here = [job for job in jobs if _lives_here(job)]
-            yield from ((here[number], answer) for number, answer in do(here, Watch()))
-            if elsewhere := [job for job in jobs if not _lives_here(job)]:
-                queue.append(elsewhere)
+        ended: list[tuple[Job, Answer]] = []
         try:
-            while queue or any(self._processes.values()):
-                self._hand_out(queue)
+            while True:
+                idle = self.workers - self._busy
+                for jobs in feed(idle) if idle and not queue else ():
+                    here = [job for job in jobs if _lives_here(job)]
+                    yield from ((here[number], answer) for number, answer in do(here, Watch()))
+                    if elsewhere := [job for job in jobs if not _lives_here(job)]:
+                        queue.append(elsewhere)
                 # A worker that ends its matches is given others before these results are dealt with.
-                ended = list(self._collect(queue))
                 self._hand_out(queue)
                 yield from ended
+                if not queue and not self._busy:
+                    break
+                ended = list(self._collect(queue))
         finally:
             # Only those that are at work when the run is given up.
             for worker in [worker for worker, jobs in self._processes.items() if jobs]:
                 worker.kill()
                 del self._processes[worker]
 
+    @property
+    def _busy(self) -> int:
+        return sum(map(bool, self._processes.values()))
+
     def _hand_out(self, queue: deque[list[Job]]) -> None:
         """Give the first in the queue to workers that are idle, and start those that are missing."""
-        busy = sum(map(bool, self._processes.values()))
-        for _ in range(min(self.workers, busy + len(queue)) - len(self._processes)):
+        for _ in range(min(self.workers, self._busy + len(queue)) - len(self._processes)):
             self._start()
         for worker in [worker for worker in self._processes if worker.idle]:
             if queue and queue[0][0].alone and not worker.fresh:
@@ -198,6 +221,12 @@ class Pool:
 def _lives_here(job: Job) -> bool:
     """Whether a policy takes part that only this process has."""
     return any(source.partition(":")[0] == OBJECT for source in job.sources)
+
+
+def _once(groups: list[list[JobT]]) -> Callable[[int], list[list[JobT]]]:
+    """A feed that gives everything at once."""
+    left = [groups]
+    return lambda idle: left.pop() if left else []
 
 
 def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match, pl.DataFrame]]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from nathlon.api.recipes import RecipesResult, recipes
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
+    from nathlon.api.working import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
@@ -58,6 +59,7 @@ _FROM = {
     "recipes": "nathlon.api.recipes",
     "select": "nathlon.api.selection",
     "train": "nathlon.api.training",
+    "work": "nathlon.api.working",
 }
 
 __all__ = [
@@ -84,6 +86,7 @@ __all__ = [
     "recipes",
     "select",
     "train",
+    "work",
 ]
 
 

@@ -23,6 +23,7 @@ from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.track import import_track, show_track
 from nathlon.commands.training import polish, train
+from nathlon.commands.worker import worker
 from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -36,7 +37,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # rich takes longer to load than the help to read
 )
 for command in (
-    demo, evaluate, gate, pareto, battery, init, plan, nightly, status, report, train, polish, ablate,
+    demo, evaluate, gate, pareto, battery, init, plan, nightly, worker, status, report, train, polish, ablate,
     recipes, race, replay, incident, export, observation,
 ):  # fmt: skip
     app.command()(command)

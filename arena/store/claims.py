@@ -63,7 +63,7 @@ def at_work(connection: sa.Connection) -> dict[str, int]:
     """Who is at work, and with how many processes."""
     table = schema.worker.c
     query = sa.select(table.owner, table.processes).where(table.until > stamp(clock(connection)))
-    return dict(connection.execute(query.order_by(table.owner)).tuples().all())
+    return {row.owner: row.processes for row in connection.execute(query.order_by(table.owner))}
 
 
 def release(connection: sa.Connection, owner: str) -> None:

@@ -52,8 +52,9 @@ def put(connection: sa.Connection, wanted: Sequence[Queued], surroundings: Mappi
 def waiting(connection: sa.Connection) -> dict[str, int]:
     """How many matches are in the queue, those that are claimed among them, by their surroundings."""
     table = schema.queue.c
-    query = sa.select(table.surroundings, sa.func.count()).group_by(table.surroundings)
-    return dict(connection.execute(query.order_by(sa.func.min(table.id))).tuples().all())
+    query = sa.select(table.surroundings, sa.func.count().label("matches"))
+    query = query.group_by(table.surroundings).order_by(sa.func.min(table.id))
+    return {row.surroundings: row.matches for row in connection.execute(query)}
 
 
 def surroundings(connection: sa.Connection, digest: str) -> dict[str, Any]:

@@ -85,7 +85,7 @@ class Store:
         return self._database.read(matches.stored, list(keys))
 
     def add_match(self, key: str, stage: str, spec: dict[str, Any], results: pl.DataFrame) -> bool:
-        """Store a finished match, which nobody then claims or wants; False, and no change, where it is there."""
+        """Store a finished match, which nobody claims or wants then; False, and no change, if it is there."""
         schema.check("result", results, RESULTS)
         named = pl.col("match").eq_missing(key) & pl.col("stage").eq_missing(stage)
         if not results.select(named.all()).item():
