@@ -21,6 +21,7 @@ from nathlon.commands.racing import race
 from nathlon.commands.recipes import recipes
 from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
+from nathlon.commands.store import copy_store
 from nathlon.commands.track import import_track, show_track
 from nathlon.commands.training import polish, train
 from nathlon.commands.worker import worker
@@ -51,6 +52,10 @@ world = typer.Typer(help="Look at simulators whose policies can be selected amon
 world.command("check")(check_world)
 world.command("list")(list_worlds)
 app.add_typer(world, name="world")
+
+store = typer.Typer(help="Look after stores.", no_args_is_help=True)
+store.command("copy")(copy_store)
+app.add_typer(store, name="store")
 app.add_typer(committee, name="committee")
 
 

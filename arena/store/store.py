@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from nathlon.arena.results import RESULTS, TABLES
-from nathlon.arena.store import claims, files, log, matches, opening, queue, runs, schema
+from nathlon.arena.store import claims, copying, files, log, matches, opening, queue, runs, schema
 from nathlon.arena.store.database import Database
 from nathlon.arena.store.log import LogEntry
 from nathlon.arena.store.queue import Queued
@@ -73,6 +73,22 @@ class Store:
 
     def close(self) -> None:
         self._database.close()
+
+    def copy_to(self, other: Store, on_match: Callable[[int, int], None] = lambda done, total: None) -> int:
+        """Copy matches, runs and the log into another store, and count the matches.
+
+        A copy that was stopped goes on.
+
+        Claims, the queue and its files stay. Every match is checked on arrival.
+
+        Args:
+            other: a new store.
+            on_match: told how many matches are there, and how many there are in all.
+
+        Raises:
+            InputError: if the other holds runs, or a match is not as it was stored.
+        """
+        return copying.copy(self._database, other._database, on_match)
 
     # Matches
 

@@ -1,9 +1,15 @@
-"""Matches that are wanted on one machine and run on others: what travels, who takes what, and what goes wrong."""
+"""Matches that are wanted on one machine and run on others: what travels, who takes what, what goes wrong."""
 
 from __future__ import annotations
 
+import json
 import shutil
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 from pathlib import Path
 
 import polars as pl
@@ -17,10 +23,16 @@ from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.queue_worker import Shift, work
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
+from tests.clocks import Clock
+from tests.databases import Server
 from tests.games import player, refused, world_of
 
 pytest_plugins = ["tests.databases"]
 
+SLOW = """PettingZooWorld(
+    {"duel": envs["duel"]}, score=lambda seat: (__import__("time").sleep(0.02), seat.total)[1]
+)"""
+"""Episodes of 0.04 s."""
 DUELS = 'PettingZooWorld({"duel": envs["duel"]}, measures={"hits": Declared("hits")})'
 
 
@@ -79,3 +91,144 @@ def test_a_worker_has_the_results_of_the_machine_that_wants_them(
         assert store.waiting() == {}
         assert store.owners() == []
         assert store.verify() == []
+
+
+def test_who_wants_matches_and_who_helps_run_each_once(target: str, folder: Path, tmp_path: Path) -> None:
+    world = world_of(folder, SLOW, "slow.py")
+    matches = duels(world, tmp_path / "here", 60)
+    command = [
+        sys.executable,
+        "-m",
+        "nathlon.cli",
+        "worker",
+        target,
+        "--wait",
+        "3",
+        "--workers",
+        "1",
+        "--json",
+    ]
+    with Store(target) as store, Pool(1) as pool:
+        post(store, matches)
+        with subprocess.Popen([*command, "--world", world], stdout=subprocess.PIPE, text=True) as helper:
+            while len(store.stored(match.key for match in matches)) == 0:
+                time.sleep(0.05)
+            ended = list(QueueEngine(store, pool).run(matches))
+            said, _ = helper.communicate(timeout=60)
+        assert sorted(key for key, _ in ended) == sorted(match.key for match in matches)
+        helped = json.loads(said)["matches"]
+        assert helped >= 1
+        assert sum(here for _, here in ended) == 60 - helped >= 1
+        assert store.verify() == []
+
+
+def test_ten_who_take_at_once_take_each_match_once(target: str, world: str, tmp_path: Path) -> None:
+    matches = duels(world, tmp_path / "here", 100)
+    with Store(target) as store:
+        [digest] = post(store, matches)
+
+    def take(number: int) -> list[str]:
+        taken: list[str] = []
+        with Store(target) as store:
+            while some := store.take(digest, f"owner {number}", 3, 60):
+                taken += [each.match for each in some]
+        return taken
+
+    with ThreadPoolExecutor(10) as threads:
+        taken = [key for keys in threads.map(take, range(10)) for key in keys]
+    assert sorted(taken) == sorted(match.key for match in matches)
+
+
+def test_a_worker_that_is_killed_leaves_its_matches_to_others(
+    target: str, folder: Path, tmp_path: Path, pool: Pool
+) -> None:
+    world = world_of(folder, SLOW, "slow.py")
+    matches = duels(world, tmp_path / "here", 20)
+    with Store(target) as store:
+        [digest] = post(store, matches)
+        command = [sys.executable, "-m", "nathlon.cli", "worker", target, "--world", world, "--workers", "1"]
+        with subprocess.Popen(command) as killed:
+            while not store.stored(match.key for match in matches):
+                time.sleep(0.02)
+            killed.kill()
+        # And one on another machine, which is not known to be gone until its lease ends.
+        store.take(digest, "another machine", 2, 1.0)
+        before = len(store.stored(match.key for match in matches))
+        assert work_through(store, pool, world) == Shift(20 - before, 0)
+        assert store.results_of(match.key for match in matches).equals(results_of(matches))
+        assert store.owners() == []
+
+
+def test_a_server_that_goes_away_for_seconds_loses_nothing(
+    server: Server, postgres: str, folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    world = world_of(folder, SLOW, "slow.py")
+    matches = duels(world, tmp_path / "here", 40)
+    with Store(postgres) as store, Pool(1) as pool, ThreadPoolExecutor(1) as threads:
+        ended = threads.submit(lambda: list(QueueEngine(store, pool).run(matches)))
+        while not ended.done() and len(store.stored(match.key for match in matches)) < 5:
+            time.sleep(0.02)
+        server.stop()
+        time.sleep(2.0)
+        server.start()
+        assert sorted(key for key, _ in ended.result(60)) == sorted(match.key for match in matches)
+        assert store.verify() == []
+        assert store.results_of(match.key for match in matches).height == 160
+    assert "trying again" in caplog.text
+
+
+def test_a_checkpoint_that_is_not_what_it_is_named_after_stays_out(
+    postgres: str, world: str, tmp_path: Path, pool: Pool, caplog: pytest.LogCaptureFixture
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(postgres) as store:
+        post(store, matches)
+        statement = sa.text("UPDATE file SET content = 'other' WHERE digest = :digest")
+        change(postgres, statement, digest=matches[0].entrants[1])
+        assert work_through(store, pool, world) == Shift(0, 3)
+        assert f"checkpoint {matches[0].entrants[1][:12]} has the contents of" in caplog.text
+        assert store.owners() == []
+        # Where it is wanted its file is the right one.
+        assert sum(here for _, here in QueueEngine(store, pool).run(matches)) == 3
+
+
+def test_a_machine_with_another_version_takes_nothing(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(target) as store:
+        [digest] = post(store, matches)
+        facts = store.surroundings(digest) | {"code": "that of another version"}
+        change(target, sa.text("UPDATE surroundings SET facts = :facts"), facts=json.dumps(facts))
+        with refused("scenario 'duel'", "another state of 'code'", "expected the nathlon and packages"):
+            work_through(store, pool, world)
+        assert store.waiting() == {digest: 3}
+        assert store.owners() == []
+
+
+def test_a_world_that_was_not_named_is_not_loaded(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    with Store(target) as store:
+        post(store, duels(world, tmp_path / "here"))
+        with refused("which is code", "--world"):
+            work(store, pool, wait_s=0.0)
+
+
+def test_leases_end_by_the_clock_of_the_server(
+    postgres: str, world: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(postgres) as store:
+        [digest] = post(store, matches)
+        assert len(store.take(digest, "one", 3, 60)) == 3
+        Clock(monkeypatch).ahead += timedelta(hours=1)
+        assert store.take(digest, "two", 3, 60) == []
+        assert store.at_work() == {}
+
+
+def change(target: str, statement: sa.TextClause, **values: str) -> None:
+    engine = sa.create_engine(target if "://" in target else f"sqlite:///{target}")
+    with engine.begin() as connection:
+        connection.execute(statement, values)
+    engine.dispose()
