@@ -67,6 +67,8 @@ class Database:
 
         Raises InputError where the URL is not one of PostgreSQL, or its driver is not installed.
         """
+        if not str(target):
+            raise InputError("the store has no name; expected the path of a file or the URL of a database")
         if isinstance(target, str) and "://" in target:
             url = _postgresql_url(target)
             self.path = None

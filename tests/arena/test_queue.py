@@ -96,29 +96,16 @@ def test_a_worker_has_the_results_of_the_machine_that_wants_them(
 def test_who_wants_matches_and_who_helps_run_each_once(target: str, folder: Path, tmp_path: Path) -> None:
     world = world_of(folder, SLOW, "slow.py")
     matches = duels(world, tmp_path / "here", 60)
-    command = [
-        sys.executable,
-        "-m",
-        "nathlon.cli",
-        "worker",
-        target,
-        "--wait",
-        "3",
-        "--workers",
-        "1",
-        "--json",
-    ]
-    with Store(target) as store, Pool(1) as pool:
+    with Store(target) as store, Pool(1) as pool, Pool(1) as other, ThreadPoolExecutor(1) as threads:
         post(store, matches)
-        with subprocess.Popen([*command, "--world", world], stdout=subprocess.PIPE, text=True) as helper:
-            while len(store.stored(match.key for match in matches)) == 0:
-                time.sleep(0.05)
-            ended = list(QueueEngine(store, pool).run(matches))
-            said, _ = helper.communicate(timeout=60)
+        helping = threads.submit(work, store, other, [world], wait_s=1.0)
+        while not store.stored(match.key for match in matches):
+            time.sleep(0.02)
+        ended = list(QueueEngine(store, pool).run(matches))
+        helped = helping.result(60)
         assert sorted(key for key, _ in ended) == sorted(match.key for match in matches)
-        helped = json.loads(said)["matches"]
-        assert helped >= 1
-        assert sum(here for _, here in ended) == 60 - helped >= 1
+        assert helped.matches >= 1
+        assert sum(here for _, here in ended) == 60 - helped.matches >= 1
         assert store.verify() == []
 
 
