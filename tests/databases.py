@@ -92,7 +92,8 @@ def postgres(postgres_server: str) -> Iterator[str]:
     server = postgres_server.format("postgres").replace("+psycopg", "")
     with psycopg.connect(server, autocommit=True) as connection:
         connection.execute(f"CREATE DATABASE {name}")
-        yield postgres_server.format(name)
+    yield postgres_server.format(name)
+    with psycopg.connect(server, autocommit=True) as connection:
         connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
 
 

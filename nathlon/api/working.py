@@ -8,7 +8,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.queue_worker import WAIT_S, Shift
 from nathlon.arena.queue_worker import work as work_for
 from nathlon.arena.store import Store
-from nathlon.progress import progress_bars, worker_count
+from nathlon.progress import stage_progress, worker_count
 
 
 def work(
@@ -34,9 +34,7 @@ def work(
     with (
         Store(store, must_exist="://" not in store) as opened,
         Pool(worker_count(workers)) as pool,
-        progress_bars(progress) as bars,
+        stage_progress(progress, ("worker",)) as on_match,
     ):
-        task = bars.add_task("worker", total=None, note="matches")
-        return work_for(
-            opened, pool, worlds, wait_s, on_match=lambda count: bars.update(task, completed=count)
-        )
+        # How many there will be nobody knows.
+        return work_for(opened, pool, worlds, wait_s, on_match=lambda count: on_match("worker", count, count))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -18,15 +19,14 @@ def copy_store(
 ) -> None:
     """Copy matches, runs and the log of a store into a new one: from a file into a database, or back."""
     from nathlon.arena.store import Store
-    from nathlon.progress import progress_bars
+    from nathlon.progress import stage_progress
 
     with (
         stoppable("The same command goes on."),
         Store.open(store) as source,
         Store(target) as copy,
-        progress_bars(not as_json) as bars,
+        stage_progress(not as_json, ("copy",)) as on_match,
     ):
-        task = bars.add_task("copy", total=None, note="matches")
-        count = source.copy_to(copy, lambda done, total: bars.update(task, completed=done, total=total))
+        count = source.copy_to(copy, partial(on_match, "copy"))
         told = {"store": copy.name, "matches": count, "runs": len(copy.runs())}
     tell(told, as_json)

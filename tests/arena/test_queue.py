@@ -17,7 +17,7 @@ import pytest
 import sqlalchemy as sa
 
 from nathlon.arena.match import Match, Race, Seat
-from nathlon.arena.pool import Pool, run_matches
+from nathlon.arena.pool import Pool
 from nathlon.arena.queue import post
 from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.queue_worker import Shift, work
@@ -67,9 +67,9 @@ def duels(world: str, folder: Path, count: int = 3) -> list[Match]:
     ]  # fmt: skip
 
 
-def results_of(matches: list[Match]) -> pl.DataFrame:
-    """RESULTS of matches as one process gives them that has no store."""
-    found = {match.key: frame for match, frame in run_matches(matches, 1)}
+def results_of(matches: list[Match], pool: Pool) -> pl.DataFrame:
+    """RESULTS of matches as a pool gives them without a store."""
+    found = {match.key: frame for match, frame in pool.run(matches)}
     return pl.concat([found[match.key] for match in matches])
 
 
@@ -81,7 +81,7 @@ def test_a_worker_has_the_results_of_the_machine_that_wants_them(
     target: str, world: str, tmp_path: Path, pool: Pool
 ) -> None:
     matches = duels(world, tmp_path / "here")
-    expected = results_of(matches)
+    expected = results_of(matches, pool)
     with Store(target) as store:
         post(store, matches)
         if store.shared:
@@ -127,13 +127,23 @@ def test_ten_who_take_at_once_take_each_match_once(target: str, world: str, tmp_
 
 
 def test_a_worker_that_is_killed_leaves_its_matches_to_others(
-    target: str, folder: Path, tmp_path: Path, pool: Pool
+    postgres: str, folder: Path, tmp_path: Path, pool: Pool
 ) -> None:
     world = world_of(folder, SLOW, "slow.py")
     matches = duels(world, tmp_path / "here", 20)
-    with Store(target) as store:
+    with Store(postgres) as store:
         [digest] = post(store, matches)
-        command = [sys.executable, "-m", "nathlon.cli", "worker", target, "--world", world, "--workers", "1"]
+        command = [
+            sys.executable,
+            "-m",
+            "nathlon.cli",
+            "worker",
+            postgres,
+            "--world",
+            world,
+            "--workers",
+            "1",
+        ]
         with subprocess.Popen(command) as killed:
             while not store.stored(match.key for match in matches):
                 time.sleep(0.02)
@@ -142,7 +152,7 @@ def test_a_worker_that_is_killed_leaves_its_matches_to_others(
         store.take(digest, "another machine", 2, 1.0)
         before = len(store.stored(match.key for match in matches))
         assert work_through(store, pool, world) == Shift(20 - before, 0)
-        assert store.results_of(match.key for match in matches).equals(results_of(matches))
+        assert store.results_of(match.key for match in matches).equals(results_of(matches, pool))
         assert store.owners() == []
 
 
