@@ -17,7 +17,7 @@ from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Feed, Pool
 from nathlon.arena.race_log import RaceLog
-from nathlon.arena.store import Store
+from nathlon.arena.store import Finished, Store
 from nathlon.sim.errors import InputError
 
 POLL_S = 0.5
@@ -58,14 +58,20 @@ class Engine(Protocol):
 
 
 def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[tuple[str, InputError | None], None, None]:
-    """Run what a feed gives, store it, and yield each key; with why it could not be run, if it could not."""
-    with closing(pool.race(feed)) as ended:
-        for match, answer in ended:
-            if isinstance(answer, InputError):
-                yield match.key, answer
-            else:
-                store.add_match(match.key, match.stage, match.spec(), answer)
-                yield match.key, None
+    """Run what a feed gives, store it, and yield each key; with why it could not be run, if it could not.
+
+    What ends together is stored together: a transaction costs more than a match.
+    """
+    with closing(pool.race(feed)) as rounds:
+        for ended in rounds:
+            finished = [
+                Finished(match.key, match.stage, match.spec(), answer)
+                for match, answer in ended
+                if not isinstance(answer, InputError)
+            ]
+            store.add_matches(finished)
+            for match, answer in ended:
+                yield match.key, answer if isinstance(answer, InputError) else None
 
 
 class Work:

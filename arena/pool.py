@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain
 from multiprocessing import connection
 from types import TracebackType
 from typing import Any, TypeVar
@@ -34,6 +35,8 @@ MOST_OPENINGS = 16
 """Of those that a worker is given at once."""
 
 
+Round = list[tuple[Job, Answer]]
+"""Jobs that have ended since the last look, with their answers."""
 Feed = Callable[[int], list[list[Match]]]
 """Gives so many idle processes groups of matches; none if there is nothing to do now."""
 
@@ -90,8 +93,8 @@ class Pool:
             list(openings[begin : begin + size]) for begin in range(0, len(openings), size)
         ]
         answers: dict[Opening, Any] = {}
-        with closing(self._work(_once(groups))) as ended:
-            for opening, answer in ended:
+        with closing(self._work(_once(groups))) as rounds:
+            for opening, answer in chain.from_iterable(rounds):
                 assert isinstance(opening, Opening)
                 answers[replace(opening, alone=False)] = answer
         return [answers[opening] for opening in openings]
@@ -106,8 +109,8 @@ class Pool:
             InputError: when all others have run, if a policy cannot be loaded or is another one by now.
         """
         refused: list[InputError] = []
-        with closing(self.race(_once(group(matches, self.workers)))) as ended:
-            for match, answer in ended:
+        with closing(self.race(_once(group(matches, self.workers)))) as rounds:
+            for match, answer in chain.from_iterable(rounds):
                 if isinstance(answer, InputError):
                     refused.append(answer)
                 else:
@@ -115,20 +118,24 @@ class Pool:
         if refused:
             raise refused[0]
 
-    def race(self, feed: Feed) -> Generator[tuple[Match, pl.DataFrame | InputError], None, None]:
+    def race(self, feed: Feed) -> Generator[list[tuple[Match, pl.DataFrame | InputError]], None, None]:
         """Run matches as in `run`, asking for more whenever processes have nothing to do.
 
-        It ends when all are idle and there is nothing to do now. In place of the results there is an
-        InputError where a policy cannot be loaded, or is another one by now.
+        It ends when all are idle and there is nothing to do now. Matches that have ended since the last look
+        come together. In place of the results there is an InputError where a policy cannot be loaded, or is
+        another one by now.
         """
 
         def jobs(idle: int) -> list[list[Job]]:
             return [[Racing(match) for match in those] for those in feed(idle)]
 
-        with closing(self._work(jobs)) as ended:
-            for racing, answer in ended:
-                assert isinstance(racing, Racing)
-                yield racing.match, answer if isinstance(answer, InputError) else answer.results
+        with closing(self._work(jobs)) as rounds:
+            for ended in rounds:
+                yield [
+                    (job.match, answer if isinstance(answer, InputError) else answer.results)
+                    for job, answer in ended
+                    if isinstance(job, Racing)
+                ]
 
     def record(
         self, wanted: Sequence[Wanted]
@@ -138,8 +145,8 @@ class Pool:
         In place of the logs there is an InputError where a policy cannot be loaded or is another one by now,
         where the match came out otherwise, and where a recording cannot be written.
         """
-        with closing(self._work(_once([[Racing(each.match, each)] for each in wanted]))) as ended:
-            for racing, answer in ended:
+        with closing(self._work(_once([[Racing(each.match, each)] for each in wanted]))) as rounds:
+            for racing, answer in chain.from_iterable(rounds):
                 assert isinstance(racing, Racing)
                 if isinstance(answer, Recorded):
                     void = answer.results["ending"].is_in(VOID_ENDINGS).all()
@@ -147,20 +154,22 @@ class Pool:
                 else:
                     yield racing.match, answer
 
-    def _work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[tuple[Job, Answer], None, None]:
+    def _work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
         queue: deque[list[Job]] = deque()
-        ended: list[tuple[Job, Answer]] = []
+        ended: Round = []
         try:
             while True:
                 idle = self.workers - self._busy
                 for jobs in feed(idle) if idle and not queue else ():
                     here = [job for job in jobs if _lives_here(job)]
-                    yield from ((here[number], answer) for number, answer in do(here, Watch()))
+                    for number, answer in do(here, Watch()):
+                        yield [(here[number], answer)]
                     if elsewhere := [job for job in jobs if not _lives_here(job)]:
                         queue.append(elsewhere)
                 # A worker that ends its matches is given others before these results are dealt with.
                 self._hand_out(queue)
-                yield from ended
+                if ended:
+                    yield ended
                 if not queue and not self._busy:
                     break
                 ended = list(self._collect(queue))

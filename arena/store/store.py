@@ -9,10 +9,11 @@ from typing import Any
 
 import polars as pl
 
-from nathlon.arena.results import RESULTS, TABLES
+from nathlon.arena.results import TABLES
 from nathlon.arena.store import claims, copying, files, log, matches, opening, queue, runs, schema
 from nathlon.arena.store.database import Database
 from nathlon.arena.store.log import LogEntry
+from nathlon.arena.store.matches import Finished
 from nathlon.arena.store.queue import Queued
 from nathlon.arena.store.runs import RunRecord
 from nathlon.arena.store.schema import JsonValue
@@ -102,13 +103,13 @@ class Store:
 
     def add_match(self, key: str, stage: str, spec: dict[str, Any], results: pl.DataFrame) -> bool:
         """Store a finished match, which nobody claims or wants then; False, and no change, if it is there."""
-        schema.check("result", results, RESULTS)
-        named = pl.col("match").eq_missing(key) & pl.col("stage").eq_missing(stage)
-        if not results.select(named.all()).item():
-            raise ValueError(f"results of match {key}: every row must name this match and stage {stage}")
-        if results.select(pl.struct("race", "car").is_duplicated().any()).item():
-            raise ValueError(f"results of match {key}: a car has more than one row in a race")
-        return self._database.write(matches.add, key, stage, spec, results)
+        return bool(self.add_matches([Finished(key, stage, spec, results)]))
+
+    def add_matches(self, finished: Sequence[Finished]) -> set[str]:
+        """Store finished matches as `add_match` does, all at once; the keys of those that were not there."""
+        for match in finished:
+            matches.check(match)
+        return self._database.write(matches.add, finished)
 
     def spec(self, key: str) -> dict[str, Any]:
         """What decides the outcome of a match."""
