@@ -69,7 +69,8 @@ def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[tuple[str, Inpu
                 for match, answer in ended
                 if not isinstance(answer, InputError)
             ]
-            store.add_matches(finished)
+            if finished:
+                store.add_matches(finished)
             for match, answer in ended:
                 yield match.key, answer if isinstance(answer, InputError) else None
 

@@ -56,22 +56,15 @@ def work(
         on_match: told how many it has run, whenever one ends.
 
     Raises:
-        InputError: if all that waits at first cannot be run here.
+        InputError: if matches waited and none of them could be run here.
     """
     abilities, refused, ran = Abilities(store, pool, worlds), dict[str, InputError](), 0
-    told = 0
     with Claimant(store, pool.workers, lease_s) as claimant:
         taker = Taker(store, claimant, abilities.known, {}, refused)
         until = time.monotonic() + wait_s
         while True:
             claimant.release_the_dead()
-            if abilities.look() > len(refused):
-                until = time.monotonic() + wait_s
-            elif not ran and abilities.lacking:
-                raise InputError(abilities.lacking[0])
-            for lack in abilities.lacking[told:]:
-                log.warning("%s", lack)
-            told = len(abilities.lacking)
+            abilities.look()
             with closing(race_into(store, pool, taker)) as ended:
                 for key, error in ended:
                     if error:
@@ -81,9 +74,17 @@ def work(
                     else:
                         ran += 1
                         on_match(ran)
-            if time.monotonic() > until and abilities.look() <= len(refused):
-                return Shift(ran, len(refused))
+                    until = time.monotonic() + wait_s
+            if abilities.look() > len(refused):
+                until = time.monotonic() + wait_s
+            elif time.monotonic() > until:
+                break
             time.sleep(POLL_S)
+    if abilities.lacking and not ran:
+        raise InputError(abilities.lacking[0])
+    for lack in abilities.lacking:
+        log.warning("%s", lack)
+    return Shift(ran, len(refused))
 
 
 class Abilities:

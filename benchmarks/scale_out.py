@@ -1,9 +1,9 @@
 """What it costs to share matches among processes by the queue of a store.
 
-`python -m benchmarks.scale_out [--store URL] [--matches N] [--workers N ...] [--json PATH]` has matches run
-of a world that sleeps for 10 ms a match: by the processes of one pool (`local`), and by workers of one
-process each that share nothing but the store (`queue`). Who sleeps needs no core: with more of them than
-there are cores, what is left is what claims and the store cost. Time counts from when all are ready.
+`python -m benchmarks.scale_out [--database URL] [--matches N] [--workers N ...] [--json PATH]` has matches of
+a world run that sleeps for 10 ms a match: by the processes of one pool (`local`), and by workers of one
+process each that share nothing but the store (`queue`). Who sleeps needs no core: with more than there are
+cores, what is left is what claims and the store cost. Time counts from when all are ready.
 
 Figures: for every run `engine`, `store`, `workers`, `matches`, `wall_s`; `efficiency`, the share of the
 workers' time in which they ran matches; `overhead_s_per_match`, the rest of it; `lost`, matches that have no
@@ -19,6 +19,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -160,7 +161,7 @@ def measure(engine: str, target: str, workers: int, matches: Sequence[Match]) ->
 def main() -> None:
     """Measure, print, and keep the figures."""
     parser = argparse.ArgumentParser(prog="benchmarks.scale_out", description="Workers on one store")
-    parser.add_argument("--store", help="URL of an empty database; a new file by default")
+    parser.add_argument("--database", help="URL of an empty one, measured beside a new SQLite file")
     parser.add_argument("--matches", type=int, default=10_000)
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 8])
     parser.add_argument("--engines", nargs="+", choices=ENGINES, default=list(ENGINES))
@@ -169,10 +170,10 @@ def main() -> None:
     figures = []
     with TemporaryDirectory() as folder, TemporaryDirectory() as notes:
         os.environ[NOTES] = notes
-        for number, (engine, workers) in enumerate(
-            (engine, workers) for engine in asked.engines for workers in asked.workers
+        for number, (database, engine, workers) in enumerate(
+            product(dict.fromkeys([None, asked.database]), asked.engines, asked.workers)
         ):
-            target = asked.store or f"{folder}/{number}.sqlite"
+            target = database or f"{folder}/{number}.sqlite"
             figures.append(measure(engine, target, workers, naps(asked.matches, number * asked.matches)))
             print(figures[-1], file=sys.stderr)
     if asked.json:

@@ -86,8 +86,10 @@ def add(connection: sa.Connection, finished: Sequence[Finished]) -> set[str]:
     """Store matches, which nobody then claims or wants; the keys of those that were not there."""
     once = {match.key: match for match in finished}
     frame = pl.concat([pl.DataFrame(schema=RESULTS), *(match.results for match in once.values())])
-    # SQLite does not keep the sign of zero.
-    frame = frame.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
+    numbers = pl.col(pl.Float64)
+    # SQLite does not keep the sign of zero, and polars at times not that 0.0 is added.
+    unsigned = pl.when(numbers == 0.0).then(0.0).otherwise(numbers.fill_nan(None)).name.keep()
+    frame = frame.with_columns(unsigned).sort("race", "car")
     results = frame.partition_by("match", as_dict=True)
     # In one order, or two who store the same matches at once wait for each other for ever.
     rows = [_row(once[key], results.get((key,), frame.clear())) for key in sorted(once)]
