@@ -9,13 +9,18 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
 import polars as pl
 import pytest
 import sqlalchemy as sa
+from hypothesis import given
+from hypothesis import strategies as st
 
+from nathlon.arena.baggage import labels
+from nathlon.arena.engine import CLAIM_LEAST, LocalEngine, share
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue import post
@@ -222,6 +227,51 @@ def test_leases_end_by_the_clock_of_the_server(
         Clock(monkeypatch).ahead += timedelta(hours=1)
         assert store.take(digest, "two", 3, 60) == []
         assert store.at_work() == {}
+
+
+def test_an_older_store_gets_its_queue_in_place(target: str, world: str, tmp_path: Path, pool: Pool) -> None:
+    first, *others = duels(world, tmp_path / "here")
+    with Store(target) as store:
+        post(store, [first])
+        assert work_through(store, pool, world) == Shift(1, 0)
+    for table in ("queue", "surroundings", "file", "worker"):
+        change(target, sa.text(f"DROP TABLE {table}"))
+    change(target, sa.text("UPDATE nathlon_version SET version_num = '0003'"))
+    with Store(target) as store:
+        assert store.has(first.key)
+        post(store, [first, *others])
+        assert work_through(store, pool, world) == Shift(2, 0)
+        assert store.verify() == []
+
+
+def test_matches_that_others_hold_are_waited_for_and_run_when_their_leases_end(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(target) as store:
+        store.claim([matches[1].key], "another machine", 1.0)
+        ended = list(LocalEngine(store, pool).run(matches))
+        assert [key for key, _ in ended] == [match.key for match in (matches[0], matches[2], matches[1])]
+        assert all(here for _, here in ended)
+
+
+def test_what_cannot_leave_this_machine_has_no_label(world: str, tmp_path: Path) -> None:
+    [match] = duels(world, tmp_path / "here", 1)
+    assert labels(match, shared=True) == [".onnx", ".onnx"]
+    assert labels(match, shared=False) == list(match.sources)
+    for kind, leaves in (("object:mine", False), ("mix.toml", False), ("plugin:mine", True)):
+        other = replace(match, sources=(kind, match.sources[1]))
+        assert (labels(other, shared=True) is not None) == leaves
+
+
+@given(st.integers(1, 100_000), st.integers(1, 64), st.integers(0, 1000), st.integers(1, 10_000))
+def test_a_share_is_no_more_than_what_gains_by_running_together(
+    left: int, idle: int, at_work: int, full: int
+) -> None:
+    some = share(left, idle, at_work, full)
+    assert CLAIM_LEAST * idle <= some <= max(2 * full, CLAIM_LEAST) * idle
+    if some > CLAIM_LEAST * idle and at_work > 2 * idle:
+        assert some <= left // 2, "others find work too"
 
 
 def change(target: str, statement: sa.TextClause, **values: str) -> None:
