@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from typing import NamedTuple, Protocol
+
+import polars as pl
 
 from nathlon.arena.claimant import LEASE_S, Claimant
 from nathlon.arena.grouping import GROUPS_A_WORKER, fill, group, longest_first
@@ -24,6 +26,8 @@ POLL_S = 0.5
 """Between two looks for work, or at what others do."""
 LOOK_S, LOOK_SHARE = 2.0, 20.0
 """Between two looks at what others have stored, at least; and how much longer than such a look takes."""
+GATHER_S = 0.25
+"""For which results are gathered before they are stored: a transaction costs more than a match."""
 CLAIM_LEAST = 16
 """Matches that an idle process claims, if there are as many: together they cost much less than apart."""
 
@@ -60,19 +64,31 @@ class Engine(Protocol):
 def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[tuple[str, InputError | None], None, None]:
     """Run what a feed gives, store it, and yield each key; with why it could not be run, if it could not.
 
-    What ends together is stored together: a transaction costs more than a match.
+    What ends within a moment is stored together.
     """
+    ended: list[tuple[Match, pl.DataFrame | InputError]] = []
+    due = 0.0
     with closing(pool.race(feed)) as rounds:
-        for ended in rounds:
-            finished = [
-                Finished(match.key, match.stage, match.spec(), answer)
-                for match, answer in ended
-                if not isinstance(answer, InputError)
-            ]
-            if finished:
-                store.add_matches(finished)
-            for match, answer in ended:
-                yield match.key, answer if isinstance(answer, InputError) else None
+        for each in rounds:
+            ended += each
+            if ended and time.monotonic() >= due:
+                yield from _stored(store, ended)
+                ended, due = [], time.monotonic() + GATHER_S
+    yield from _stored(store, ended)
+
+
+def _stored(
+    store: Store, ended: Sequence[tuple[Match, pl.DataFrame | InputError]]
+) -> Iterator[tuple[str, InputError | None]]:
+    finished = [
+        Finished(match.key, match.stage, match.spec(), answer)
+        for match, answer in ended
+        if not isinstance(answer, InputError)
+    ]
+    if finished:
+        store.add_matches(finished)
+    for match, answer in ended:
+        yield match.key, answer if isinstance(answer, InputError) else None
 
 
 class Work:

@@ -121,9 +121,9 @@ class Pool:
     def race(self, feed: Feed) -> Generator[list[tuple[Match, pl.DataFrame | InputError]], None, None]:
         """Run matches as in `run`, asking for more whenever processes have nothing to do.
 
-        It ends when all are idle and there is nothing to do now. Matches that have ended since the last look
-        come together. In place of the results there is an InputError where a policy cannot be loaded, or is
-        another one by now.
+        It ends when all are idle and there is nothing to do now. At every look those matches come that have
+        ended since the last one. In place of the results there is an InputError where a policy cannot be
+        loaded, or is another one by now.
         """
 
         def jobs(idle: int) -> list[list[Job]]:
@@ -168,8 +168,7 @@ class Pool:
                         queue.append(elsewhere)
                 # A worker that ends its matches is given others before these results are dealt with.
                 self._hand_out(queue)
-                if ended:
-                    yield ended
+                yield ended
                 if not queue and not self._busy:
                     break
                 ended = list(self._collect(queue))

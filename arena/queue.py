@@ -7,6 +7,7 @@ import json
 import logging
 import time
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict
 from typing import Any
 
 from nathlon.arena.baggage import Arrivals, labels, send
@@ -38,21 +39,37 @@ def post(store: Store, matches: Collection[Match]) -> set[str]:
     Returns:
         the digests of their surroundings.
     """
-    ordered, posted = longest_first(matches), set[str]()
+    ordered = longest_first(matches)
+    shared = {where: _facts(*where) for where in {_where(match) for match in ordered}}
+    digests = {
+        where: hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+        for where, facts in shared.items()
+    }
     for begin in range(0, len(ordered), AT_ONCE):
         some = ordered[begin : begin + AT_ONCE]
         if store.shared:
             send(store, some)
-        entries, surroundings = [], {}
-        for match in some:
-            facts = match.spec()
-            own = {name: facts.pop(name) for name in OWN}
-            digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
-            surroundings[digest] = facts
-            entries.append(Queued(match.key, digest, own, labels(match, store.shared) or []))
-        store.enqueue(entries, surroundings)
-        posted |= surroundings.keys()
-    return posted
+        entries = [
+            Queued(match.key, digests[_where(match)], _own(match), labels(match, store.shared) or [])
+            for match in some
+        ]
+        store.enqueue(entries, {digests[where]: shared[where] for where in {_where(each) for each in some}})
+    return set(digests.values())
+
+
+def _where(match: Match) -> tuple[str, str, str, str]:
+    return match.world, match.circuit, match.car, match.scenario
+
+
+def _facts(world: str, circuit: str, car: str, scenario: str) -> dict[str, Any]:
+    """What a match's spec says beside `OWN`."""
+    named = {"world": world, "circuit": circuit, "car": car, "scenario": scenario}
+    return named | load_world(world, circuit, car).facts(scenario)
+
+
+def _own(match: Match) -> dict[str, Any]:
+    told = asdict(match)
+    return {name: told[name] for name in OWN}
 
 
 def difference(facts: Mapping[str, Any]) -> str | None:

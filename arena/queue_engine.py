@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Generator, Sequence
 
 from nathlon.arena.baggage import labels
@@ -14,6 +16,9 @@ from nathlon.arena.queue import Taker, post
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
+
+POST_AGAIN_S = 10.0
+"""Between two looks whether all that is wanted is still in the queue."""
 
 
 class QueueEngine:
@@ -47,8 +52,17 @@ class QueueEngine:
         with Claimant(self._store, self._pool.workers, self._lease_s) as claimant:
             work = Work(self._store, self._pool, claimant, matches)
             taker = Taker(self._store, claimant, posted.__contains__, known, work.refused)
+            next_post = -math.inf
+
+            def prepare() -> None:
+                # Again now and then: another selection that wanted the same matches may have withdrawn them.
+                nonlocal next_post
+                if time.monotonic() > next_post:
+                    posted.update(post(self._store, work.left.values()))
+                    next_post = time.monotonic() + POST_AGAIN_S
+
             try:
-                yield from work.done(taker, lambda: posted.update(post(self._store, work.left.values())))
+                yield from work.done(taker, prepare)
             except BaseException:
                 self._store.withdraw(known)
                 raise
