@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 from nathlon.arena.baggage import labels
 from nathlon.arena.engine import CLAIM_LEAST, LocalEngine, share
+from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue import post
@@ -28,6 +29,8 @@ from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.queue_worker import Shift, work
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
+from nathlon.selection.trials import against
+from tests.checkpoints import BUNDLED
 from tests.clocks import Clock
 from tests.databases import Server
 from tests.games import player, refused, world_of
@@ -227,6 +230,19 @@ def test_leases_end_by_the_clock_of_the_server(
         Clock(monkeypatch).ahead += timedelta(hours=1)
         assert store.take(digest, "two", 3, 60) == []
         assert store.at_work() == {}
+
+
+def test_a_race_of_ours_is_the_same_elsewhere(postgres: str, tmp_path: Path, pool: Pool) -> None:
+    checkpoint = tmp_path / "here.safetensors"
+    shutil.copy(next(path for path in BUNDLED if path.stem.startswith("lindenring")), checkpoint)
+    entrant = enter(str(checkpoint), "lindenring", "gt3")
+    match = against("battery", "duel", "slipstream_pass", entrant, ["driver:pace=0.9"], [1], range(1))
+    expected = results_of([match], pool)
+    with Store(postgres) as store:
+        post(store, [match])
+        checkpoint.unlink()
+        assert work(store, pool, wait_s=0.0) == Shift(1, 0)
+        assert store.results_of([match.key]).equals(expected)
 
 
 def test_an_older_store_gets_its_queue_in_place(target: str, world: str, tmp_path: Path, pool: Pool) -> None:
