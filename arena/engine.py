@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import NamedTuple, Protocol
 
@@ -61,10 +61,11 @@ class Engine(Protocol):
         ...
 
 
-def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[tuple[str, InputError | None], None, None]:
-    """Run what a feed gives, store it, and yield each key; with why it could not be run, if it could not.
+def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[dict[str, InputError | None], None, None]:
+    """Run what a feed gives, and store together what ends within a moment.
 
-    What ends within a moment is stored together.
+    Yields:
+        the keys that have ended, each with why it could not be run, if it could not.
     """
     ended: list[tuple[Match, pl.DataFrame | InputError]] = []
     due = 0.0
@@ -72,14 +73,14 @@ def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[tuple[str, Inpu
         for each in rounds:
             ended += each
             if ended and time.monotonic() >= due:
-                yield from _stored(store, ended)
+                yield _stored(store, ended)
                 ended, due = [], time.monotonic() + GATHER_S
-    yield from _stored(store, ended)
+    yield _stored(store, ended)
 
 
 def _stored(
     store: Store, ended: Sequence[tuple[Match, pl.DataFrame | InputError]]
-) -> Iterator[tuple[str, InputError | None]]:
+) -> dict[str, InputError | None]:
     finished = [
         Finished(match.key, match.stage, match.spec(), answer)
         for match, answer in ended
@@ -87,8 +88,7 @@ def _stored(
     ]
     if finished:
         store.add_matches(finished)
-    for match, answer in ended:
-        yield match.key, answer if isinstance(answer, InputError) else None
+    return {match.key: answer if isinstance(answer, InputError) else None for match, answer in ended}
 
 
 class Work:
@@ -129,13 +129,14 @@ class Work:
             raise next(iter(self.refused.values()))
 
     def _run(self, feed: Feed) -> Generator[Ended, None, None]:
-        with closing(race_into(self._store, self._pool, feed)) as ended:
-            for key, error in ended:
-                wanted = self.left.pop(key, None)
-                if error:
-                    self.refused[key] = error
-                    self._store.drop([key], self._claimant.owner)
-                elif wanted:
+        with closing(race_into(self._store, self._pool, feed)) as rounds:
+            for ended in rounds:
+                ours = [key for key, error in ended.items() if self.left.pop(key, None) and not error]
+                for key, error in ended.items():
+                    if error:
+                        self.refused[key] = error
+                        self._store.drop([key], self._claimant.owner)
+                for key in ours:
                     yield Ended(key, here=True)
                 if time.monotonic() > self._next_look:
                     yield from self._stored_by_others()

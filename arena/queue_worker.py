@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import chain
 
 from nathlon.arena.claimant import LEASE_S, Claimant
 from nathlon.arena.engine import POLL_S, race_into
@@ -65,8 +66,8 @@ def work(
         while True:
             claimant.release_the_dead()
             abilities.look()
-            with closing(race_into(store, pool, taker)) as ended:
-                for key, error in ended:
+            with closing(race_into(store, pool, taker)) as rounds:
+                for key, error in chain.from_iterable(ended.items() for ended in rounds):
                     if error:
                         log.warning("%s", error)
                         refused[key] = error
