@@ -41,6 +41,16 @@ def group(matches: Iterable[Match], workers: int) -> list[list[Match]]:
     return sorted(groups, key=lambda those: -sum(map(_car_seconds, those)))
 
 
+def fill(match: Match) -> int:
+    """How many matches like this one fill a world."""
+    return max(1, int(min(CAR_SECONDS, CARS * _setup(match).time_s) / _car_seconds(match)))
+
+
+def longest_first(matches: Iterable[Match]) -> list[Match]:
+    """Matches in the order in which they should begin, those of the same scenario side by side."""
+    return [match for those in group(matches, 1) for match in those]
+
+
 def _car_seconds(match: Match) -> float:
     """Upper bound of what there is to simulate in a match."""
     setup = _setup(match)

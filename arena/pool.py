@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain
 from multiprocessing import connection
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import polars as pl
 
@@ -25,10 +26,18 @@ from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.sources import OBJECT
 from nathlon.sim.errors import InputError
 
+JobT = TypeVar("JobT")
+
 LOOKS = 5
 """How often a policy is looked at within its time for an answer."""
 MOST_OPENINGS = 16
 """Of those that a worker is given at once."""
+
+
+Round = list[tuple[Job, Answer]]
+"""Jobs that have ended since the last look, with their answers."""
+Feed = Callable[[int], list[list[Match]]]
+"""Gives so many idle processes groups of matches; none if there is nothing to do now."""
 
 
 class Pool:
@@ -83,8 +92,8 @@ class Pool:
             list(openings[begin : begin + size]) for begin in range(0, len(openings), size)
         ]
         answers: dict[Opening, Any] = {}
-        with closing(self._work(groups)) as ended:
-            for opening, answer in ended:
+        with closing(self._work(_once(groups))) as rounds:
+            for opening, answer in chain.from_iterable(rounds):
                 assert isinstance(opening, Opening)
                 answers[replace(opening, alone=False)] = answer
         return [answers[opening] for opening in openings]
@@ -99,18 +108,33 @@ class Pool:
             InputError: when all others have run, if a policy cannot be loaded or is another one by now.
         """
         refused: list[InputError] = []
-        groups: list[list[Job]] = [
-            [Racing(match) for match in those] for those in group(matches, self.workers)
-        ]
-        with closing(self._work(groups)) as ended:
-            for racing, answer in ended:
-                assert isinstance(racing, Racing)
+        with closing(self.race(_once(group(matches, self.workers)))) as rounds:
+            for match, answer in chain.from_iterable(rounds):
                 if isinstance(answer, InputError):
                     refused.append(answer)
                 else:
-                    yield racing.match, answer.results
+                    yield match, answer
         if refused:
             raise refused[0]
+
+    def race(self, feed: Feed) -> Generator[list[tuple[Match, pl.DataFrame | InputError]], None, None]:
+        """Run matches as in `run`, asking for more whenever processes have nothing to do.
+
+        It ends when all are idle and there is nothing to do now. At every look those matches come that have
+        ended since the last one. In place of the results there is an InputError where a policy cannot be
+        loaded, or is another one by now.
+        """
+
+        def jobs(idle: int) -> list[list[Job]]:
+            return [[Racing(match) for match in those] for those in feed(idle)]
+
+        with closing(self._work(jobs)) as rounds:
+            for ended in rounds:
+                yield [
+                    (job.match, answer if isinstance(answer, InputError) else answer.results)
+                    for job, answer in ended
+                    if isinstance(job, Racing)
+                ]
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """Run matches again, watched as in `run`, and yield each with what was recorded of it.
@@ -118,8 +142,8 @@ class Pool:
         In its place there is an InputError where a policy cannot be loaded or is another one by now,
         where the match came out otherwise, and where a recording cannot be written.
         """
-        with closing(self._work([[Racing(each.match, each)] for each in wanted])) as ended:
-            for racing, answer in ended:
+        with closing(self._work(_once([[Racing(each.match, each)] for each in wanted]))) as rounds:
+            for racing, answer in chain.from_iterable(rounds):
                 assert isinstance(racing, Racing)
                 if isinstance(answer, Recorded):
                     void = answer.results["ending"].is_in(VOID_ENDINGS).all()
@@ -127,30 +151,37 @@ class Pool:
                 else:
                     yield racing.match, answer
 
-    def _work(self, groups: Iterable[list[Job]]) -> Generator[tuple[Job, Answer], None, None]:
+    def _work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
         queue: deque[list[Job]] = deque()
-        for jobs in groups:
-            here = [job for job in jobs if _lives_here(job)]
-            yield from ((here[number], answer) for number, answer in do(here, Watch()))
-            if elsewhere := [job for job in jobs if not _lives_here(job)]:
-                queue.append(elsewhere)
+        ended: Round = []
         try:
-            while queue or any(self._processes.values()):
-                self._hand_out(queue)
+            while True:
+                idle = self.workers - self._busy
+                for jobs in feed(idle) if idle and not queue else ():
+                    here = [job for job in jobs if _lives_here(job)]
+                    for number, answer in do(here, Watch()):
+                        yield [(here[number], answer)]
+                    if elsewhere := [job for job in jobs if not _lives_here(job)]:
+                        queue.append(elsewhere)
                 # A worker that ends its matches is given others before these results are dealt with.
-                ended = list(self._collect(queue))
                 self._hand_out(queue)
-                yield from ended
+                yield ended
+                if not queue and not self._busy:
+                    break
+                ended = list(self._collect(queue))
         finally:
             # Only those that are at work when the run is given up.
             for worker in [worker for worker, jobs in self._processes.items() if jobs]:
                 worker.kill()
                 del self._processes[worker]
 
+    @property
+    def _busy(self) -> int:
+        return sum(map(bool, self._processes.values()))
+
     def _hand_out(self, queue: deque[list[Job]]) -> None:
         """Give the first in the queue to workers that are idle, and start those that are missing."""
-        busy = sum(map(bool, self._processes.values()))
-        for _ in range(min(self.workers, busy + len(queue)) - len(self._processes)):
+        for _ in range(min(self.workers, self._busy + len(queue)) - len(self._processes)):
             self._start()
         for worker in [worker for worker in self._processes if worker.idle]:
             if queue and queue[0][0].alone and not worker.fresh:
@@ -195,6 +226,12 @@ class Pool:
 def _lives_here(job: Job) -> bool:
     """Whether a policy takes part that only this process has."""
     return any(source.partition(":")[0] == OBJECT for source in job.sources)
+
+
+def _once(groups: list[list[JobT]]) -> Callable[[int], list[list[JobT]]]:
+    """A feed that gives everything at once."""
+    left = [groups]
+    return lambda idle: left.pop() if left else []
 
 
 def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match, pl.DataFrame]]:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
     from nathlon.api.twinning import TwinResult, twin
+    from nathlon.api.working import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
@@ -64,6 +65,7 @@ _FROM = {
     "select": "nathlon.api.selection",
     "train": "nathlon.api.training",
     "twin": "nathlon.api.twinning",
+    "work": "nathlon.api.working",
 }
 
 __all__ = [
@@ -94,6 +96,7 @@ __all__ = [
     "select",
     "train",
     "twin",
+    "work",
 ]
 
 

@@ -22,9 +22,11 @@ from nathlon.commands.racing import race
 from nathlon.commands.recipes import recipes
 from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
+from nathlon.commands.store import copy_store
 from nathlon.commands.track import import_track, show_track
 from nathlon.commands.training import polish, train
 from nathlon.commands.twin import twin
+from nathlon.commands.worker import worker
 from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -38,8 +40,8 @@ app = typer.Typer(
     rich_markup_mode=None,  # rich takes longer to load than the help to read
 )
 for command in (
-    demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, status, report, train, polish, ablate,
-    recipes, race, replay, twin, incident, export, observation,
+    demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, worker, status, report, train, polish,
+    ablate, recipes, race, replay, twin, incident, export, observation,
 ):  # fmt: skip
     app.command()(command)
 
@@ -52,6 +54,10 @@ world = typer.Typer(help="Look at simulators whose policies can be selected amon
 world.command("check")(check_world)
 world.command("list")(list_worlds)
 app.add_typer(world, name="world")
+
+store = typer.Typer(help="Look after stores.", no_args_is_help=True)
+store.command("copy")(copy_store)
+app.add_typer(store, name="store")
 app.add_typer(committee, name="committee")
 
 

@@ -6,7 +6,8 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
@@ -24,9 +25,32 @@ def _programs() -> Path | None:
     return Path(found).resolve().parent if found else None
 
 
+@dataclass(frozen=True)
+class Server:
+    """A PostgreSQL server of the tests.
+
+    Attributes:
+        url: of its databases, with braces where their names go.
+        call: calls one of its programs with arguments.
+        options: to start it with.
+    """
+
+    folder: Path
+    url: str
+    call: Callable[..., None]
+    options: str
+
+    def start(self) -> None:
+        self.call("pg_ctl", "start", "-w", "-l", str(self.folder / "log"), "-o", self.options)
+
+    def stop(self) -> None:
+        """End it as if its machine were switched off."""
+        self.call("pg_ctl", "stop", "-m", "immediate")
+
+
 @pytest.fixture(scope="session")
-def postgres_server() -> Iterator[str]:
-    """The URL of a server, without a database; skips the test where PostgreSQL is not installed."""
+def server() -> Iterator[Server]:
+    """A server; skips the test where PostgreSQL is not installed."""
     programs = _programs()
     if programs is None:
         pytest.skip("PostgreSQL is not installed: no initdb")
@@ -39,16 +63,23 @@ def postgres_server() -> Iterator[str]:
         command = [str(programs / program), "-D", str(folder / "data"), *arguments]
         subprocess.run(command, check=True, user=user, cwd=folder, stdout=subprocess.DEVNULL)
 
-    options = f"-k {folder} -c listen_addresses='' -c fsync=off"
+    url = f"postgresql+psycopg://{ADMIN}@/{{}}?host={folder}"
+    server = Server(folder, url, call, f"-k {folder} -c listen_addresses='' -c fsync=off")
     try:
         call("initdb", "-U", ADMIN, "-A", "trust", "-E", "UTF8", "--locale=C.UTF-8", "--no-sync")
-        call("pg_ctl", "start", "-w", "-l", str(folder / "log"), "-o", options)
+        server.start()
         try:
-            yield f"postgresql+psycopg://{ADMIN}@/{{}}?host={folder}"
+            yield server
         finally:
-            call("pg_ctl", "stop", "-m", "immediate")
+            server.stop()
     finally:
         shutil.rmtree(folder)
+
+
+@pytest.fixture(scope="session")
+def postgres_server(server: Server) -> str:
+    """The URL of a server, without a database."""
+    return server.url
 
 
 _numbers = count()
@@ -61,7 +92,8 @@ def postgres(postgres_server: str) -> Iterator[str]:
     server = postgres_server.format("postgres").replace("+psycopg", "")
     with psycopg.connect(server, autocommit=True) as connection:
         connection.execute(f"CREATE DATABASE {name}")
-        yield postgres_server.format(name)
+    yield postgres_server.format(name)
+    with psycopg.connect(server, autocommit=True) as connection:
         connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import sqlalchemy as sa
 
@@ -18,9 +18,8 @@ LONGEST_S = 600.0
 def grant(connection: sa.Connection, keys: Sequence[str], owner: str, for_s: float) -> list[str]:
     """Those of the keys, in their order, on which the owner now has a lease."""
     lock_exclusively(connection, CLAIMS_LOCK)
+    cap(connection)
     table, now = schema.claim, clock(connection)
-    latest = stamp(now + timedelta(seconds=LONGEST_S))
-    connection.execute(table.update().where(table.c.until > latest).values(until=latest))
     held: set[str] = set()
     for chunk in schema.chunks(keys):
         alive = sa.select(table.c.match).where(
@@ -30,19 +29,58 @@ def grant(connection: sa.Connection, keys: Sequence[str], owner: str, for_s: flo
     # After the claims, not before: storing a match drops its claim, and may come in between.
     refused = held | matches.stored(connection, keys)
     granted = [key for key in dict.fromkeys(keys) if key not in refused]
-    for chunk in schema.chunks(granted):
-        connection.execute(table.delete().where(table.c.match.in_(chunk)))
-        until = stamp(now + timedelta(seconds=min(for_s, LONGEST_S)))
-        connection.execute(table.insert(), [{"match": key, "owner": owner, "until": until} for key in chunk])
+    give(connection, granted, owner, now + timedelta(seconds=for_s))
     return granted
 
 
-def release(connection: sa.Connection, owner: str) -> None:
-    """Drop all claims of an owner."""
+def cap(connection: sa.Connection) -> None:
+    """Cut leases that last too long, see `LONGEST_S`."""
+    latest = stamp(clock(connection) + timedelta(seconds=LONGEST_S))
+    for table in (schema.claim, schema.worker):
+        connection.execute(table.update().where(table.c.until > latest).values(until=latest))
+
+
+def give(connection: sa.Connection, keys: Sequence[str], owner: str, until: datetime) -> None:
+    """Lease matches to an owner, whoever had a lease on them."""
+    table, latest = schema.claim, clock(connection) + timedelta(seconds=LONGEST_S)
+    for chunk in schema.chunks(keys):
+        connection.execute(table.delete().where(table.c.match.in_(chunk)))
+        rows = [{"match": key, "owner": owner, "until": stamp(min(until, latest))} for key in chunk]
+        connection.execute(table.insert(), rows)
+
+
+def attend(connection: sa.Connection, owner: str, processes: int, for_s: float) -> None:
+    """Note that an owner is at work, and have all its leases last for this long from now."""
     lock_exclusively(connection, CLAIMS_LOCK)
-    connection.execute(schema.claim.delete().where(schema.claim.c.owner == owner))
+    until = stamp(clock(connection) + timedelta(seconds=min(for_s, LONGEST_S)))
+    worker, claim = schema.worker, schema.claim
+    connection.execute(worker.delete().where(worker.c.owner == owner))
+    connection.execute(worker.insert(), {"owner": owner, "processes": processes, "until": until})
+    connection.execute(claim.update().where(claim.c.owner == owner).values(until=until))
+
+
+def at_work(connection: sa.Connection) -> dict[str, int]:
+    """Who is at work, and with how many processes."""
+    table = schema.worker.c
+    query = sa.select(table.owner, table.processes).where(table.until > stamp(clock(connection)))
+    return {row.owner: row.processes for row in connection.execute(query.order_by(table.owner))}
+
+
+def release(connection: sa.Connection, owner: str) -> None:
+    """Drop all claims of an owner, who is no longer at work."""
+    lock_exclusively(connection, CLAIMS_LOCK)
+    for table in (schema.claim, schema.worker):
+        connection.execute(table.delete().where(table.c.owner == owner))
+
+
+def drop(connection: sa.Connection, keys: Sequence[str], owner: str) -> None:
+    """Drop an owner's claims on some matches."""
+    table = schema.claim
+    for chunk in schema.chunks(keys):
+        connection.execute(table.delete().where(table.c.match.in_(chunk), table.c.owner == owner))
 
 
 def owners(connection: sa.Connection) -> list[str]:
-    """All who hold a claim or have let one expire."""
-    return list(connection.scalars(sa.select(schema.claim.c.owner).distinct().order_by(schema.claim.c.owner)))
+    """All who hold a claim or are at work, or have let that expire."""
+    found = sa.union(*(sa.select(table.c.owner) for table in (schema.claim, schema.worker)))
+    return sorted(connection.scalars(found))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import random
 import sqlite3
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 from urllib.parse import quote
 
 import sqlalchemy as sa
@@ -19,14 +23,34 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.sim.whole_file import whole_file
 
+log = logging.getLogger(__name__)
+
+Arguments = ParamSpec("Arguments")
+AnswerT = TypeVar("AnswerT")
+
 APPLICATION_ID = 0x6E41544C  # "nATL", in a file's header: tells a store from any other database
 BUSY_TIMEOUT_S = 30.0  # for a lock that another process holds
 CONNECT_TIMEOUT_S = 10
 POSTGRESQL = "postgresql+psycopg"
+CONNECTIONS = 4
+"""To a server that a process keeps open."""
+MORE_CONNECTIONS = 12
+"""That it opens beside them when its threads want them at once, and closes again."""
+PATIENCE_S = 300.0
+"""For a server that goes away: it restarts, or another takes its place."""
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 5.0
+"""Between two attempts; each wait is up to twice as long as the one before."""
+PASSING = ("08", "40", "53", "57P")
+"""How the SQLSTATEs begin of what passes: connections, transactions in each other's way, a server that is
+full, or that stops or starts. See https://www.postgresql.org/docs/current/errcodes-appendix.html."""
 
 
 class StoreFault(Exception):
     """What is wrong with a store, in one clause; its transaction puts the store's name in front."""
+
+
+class Unreachable(InputError):
+    """The server of a store does not answer, or went away; it may come back."""
 
 
 class Database:
@@ -43,6 +67,8 @@ class Database:
 
         Raises InputError where the URL is not one of PostgreSQL, or its driver is not installed.
         """
+        if not str(target):
+            raise InputError("the store has no name; expected the path of a file or the URL of a database")
         if isinstance(target, str) and "://" in target:
             url = _postgresql_url(target)
             self.path = None
@@ -60,8 +86,14 @@ class Database:
             sa.event.listen(self._engine, "begin", _begin_sqlite)
         else:
             need("psycopg", "postgres", f"{self.name}: PostgreSQL")
-            self._engine = sa.create_engine(url, max_overflow=-1, pool_pre_ping=True)
-            sa.event.listen(self._engine, "connect", _configure_postgresql)
+            self._engine = sa.create_engine(
+                url,
+                pool_size=CONNECTIONS,
+                max_overflow=MORE_CONNECTIONS,
+                pool_pre_ping=True,
+                connect_args={"prepare_threshold": None},  # statements are lost behind PgBouncer
+            )
+            sa.event.listen(self._engine, "begin", _begin_postgresql)
 
     def exists(self) -> bool:
         """Whether there is a SQLite file; True for PostgreSQL."""
@@ -82,6 +114,73 @@ class Database:
                 raise InputError(
                     f"{self.name}: the folder for the store cannot be made ({error.strerror})"
                 ) from None
+
+    def read(
+        self,
+        function: Callable[Concatenate[sa.Connection, Arguments], AnswerT],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> AnswerT:
+        """What a function gives in a transaction that only reads; again where the server went away."""
+
+        def attempt() -> AnswerT:
+            with self.reading() as connection:
+                return function(connection, *arguments, **named)
+
+        return self._patiently(attempt)
+
+    def write(
+        self,
+        function: Callable[Concatenate[sa.Connection, Arguments], AnswerT],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> AnswerT:
+        """What a function gives in a transaction that writes; again where the server went away meanwhile.
+
+        It may then have been done already: the function must come to the same if it is done twice.
+        """
+
+        def attempt() -> AnswerT:
+            with self.writing() as connection:
+                return function(connection, *arguments, **named)
+
+        return self._patiently(attempt)
+
+    def write_once(
+        self,
+        function: Callable[Concatenate[sa.Connection, Arguments], AnswerT],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> AnswerT:
+        """As `write`, but not again where the server went away as it was told to keep what was written."""
+
+        def attempt() -> AnswerT:
+            done = False
+            try:
+                with self.writing() as connection:
+                    answer = function(connection, *arguments, **named)
+                    done = True
+            except Unreachable as error:
+                if done:
+                    raise InputError(f"{error}; what was to be written last may have been, or not") from error
+                raise
+            return answer
+
+        return self._patiently(attempt)
+
+    def _patiently(self, attempt: Callable[[], AnswerT]) -> AnswerT:
+        began, wait = time.monotonic(), FIRST_WAIT_S
+        while True:
+            try:
+                return attempt()
+            except Unreachable as error:
+                if time.monotonic() - began + wait > PATIENCE_S:
+                    raise
+                if wait == FIRST_WAIT_S:
+                    log.warning("%s; trying again for %.0f s", error, PATIENCE_S)
+            # Of many who lost the same server not all come back at once.
+            time.sleep(wait * random.uniform(0.5, 1.0))
+            wait = min(2.0 * wait, LONGEST_WAIT_S)
 
     @contextmanager
     def reading(self) -> Iterator[sa.Connection]:
@@ -136,7 +235,10 @@ class Database:
                     f"{self.name}: its last writes are in {left.name}, which cannot be read here ({reason}); "
                     "expected a folder that can be written, or a copy of both files in one"
                 ) from error
-            raise InputError(f"{self.name}: the store cannot be used: {reason}") from error
+            kind = Unreachable if self.path is None and _passes(error) else InputError
+            raise kind(f"{self.name}: the store cannot be used: {reason}") from error
+        except sa.exc.TimeoutError as error:
+            raise Unreachable(f"{self.name}: the store cannot be used: no connection is free") from error
         except UnicodeDecodeError as error:  # of sqlite3, for names of tables
             raise InputError(f"{self.name}: damaged: a text is not UTF-8 ({error.reason})") from None
         except StoreFault as error:
@@ -207,9 +309,17 @@ def _begin_sqlite(connection: sa.Connection) -> None:
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
-def _configure_postgresql(connection: DBAPIConnection, _: ConnectionPoolEntry) -> None:
-    connection.execute(f"SET lock_timeout = {round(1000 * BUSY_TIMEOUT_S)}")
-    connection.commit()
+def _begin_postgresql(connection: sa.Connection) -> None:
+    """For this transaction only: behind PgBouncer the next one has another connection."""
+    connection.exec_driver_sql(f"SET LOCAL lock_timeout = {round(1000 * BUSY_TIMEOUT_S)}")
+
+
+def _passes(error: sa.exc.DBAPIError) -> bool:
+    """Whether what a PostgreSQL server says may be otherwise in a while."""
+    state = getattr(error.orig, "sqlstate", None)
+    if state is None:
+        return error.connection_invalidated or isinstance(error, sa.exc.OperationalError)
+    return error.connection_invalidated or state.startswith(PASSING)
 
 
 def lock_exclusively(connection: sa.Connection, lock: int) -> None:

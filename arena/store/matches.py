@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import polars as pl
 import sqlalchemy as sa
@@ -54,23 +54,63 @@ def require(connection: sa.Connection, keys: Collection[str]) -> None:
             raise KeyError(key)
 
 
-def add(connection: sa.Connection, key: str, stage: str, spec: dict[str, Any], results: pl.DataFrame) -> bool:
-    """Store a match and drop the claim on it; False, and no change, where its key is there already."""
-    # SQLite does not keep the sign of zero.
-    results = results.with_columns(pl.col(pl.Float64).fill_nan(None) + 0.0).sort("race", "car")
-    text = schema.to_json(spec)
-    row = {
-        "key": key,
-        "stage": stage,
-        "spec": text,
+class Finished(NamedTuple):
+    """A match that has been run.
+
+    Attributes:
+        key: of the match.
+        stage: for which it was run.
+        spec: what decides its outcome, plain JSON values.
+        results: RESULTS.
+    """
+
+    key: str
+    stage: str
+    spec: dict[str, Any]
+    results: pl.DataFrame
+
+
+def check(match: Finished) -> None:
+    """Raise ValueError where results are not those of their match."""
+    schema.check("result", match.results, RESULTS)
+    if {*match.results["match"]} - {match.key} or {*match.results["stage"]} - {match.stage}:
+        raise ValueError(
+            f"results of match {match.key}: every row must name this match and stage {match.stage}"
+        )
+    cars = list(zip(match.results["race"], match.results["car"], strict=True))
+    if len({*cars}) < len(cars):
+        raise ValueError(f"results of match {match.key}: a car has more than one row in a race")
+
+
+def add(connection: sa.Connection, finished: Sequence[Finished]) -> set[str]:
+    """Store matches, which nobody then claims or wants; the keys of those that were not there."""
+    once = {match.key: match for match in finished}
+    frame = pl.concat([pl.DataFrame(schema=RESULTS), *(match.results for match in once.values())])
+    numbers = pl.col(pl.Float64)
+    # SQLite does not keep the sign of zero, and polars at times not that 0.0 is added.
+    unsigned = pl.when(numbers == 0.0).then(0.0).otherwise(numbers.fill_nan(None)).name.keep()
+    frame = frame.with_columns(unsigned).sort("race", "car")
+    results = frame.partition_by("match", as_dict=True)
+    # In one order, or two who store the same matches at once wait for each other for ever.
+    rows = [_row(once[key], results.get((key,), frame.clear())) for key in sorted(once)]
+    statement = insert_new(connection, schema.match).returning(schema.match.c.key)
+    new = set(connection.scalars(statement, rows))
+    schema.insert_frame(connection, schema.result, frame.filter(pl.col("match").is_in(new)))
+    for table in (schema.claim, schema.queue):
+        connection.execute(table.delete().where(table.c.match.in_(new)))
+    return new
+
+
+def _row(match: Finished, results: pl.DataFrame) -> dict[str, Any]:
+    spec = schema.to_json(match.spec)
+    found = digest(match.key, match.stage, spec, results.to_dict(as_series=False))
+    return {
+        "key": match.key,
+        "stage": match.stage,
+        "spec": spec,
         "rows": results.height,
-        "digest": digest(key, stage, text, results.to_dict(as_series=False)),
+        "digest": found,
     }
-    if connection.scalar(insert_new(connection, schema.match).returning(schema.match.c.key), row) is None:
-        return False
-    schema.insert_frame(connection, schema.result, results)
-    connection.execute(schema.claim.delete().where(schema.claim.c.match == key))
-    return True
 
 
 def spec(connection: sa.Connection, key: str) -> dict[str, Any]:

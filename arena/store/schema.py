@@ -81,6 +81,35 @@ claim = sa.Table(
     sa.Column("owner", sa.Text, nullable=False),
     sa.Column("until", sa.Text, nullable=False),
 )
+worker = sa.Table(
+    "worker",
+    metadata,
+    sa.Column("owner", sa.Text, primary_key=True),
+    sa.Column("processes", sa.BigInteger, nullable=False),
+    sa.Column("until", sa.Text, nullable=False),
+)
+surroundings = sa.Table(
+    "surroundings",
+    metadata,
+    sa.Column("digest", sa.Text, primary_key=True),
+    sa.Column("facts", sa.Text, nullable=False),  # JSON
+)
+queue = sa.Table(
+    "queue",
+    metadata,
+    sa.Column("id", _RUNNING_NUMBER, primary_key=True),
+    sa.Column("match", sa.Text, nullable=False, unique=True),
+    sa.Column("surroundings", sa.ForeignKey("surroundings.digest"), nullable=False),
+    sa.Column("spec", sa.Text, nullable=False),  # JSON
+    sa.Column("sources", sa.Text, nullable=False),  # JSON
+    sa.Index("ix_queue_surroundings_id", "surroundings", "id"),
+)
+file = sa.Table(
+    "file",
+    metadata,
+    sa.Column("digest", sa.Text, primary_key=True),
+    sa.Column("content", sa.LargeBinary, nullable=False),
+)
 log = sa.Table(
     "log",
     metadata,

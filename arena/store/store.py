@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import polars as pl
 
-from nathlon.arena.results import RESULTS, TABLES
-from nathlon.arena.store import claims, log, matches, opening, runs, schema
+from nathlon.arena.results import TABLES
+from nathlon.arena.store import claims, copying, files, log, matches, opening, queue, runs, schema
 from nathlon.arena.store.database import Database
 from nathlon.arena.store.log import LogEntry
+from nathlon.arena.store.matches import Finished
+from nathlon.arena.store.queue import Queued
 from nathlon.arena.store.runs import RunRecord
 from nathlon.arena.store.schema import JsonValue
 
@@ -53,6 +55,11 @@ class Store:
         return self._database.name
 
     @property
+    def shared(self) -> bool:
+        """Whether other machines can reach it: it is in PostgreSQL."""
+        return self._database.path is None
+
+    @property
     def read_only(self) -> bool:
         """Whether it is a file that cannot be written, or lies in a folder that cannot."""
         return self._database.read_only
@@ -68,6 +75,22 @@ class Store:
     def close(self) -> None:
         self._database.close()
 
+    def copy_to(self, other: Store, on_match: Callable[[int, int], None] = lambda done, total: None) -> int:
+        """Copy matches, runs and the log into another store, and count the matches.
+
+        A copy that was stopped goes on.
+
+        Claims, the queue and its files stay. Every match is checked on arrival.
+
+        Args:
+            other: a new store.
+            on_match: told how many matches are there, and how many there are in all.
+
+        Raises:
+            InputError: if the other holds runs, or a match is not as it was stored.
+        """
+        return copying.copy(self._database, other._database, on_match)
+
     # Matches
 
     def has(self, key: str) -> bool:
@@ -76,34 +99,29 @@ class Store:
 
     def stored(self, keys: Iterable[str]) -> set[str]:
         """Those of the keys whose matches are stored."""
-        with self._database.reading() as connection:
-            return matches.stored(connection, keys)
+        return self._database.read(matches.stored, list(keys))
 
     def add_match(self, key: str, stage: str, spec: dict[str, Any], results: pl.DataFrame) -> bool:
-        """Store a finished match, and drop the claim on it; False, and no change, where its key is there."""
-        schema.check("result", results, RESULTS)
-        named = pl.col("match").eq_missing(key) & pl.col("stage").eq_missing(stage)
-        if not results.select(named.all()).item():
-            raise ValueError(f"results of match {key}: every row must name this match and stage {stage}")
-        if results.select(pl.struct("race", "car").is_duplicated().any()).item():
-            raise ValueError(f"results of match {key}: a car has more than one row in a race")
-        with self._database.writing() as connection:
-            return matches.add(connection, key, stage, spec, results)
+        """Store a finished match, which nobody claims or wants then; False, and no change, if it is there."""
+        return bool(self.add_matches([Finished(key, stage, spec, results)]))
+
+    def add_matches(self, finished: Sequence[Finished]) -> set[str]:
+        """Store finished matches as `add_match` does, all at once; the keys of those that were not there."""
+        for match in finished:
+            matches.check(match)
+        return self._database.write(matches.add, finished)
 
     def spec(self, key: str) -> dict[str, Any]:
         """What decides the outcome of a match."""
-        with self._database.reading() as connection:
-            return matches.spec(connection, key)
+        return self._database.read(matches.spec, key)
 
     def results(self, stage: str | None = None) -> pl.DataFrame:
         """RESULTS of all matches, or of one stage's, ordered by stage, match, race and car."""
-        with self._database.reading() as connection:
-            return matches.results(connection, stage)
+        return self._database.read(matches.results, stage)
 
     def results_of(self, keys: Iterable[str]) -> pl.DataFrame:
         """RESULTS of these matches, in their order, each once, and in it by race and car."""
-        with self._database.reading() as connection:
-            return matches.results_of(connection, list(dict.fromkeys(keys)))
+        return self._database.read(matches.results_of, list(dict.fromkeys(keys)))
 
     def verify(self) -> list[str]:
         """A sentence for everything that is not as it was stored; none where all is well.
@@ -120,49 +138,40 @@ class Store:
 
         Raises InputError where that was begun with another configuration.
         """
-        with self._database.writing() as connection:
-            return runs.begin(connection, name, config)
+        return self._database.write(runs.begin, name, config)
 
     def end_run(self, name: str, status: str) -> None:
         """Say that a run has ended, and as what."""
-        with self._database.writing() as connection:
-            runs.end(connection, name, status)
+        self._database.write(runs.end, name, status)
 
     def runs(self) -> list[RunRecord]:
         """All runs, in the order in which they began."""
-        with self._database.reading() as connection:
-            return runs.records(connection)
+        return self._database.read(runs.records)
 
     def use(self, run: str, keys: Iterable[str]) -> None:
         """Note that a run used these matches, in this order, after those that it used before."""
-        with self._database.writing() as connection:
-            runs.use(connection, run, list(dict.fromkeys(keys)))
+        self._database.write(runs.use, run, list(dict.fromkeys(keys)))
 
     def results_of_run(self, run: str, stage: str | None = None) -> pl.DataFrame:
         """RESULTS of the matches that a run used, or of one stage's, in the order in which it used them."""
-        with self._database.reading() as connection:
-            return runs.results(connection, run, stage)
+        return self._database.read(runs.results, run, stage)
 
     def put_table(self, run: str, name: str, frame: pl.DataFrame) -> None:
         """Replace a stage table of a run, one of `nathlon.arena.results.TABLES`."""
         schema.check(name, frame, TABLES[name])
-        with self._database.writing() as connection:
-            runs.put_table(connection, run, name, frame)
+        self._database.write(runs.put_table, run, name, frame)
 
     def table(self, run: str, name: str) -> pl.DataFrame:
         """A stage table of a run as it was put; empty where it never was."""
-        with self._database.reading() as connection:
-            return runs.table(connection, run, name)
+        return self._database.read(runs.table, run, name)
 
     def put_fact(self, run: str, key: str, value: JsonValue) -> None:
         """Keep a fact about a run, in place of the one that had this key."""
-        with self._database.writing() as connection:
-            runs.put_fact(connection, run, key, value)
+        self._database.write(runs.put_fact, run, key, value)
 
     def facts(self, run: str) -> dict[str, JsonValue]:
         """All facts about a run, ordered by key."""
-        with self._database.reading() as connection:
-            return runs.facts(connection, run)
+        return self._database.read(runs.facts, run)
 
     # Claims
 
@@ -177,27 +186,90 @@ class Store:
             owner: who asks; no two processes may give the same name.
             for_s: how long the claims last, unless they are renewed, s; at most 600.
         """
-        with self._database.writing() as connection:
-            return claims.grant(connection, keys, owner, for_s)
+        return self._database.write(claims.grant, keys, owner, for_s)
+
+    def drop(self, keys: Sequence[str], owner: str) -> None:
+        """Drop an owner's claims on some matches."""
+        self._database.write(claims.drop, keys, owner)
 
     def release(self, owner: str) -> None:
-        """Drop all claims of an owner."""
-        with self._database.writing() as connection:
-            claims.release(connection, owner)
+        """Drop all claims of an owner, who is no longer at work."""
+        self._database.write(claims.release, owner)
 
     def owners(self) -> list[str]:
-        """All who hold a claim, or have let one expire."""
-        with self._database.reading() as connection:
-            return claims.owners(connection)
+        """All who hold a claim or are at work, or have let that expire."""
+        return self._database.read(claims.owners)
+
+    def attend(self, owner: str, processes: int, for_s: float) -> None:
+        """Note that an owner is at work with so many processes, and renew all its claims.
+
+        Args:
+            owner: as for `claim`.
+            processes: of this machine that run matches for it.
+            for_s: how long this holds, s; at most 600.
+        """
+        self._database.write(claims.attend, owner, processes, for_s)
+
+    def at_work(self) -> dict[str, int]:
+        """Owners that are at work, each with the number of its processes."""
+        return self._database.read(claims.at_work)
+
+    # The queue
+
+    def enqueue(self, wanted: Sequence[Queued], surroundings: Mapping[str, Any]) -> None:
+        """Append wanted matches to the queue, except those that are stored or in it.
+
+        Args:
+            wanted: the matches, in the order in which they shall be run.
+            surroundings: what decides their outcomes beside them, as plain JSON values, by a digest of it.
+        """
+        self._database.write(queue.put, wanted, surroundings)
+
+    def waiting(self) -> dict[str, int]:
+        """How many matches are in the queue, also those that are claimed, by digest of their surroundings."""
+        return self._database.read(queue.waiting)
+
+    def surroundings(self, digest: str) -> dict[str, Any]:
+        """What decides the outcomes of some wanted matches beside them."""
+        return self._database.read(queue.surroundings, digest)
+
+    def take(
+        self, surroundings: str, owner: str, most: int, for_s: float, but: Iterable[str] = ()
+    ) -> list[Queued]:
+        """Claim the first matches in the queue that nobody has claimed.
+
+        Args:
+            surroundings: digest of theirs; such matches can run together.
+            owner, for_s: as for `claim`.
+            most: how many, at most.
+            but: keys of those that the owner cannot run.
+        """
+        return self._database.write(queue.take, surroundings, owner, most, for_s, list(but))
+
+    def withdraw(self, keys: Iterable[str]) -> None:
+        """Take matches out of the queue: nobody wants them any more."""
+        self._database.write(queue.remove, list(keys))
+
+    # Files
+
+    def files(self, digests: Iterable[str]) -> set[str]:
+        """Those of the digests (SHA-256 in hexadecimal) whose files are kept here."""
+        return self._database.read(files.held, list(digests))
+
+    def put_file(self, digest: str, content: bytes) -> None:
+        """Keep a file by its digest."""
+        self._database.write(files.put, digest, content)
+
+    def file(self, digest: str) -> bytes:
+        """A file by its digest, as it is kept: whoever asks checks it."""
+        return self._database.read(files.get, digest)
 
     # The log
 
     def append(self, kind: str, entry: dict[str, Any], run: str | None = None) -> LogEntry:
         """Append an entry to the log, for good: the database refuses to change or delete it."""
-        with self._database.writing() as connection:
-            return log.append(connection, kind, entry, run)
+        return self._database.write_once(log.append, kind, entry, run)
 
     def log(self, kind: str | None = None, run: str | None = None) -> list[LogEntry]:
         """All entries, or those of a kind, of a run, or both, in the order in which they were appended."""
-        with self._database.reading() as connection:
-            return log.entries(connection, kind, run)
+        return self._database.read(log.entries, kind, run)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from importlib.metadata import version
+from functools import cache
+from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -56,9 +57,9 @@ class Racing:
         """As of `nathlon.arena.worlds.contract.World`."""
         return surroundings(scenario, self._circuit, self._car) | {
             "code": fingerprint(),
-            "numpy": version("numpy"),
-            "numba": version("numba"),
-            "onnxruntime": version("onnxruntime"),
+            "numpy": _version("numpy"),
+            "numba": _version("numba"),
+            "onnxruntime": _version("onnxruntime"),
         }
 
     def enter(self, source: str) -> Entrant:
@@ -72,6 +73,12 @@ class Racing:
     def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
         """As of `nathlon.arena.worlds.contract.World`: all races in one world, a matrix a policy and tick."""
         return run_together(line_ups, watch)
+
+
+@cache
+def _version(package: str) -> str:
+    """Of an installed package; to look it up takes longer than all the rest that decides a match."""
+    return metadata.version(package)
 
 
 def surroundings(scenario: str, circuit: str, car: str) -> dict[str, Any]:

@@ -40,20 +40,17 @@ class SelectionResult:
     Attributes:
         folder: of all that it has left.
         selection: all its tables; None while people must vote first.
+        store: with every result: path of its file, or URL of a database.
     """
 
-    def __init__(self, folder: Path, selection: Selection | None) -> None:
+    def __init__(self, folder: Path, selection: Selection | None, store: Path | str | None = None) -> None:
         self.folder, self.selection = folder, selection
+        self.store = store or folder / "store.sqlite"
 
     def _decided(self) -> Selection:
         if self.selection is None:
             raise InputError(f"{self.folder}: undecided, expected a run that has come to its end")
         return self.selection
-
-    @property
-    def store(self) -> Path:
-        """The store with every result."""
-        return self.folder / "store.sqlite"
 
     @property
     def report(self) -> Path:
@@ -155,6 +152,7 @@ def select(
     pairs: int | None = None,
     workers: int | None = None,
     world: str | None = None,
+    store: str | None = None,
     progress: bool = True,
     on_verdict: OnVerdict | None = None,
 ) -> SelectionResult:
@@ -170,6 +168,8 @@ def select(
             reach the round robin; mirrored pairs of races for every two of them, at most; processes.
         world: the simulator, in place of the configuration's: `MODULE:NAME`, `PATH.py:NAME`, or a name that a
             package offers.
+        store: where everything is kept, path or URL, so that workers elsewhere can take part; a file in the
+            folder by default.
         progress: whether to show it, on standard error.
         on_verdict: told what was decided, before report and recordings are made.
 
@@ -182,10 +182,10 @@ def select(
         settings = settings.model_copy(update={"world": world})
     with Pool(worker_count(settings.workers)) as pool:
         entrants, settings = entered(pool, sources, settings)
-        output = OutputFolder(Path(out))
+        output = OutputFolder(Path(out), store)
         with stage_progress(progress) as on_match:
             selection = evaluate(entrants, output, settings, pool, on_match, on_verdict or _ignored)
-    return SelectionResult(output.root, selection)
+    return SelectionResult(output.root, selection, output.store)
 
 
 def _ignored(_: Summary) -> None:

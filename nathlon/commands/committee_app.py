@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from nathlon.commands.options import StoreName
 from nathlon.commands.place import Place
 
 committee = typer.Typer(help="Ask the committee, vote and decide.", no_args_is_help=True)
@@ -22,7 +23,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 @committee.callback()
 def place(
     context: typer.Context,
-    store: Annotated[str, typer.Argument(help="The store: path of its file, or URL of a database.")],
+    store: StoreName,
     run: Annotated[str | None, typer.Option(help="Name of the run; the last by default.")] = None,
 ) -> None:
     """Ask the committee, vote and decide."""

@@ -19,6 +19,7 @@ from nathlon.commands.options import (
     Pairs,
     Seed,
     Shortlist,
+    StoreName,
     Workers,
     WorldName,
 )
@@ -42,7 +43,7 @@ def demo(
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
     from nathlon.policies.bundled import BUNDLED
 
-    evaluate([str(BUNDLED / "lindenring")], out, None, seed, shortlist, pairs, workers, None, as_json)
+    evaluate([str(BUNDLED / "lindenring")], out, None, seed, shortlist, pairs, workers, as_json=as_json)
 
 
 def evaluate(
@@ -54,6 +55,12 @@ def evaluate(
     pairs: Pairs = None,
     workers: Workers = None,
     world: WorldName = None,
+    store: Annotated[
+        str | None,
+        typer.Option(
+            help="Where to keep everything, path or URL: nathlon worker takes part from other machines."
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Select the best of your own checkpoints, the same way as the demo."""
@@ -63,7 +70,7 @@ def evaluate(
     start_server()
     from nathlon import select
 
-    with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
+    with stoppable(f"The same command goes on from {store or out / 'store.sqlite'}."):
         result = select(
             sources,
             out,
@@ -73,6 +80,7 @@ def evaluate(
             pairs=pairs,
             workers=workers,
             world=world,
+            store=store,
             progress=not as_json,
             on_verdict=None if as_json else _print_now,
         )
@@ -93,7 +101,7 @@ def _print_now(summary: Summary) -> None:
 
 
 def report(
-    store: Annotated[str, typer.Argument(help="The store: path of its file, or URL of a database.")],
+    store: StoreName,
     run_name: Annotated[
         str | None, typer.Option("--run", help="Name of the run; the last by default.")
     ] = None,

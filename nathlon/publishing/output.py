@@ -22,15 +22,19 @@ POLICY_LOG = "policies.log"
 class OutputFolder:
     """Where each part of a run goes."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, store: str | None = None) -> None:
         """Make the folder and those in it.
+
+        Args:
+            root: the folder.
+            store: that of the run, path or URL; a file in the folder by default.
 
         Raises:
             InputError: if it cannot be written.
         """
         self.root = root
         self.report, self.races, self.replays = root / "report", root / "races", root / "replays"
-        self.store = root / "store.sqlite"
+        self.store: Path | str = store or root / "store.sqlite"
         try:
             for folder in (self.report, self.races, self.replays):
                 folder.mkdir(parents=True, exist_ok=True)

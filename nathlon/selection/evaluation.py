@@ -45,7 +45,7 @@ def evaluate(
     Returns:
         what the report shows; None where people must vote first.
     """
-    with single_run("selection", entrants, config, output.store, pool, on_match) as run:
+    with single_run("selection", entrants, config, output.store, pool, on_match, output.root) as run:
         verdict = select(run, Field(tuple(entrants), anchors=_references(config, pool)), config)
         if verdict is None:
             run.status = WAITING

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -13,14 +12,15 @@ from functools import partial
 import numpy as np
 import polars as pl
 
+from nathlon.arena.engine import Engine
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
+from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.results import RESULTS
 from nathlon.arena.store import Store
 from nathlon.reports.summary import Stage
-from nathlon.sim.process import HOST, has_ended
 
 STAGES = ("pareto", "battery", "tournament")
 RECORDINGS = "recordings"
@@ -35,15 +35,6 @@ CONFIDENCE = 0.95
 DONE = "done"
 WAITING = "waiting"
 """Status of a run that waits for people to vote."""
-
-CLAIM_S = 600.0
-"""For which a process has a match to itself; it renews its claims well before."""
-POLL_S = 0.5
-"""Between two looks at matches that another process runs."""
-CLAIM_SHARE = 2
-"""A process claims half of what is left at once, so that others on the same store find work too."""
-CLAIM_LEAST = 16
-"""Matches for each worker, if there are as many: together they cost much less than apart."""
 
 OnMatch = Callable[[str, int, int], None]
 """Told the stage, matches done and matches in all, whenever one ends; of `KERNELS`, how many are compiled."""
@@ -72,8 +63,9 @@ class Run:
         store: finished matches, of this run and of others.
         name: of the run in the store.
         seeds_from: what all its randomness comes from.
-        pool: where matches run.
+        pool: where policies are opened and races recorded.
         on_match: told about progress.
+        engine: has matches run: in the pool, and by whoever works on the same store.
         stages: counts of the stages that have ended.
         status: as what it ends.
     """
@@ -85,8 +77,12 @@ class Run:
     on_match: OnMatch
     stages: list[Stage] = field(default_factory=list)
     status: str = DONE
+    engine: Engine = field(init=False)
     _noted: float = field(default=-math.inf, init=False)
     _ran: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        self.engine = QueueEngine(self.store, self.pool)
 
     def seeds(self, stage: str) -> np.random.SeedSequence:
         """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
@@ -101,27 +97,19 @@ class Run:
         compile_kernels(self.pool, world, circuit, car, partial(self.on_match, KERNELS))
 
     def results(self, stage: str, matches: Sequence[Match]) -> pl.DataFrame:
-        """RESULTS of all matches in their order, running those that the store does not have.
-
-        What another process on the same store is running is waited for.
-        """
+        """RESULTS of all matches in their order, having those run that the store does not hold."""
         if not matches:
             return pl.DataFrame(schema=RESULTS)
         wanted = {match.key: match for match in matches}
-        owner = f"{HOST}/{os.getpid()}"
-        try:
-            while missing := self._missing(stage, wanted):
-                for dead in filter(_is_gone, self.store.owners()):
-                    self.store.release(dead)
-                share = max(math.ceil(len(missing) / CLAIM_SHARE), CLAIM_LEAST * self.pool.workers)
-                claimed = self.store.claim(missing[:share], owner, CLAIM_S)
-                if claimed:
-                    done = len(wanted) - len(missing)
-                    self._run(stage, [wanted[key] for key in claimed], owner, done, len(wanted))
-                else:
-                    time.sleep(POLL_S)
-        finally:
-            self.store.release(owner)
+        stored = self.store.stored(wanted)
+        done = len(stored)
+        self._say(stage, done, len(wanted))
+        missing = [match for key, match in wanted.items() if key not in stored]
+        with closing(self.engine.run(missing)) as ended:
+            for key, here in ended:
+                self._ran += len(wanted[key].races) if here else 0
+                done += 1
+                self._say(stage, done, len(wanted))
         self.store.use(self.name, wanted)
         return self.store.results_of(wanted)
 
@@ -131,26 +119,6 @@ class Run:
         if done == total or time.monotonic() - self._noted > 1.0:
             self.store.put_fact(self.name, "progress", {"stage": stage, "done": done, "total": total})
             self._noted = time.monotonic()
-
-    def _missing(self, stage: str, wanted: dict[str, Match]) -> list[str]:
-        stored = self.store.stored(wanted)
-        self._say(stage, len(stored), len(wanted))
-        return [key for key in wanted if key not in stored]
-
-    def _run(self, stage: str, matches: Sequence[Match], owner: str, done: int, total: int) -> None:
-        """Run matches that are claimed, and store each as it ends."""
-        left = {match.key: match for match in matches}
-        renewed = time.monotonic()
-        with closing(self.pool.run(matches)) as finished:
-            for match, results in finished:
-                self.store.add_match(match.key, stage, match.spec(), results)
-                del left[match.key]
-                self._ran += len(match.races)
-                if time.monotonic() - renewed > CLAIM_S / 4:
-                    self.store.claim(list(left), owner, CLAIM_S)
-                    renewed = time.monotonic()
-                done += 1
-                self._say(stage, done, total)
 
     def keep(self, tables: Mapping[str, pl.DataFrame]) -> None:
         """Keep stage tables, by their names in `nathlon.arena.results.TABLES`."""
@@ -174,9 +142,3 @@ class Run:
             )
         )
         self._ran = 0
-
-
-def _is_gone(owner: str) -> bool:
-    """Whether the owner of some claims was a process on this machine that has ended."""
-    host, _, process = owner.rpartition("/")
-    return host == HOST and has_ended(int(process))

@@ -18,7 +18,13 @@ from nathlon.selection.run import OnMatch, Run
 
 @contextmanager
 def single_run(
-    kind: str, entrants: Sequence[Entrant], config: Config, store: Path, pool: Pool, on_match: OnMatch
+    kind: str,
+    entrants: Sequence[Entrant],
+    config: Config,
+    store: Path | str,
+    pool: Pool,
+    on_match: OnMatch,
+    folder: Path | None = None,
 ) -> Iterator[Run]:
     """Begin a run, or go on with the one of the same kind, entrants and configuration that was stopped.
 
@@ -28,9 +34,10 @@ def single_run(
         kind: what its name begins with.
         entrants: who takes part.
         config: how.
-        store: the SQLite file, which may hold other runs.
+        store: the SQLite file, or the URL of a database; it may hold other runs.
         pool: where matches run.
         on_match: told about progress.
+        folder: where what policies print is kept; that of the file by default.
 
     Raises:
         InputError: if the store cannot be used, or the configuration names a file that is wrong.
@@ -39,7 +46,7 @@ def single_run(
     name = f"{kind}-{hashlib.sha256(json.dumps(plan).encode()).hexdigest()[:12]}"
     with Store(store) as opened:
         opened.begin_run(name, plan)
-        pool.log.keep_in(store.with_name(POLICY_LOG))
+        pool.log.keep_in((folder or Path(store).parent) / POLICY_LOG)
         run = Run(opened, name, (config.seed,), pool, on_match)
         yield run
         opened.end_run(name, run.status)

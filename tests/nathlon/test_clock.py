@@ -11,12 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from nathlon.arena.claimant import owner_name
 from nathlon.arena.entrant import enter
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.selection.run import CLAIM_S, Run
+from nathlon.arena.store.claims import LONGEST_S
+from nathlon.selection.run import Run
 from nathlon.selection.trials import against
-from nathlon.sim.process import HOST
 from tests.clocks import Clock
 
 DAY, YEAR = timedelta(days=1), timedelta(days=365)
@@ -36,24 +37,24 @@ def store(tmp_path: Path) -> Iterator[Store]:
 def test_a_claim_from_before_the_clock_was_put_back_does_not_last_for_days(
     store: Store, clock: Clock
 ) -> None:
-    assert store.claim(["a"], "dead", CLAIM_S) == ["a"]
+    assert store.claim(["a"], "dead", LONGEST_S) == ["a"]
     clock.ahead -= DAY
-    assert store.claim(["a"], "one", CLAIM_S) == [], "its owner may well be alive"
-    clock.ahead += timedelta(seconds=CLAIM_S + 1)
-    assert store.claim(["a"], "one", CLAIM_S) == ["a"]
+    assert store.claim(["a"], "one", LONGEST_S) == [], "its owner may well be alive"
+    clock.ahead += timedelta(seconds=LONGEST_S + 1)
+    assert store.claim(["a"], "one", LONGEST_S) == ["a"]
 
 
 def test_a_clock_that_goes_on_by_a_year_and_back_leaves_nothing_claimed_for_a_year(
     store: Store, clock: Clock
 ) -> None:
     clock.ahead += YEAR
-    assert store.claim(["a", "b"], "one", CLAIM_S) == ["a", "b"]
+    assert store.claim(["a", "b"], "one", LONGEST_S) == ["a", "b"]
     clock.ahead -= YEAR
-    assert store.claim(["a", "b"], "two", CLAIM_S) == []
-    clock.ahead += timedelta(seconds=CLAIM_S / 2)
-    assert store.claim(["a"], "one", CLAIM_S) == ["a"], "an owner renews whatever the clock says"
-    clock.ahead += timedelta(seconds=CLAIM_S / 2 + 1)
-    assert store.claim(["a", "b"], "two", CLAIM_S) == ["b"]
+    assert store.claim(["a", "b"], "two", LONGEST_S) == []
+    clock.ahead += timedelta(seconds=LONGEST_S / 2)
+    assert store.claim(["a"], "one", LONGEST_S) == ["a"], "an owner renews whatever the clock says"
+    clock.ahead += timedelta(seconds=LONGEST_S / 2 + 1)
+    assert store.claim(["a", "b"], "two", LONGEST_S) == ["b"]
 
 
 def test_runs_stay_in_order_and_never_end_before_they_began(store: Store, clock: Clock) -> None:
@@ -79,7 +80,7 @@ def test_a_match_of_one_who_dies_while_others_wait_for_it_is_run_at_once(store: 
                     ["driver:pace=0.9"], [1], range(1))  # fmt: skip
     store.begin_run("night", {})
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other, Pool(1) as pool:
-        assert store.claim([match.key], f"{HOST}/{other.pid}", CLAIM_S) == [match.key]
+        assert store.claim([match.key], owner_name(other.pid), LONGEST_S) == [match.key]
         run = Run(store, "night", (1,), pool, lambda *_: None)
         with ThreadPoolExecutor(1) as threads:
             waiting = threads.submit(run.results, "battery", [match])
@@ -88,6 +89,6 @@ def test_a_match_of_one_who_dies_while_others_wait_for_it_is_run_at_once(store: 
             other.kill()
             other.wait()
             # Long before the claim runs out.
-            results = waiting.result(timeout=CLAIM_S / 3)
+            results = waiting.result(timeout=LONGEST_S / 3)
     assert results.height == 2
     assert store.owners() == []

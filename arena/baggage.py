@@ -1,0 +1,92 @@
+"""What policies need that are raced elsewhere: their files, known by the SHA-256 of their contents."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from nathlon.arena.match import Match
+from nathlon.arena.store import Store
+from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, RANDOM, SUFFIXES
+from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import whole_file
+
+
+def labels(match: Match, shared: bool) -> list[str] | None:
+    """What to write on a match's policies so that they are found elsewhere; None where one stays here.
+
+    A driver and a plugin go by name. A file goes by its path on this machine, and to others by its contents:
+    its label is its suffix then, for its id is their digest.
+
+    Args:
+        match: the match.
+        shared: whether it may be run on another machine.
+    """
+    written = [_label(source, shared) for source in match.sources]
+    return None if None in written else [label for label in written if label is not None]
+
+
+def _label(source: str, shared: bool) -> str | None:
+    kind = source.partition(":")[0]
+    if kind in (DRIVER, PLUGIN) or source == RANDOM:
+        return source
+    if kind == OBJECT or (shared and source.endswith(COMPOSITE)):
+        return None
+    return Path(source).suffix if shared else str(Path(source).absolute())
+
+
+def send(store: Store, matches: Iterable[Match]) -> None:
+    """Put the files of matches into the store, those that are not there.
+
+    One that has changed since it was entered, or is gone, stays away: whoever races it says so.
+    """
+    files = {
+        identity: source
+        for match in matches
+        for identity, source in zip(match.entrants, match.sources, strict=True)
+        if _label(source, shared=True) in SUFFIXES
+    }
+    for digest in files.keys() - store.files(files):
+        try:
+            content = Path(files[digest]).read_bytes()
+        except OSError:
+            continue
+        if _digest(content) == digest:
+            store.put_file(digest, content)
+
+
+class Arrivals:
+    """Files that have come from a store, in a folder that goes with this object."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._folder = TemporaryDirectory(prefix="nathlon-", ignore_cleanup_errors=True)
+
+    def source(self, identity: str, label: str) -> str:
+        """Where to load an entrant from by its label, see `labels`.
+
+        Raises:
+            InputError: if its file is not in the store, or is another one there.
+        """
+        if label not in SUFFIXES:
+            return label
+        path = Path(self._folder.name) / f"{identity}{label}"
+        where = f"{self._store.name}: checkpoint {identity[:12]}"
+        if not path.exists():
+            try:
+                content = self._store.file(identity)
+            except KeyError:
+                raise InputError(f"{where} is missing, expected it beside its matches") from None
+            if (found := _digest(content)) != identity:
+                raise InputError(
+                    f"{where} has the contents of {found[:12]}, expected those that it is named after"
+                )
+            with whole_file(path) as partial:
+                partial.write_bytes(content)
+        return str(path)
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

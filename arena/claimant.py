@@ -1,0 +1,90 @@
+"""Who claims matches: a process, by a name that says where it runs and that no other has ever had."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from contextlib import suppress
+from itertools import count
+from types import TracebackType
+
+from nathlon.arena.store import Store
+from nathlon.sim.errors import InputError
+from nathlon.sim.process import HOST, has_ended, start_of
+
+log = logging.getLogger(__name__)
+
+LEASE_S = 120.0
+"""For which a process has a match to itself, and is taken to be at work."""
+RENEWALS = 4
+"""Of a lease, before it would end."""
+FAREWELL_S = 1.0
+"""For the thread that renews to end."""
+
+
+def _namespace() -> str:
+    """What tells containers apart that have the same host's name: each counts its processes anew."""
+    with suppress(OSError):
+        return os.readlink("/proc/self/ns/pid")
+    return ""
+
+
+PLACE = f"{HOST}{_namespace()}"
+
+_numbers = count()
+
+
+def owner_name(process: int | None = None) -> str:
+    """A new name for a process of this machine, this one by default."""
+    process = os.getpid() if process is None else process
+    return f"{PLACE}/{process}/{start_of(process)}/{next(_numbers)}"
+
+
+def is_gone(owner: str) -> bool:
+    """Whether an owner was a process on this machine that has ended."""
+    place, *numbers = owner.rsplit("/", 3)
+    if place != PLACE or len(numbers) != 3:
+        return False
+    process, start = int(numbers[0]), int(numbers[1])
+    return has_ended(process) or start_of(process) != start
+
+
+class Claimant:
+    """This process at work on a store, as long as it is entered; its claims are renewed meanwhile.
+
+    Attributes:
+        owner: its name.
+        lease_s: how long a claim lasts unless it is renewed, s.
+    """
+
+    def __init__(self, store: Store, processes: int, lease_s: float) -> None:
+        self.owner, self.lease_s = owner_name(), lease_s
+        self._store, self._processes = store, processes
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._renew, daemon=True)
+
+    def __enter__(self) -> Claimant:
+        self._store.attend(self.owner, self._processes, self.lease_s)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join(FAREWELL_S)
+        self._store.release(self.owner)
+
+    def release_the_dead(self) -> None:
+        """Give free what processes of this machine had claimed that have ended."""
+        for dead in filter(is_gone, self._store.owners()):
+            self._store.release(dead)
+
+    def _renew(self) -> None:
+        while not self._over.wait(self.lease_s / RENEWALS):
+            try:
+                self._store.attend(self.owner, self._processes, self.lease_s)
+            except InputError as error:
+                # What it claimed may be another's by now, which costs time and no result.
+                log.warning("%s; claims could not be renewed", error)

@@ -1,0 +1,147 @@
+"""The queue of a store: putting wanted matches into it, and taking whole batches that can share a world."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from nathlon.arena.baggage import Arrivals, labels, send
+from nathlon.arena.claimant import Claimant
+from nathlon.arena.engine import CLAIM_LEAST, POLL_S, share
+from nathlon.arena.grouping import fill, group, longest_first
+from nathlon.arena.match import Match
+from nathlon.arena.store import Queued, Store
+from nathlon.arena.worlds.registry import load_world
+from nathlon.sim.errors import InputError
+
+log = logging.getLogger(__name__)
+
+OWN = ("stage", "test", "entrants", "races")
+"""What a match's spec says that its surroundings do not."""
+
+
+AT_ONCE = 500
+"""Matches that are put into the queue with their files before the next ones: others begin with them."""
+
+
+def post(store: Store, matches: Collection[Match]) -> set[str]:
+    """Put matches into the queue, and what goes with them into the store.
+
+    Args:
+        store: that has the queue.
+        matches: whose policies can all leave this machine, see `nathlon.arena.baggage.labels`.
+
+    Returns:
+        the digests of their surroundings.
+    """
+    ordered = longest_first(matches)
+    shared = {where: _facts(*where) for where in {_where(match) for match in ordered}}
+    digests = {
+        where: hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+        for where, facts in shared.items()
+    }
+    for begin in range(0, len(ordered), AT_ONCE):
+        some = ordered[begin : begin + AT_ONCE]
+        if store.shared:
+            send(store, some)
+        entries = [
+            Queued(match.key, digests[_where(match)], _own(match), labels(match, store.shared) or [])
+            for match in some
+        ]
+        store.enqueue(entries, {digests[where]: shared[where] for where in {_where(each) for each in some}})
+    return set(digests.values())
+
+
+def _where(match: Match) -> tuple[str, str, str, str]:
+    return match.world, match.circuit, match.car, match.scenario
+
+
+def _facts(world: str, circuit: str, car: str, scenario: str) -> dict[str, Any]:
+    """What a match's spec says beside `OWN`."""
+    named = {"world": world, "circuit": circuit, "car": car, "scenario": scenario}
+    return named | load_world(world, circuit, car).facts(scenario)
+
+
+def _own(match: Match) -> dict[str, Any]:
+    told = asdict(match)
+    return {name: told[name] for name in OWN}
+
+
+def difference(facts: Mapping[str, Any]) -> str | None:
+    """Why this machine cannot run matches of some surroundings, in a clause; None where it can.
+
+    Raises:
+        InputError: if what they name is not here.
+    """
+    world = load_world(facts["world"], facts["circuit"], facts["car"])
+    here = json.loads(json.dumps(world.facts(facts["scenario"])))
+    for name, value in here.items():
+        if facts.get(name) != value:
+            plain = isinstance(value, str) and name in ("numpy", "numba", "onnxruntime")
+            return f"{name} {value}, expected {facts.get(name)}" if plain else f"another state of {name!r}"
+    return None
+
+
+class Taker:
+    """A feed of a pool: claims matches from the queue for processes that are idle."""
+
+    def __init__(
+        self,
+        store: Store,
+        claimant: Claimant,
+        accepts: Callable[[str], bool],
+        known: Mapping[str, Match],
+        refused: dict[str, InputError],
+    ) -> None:
+        """A taker.
+
+        Args:
+            store: that has the queue.
+            claimant: who takes.
+            accepts: whether matches of these surroundings can be run, by their digest.
+            known: matches that need not be read from the queue, by key.
+            refused: why matches cannot be run here, by key; they are left to others.
+        """
+        self._refused = refused
+        self._store, self._claimant, self._accepts, self._known = store, claimant, accepts, known
+        self._arrivals = Arrivals(store)
+        self._full: dict[str, int] = {}
+        self._next = 0.0
+
+    def __call__(self, idle: int) -> list[list[Match]]:
+        """See `nathlon.arena.pool.Feed`."""
+        if time.monotonic() < self._next:
+            return []
+        at_work = sum(self._store.at_work().values())
+        for digest, left in self._store.waiting().items():
+            if self._accepts(digest):
+                most = share(left, idle, at_work, self._full.get(digest, CLAIM_LEAST))
+                owner, lease_s = self._claimant.owner, self._claimant.lease_s
+                taken = self._store.take(digest, owner, most, lease_s, self._refused)
+                matches = [match for one in taken if (match := self._match(one)) is not None]
+                if matches:
+                    self._full[digest] = fill(matches[0])
+                    return group(matches, idle)
+        self._next = time.monotonic() + POLL_S
+        return []
+
+    def _match(self, taken: Queued) -> Match | None:
+        """A match from the queue; None, and its claim is dropped, where it cannot be run here."""
+        if taken.match in self._known:
+            return self._known[taken.match]
+        try:
+            sources = {
+                entrant: self._arrivals.source(entrant, label)
+                for entrant, label in zip(taken.spec["entrants"], taken.sources, strict=True)
+            }
+            return Match.from_spec(self._store.surroundings(taken.surroundings) | taken.spec, sources)
+        except InputError as error:
+            log.warning("%s", error)
+            self._refused[taken.match] = error
+            self._store.drop([taken.match], self._claimant.owner)
+            return None

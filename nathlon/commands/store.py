@@ -1,0 +1,32 @@
+"""`nathlon store`: look after stores."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, StoreName
+from nathlon.commands.selection import stoppable
+from nathlon.terminal import tell
+
+
+def copy_store(
+    store: StoreName,
+    target: Annotated[str, typer.Argument(help="Where to: a new file, or the URL of an empty database.")],
+    as_json: AsJson = False,
+) -> None:
+    """Copy matches, runs and the log of a store into a new one: from a file into a database, or back."""
+    from nathlon.arena.store import Store
+    from nathlon.progress import stage_progress
+
+    with (
+        stoppable("The same command goes on."),
+        Store.open(store) as source,
+        Store(target) as copy,
+        stage_progress(not as_json, ("copy",)) as on_match,
+    ):
+        count = source.copy_to(copy, partial(on_match, "copy"))
+        told = {"store": copy.name, "matches": count, "runs": len(copy.runs())}
+    tell(told, as_json)

@@ -1,0 +1,55 @@
+"""`nathlon worker`: race what waits in a store."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, StoreName, Workers
+from nathlon.commands.selection import stoppable
+from nathlon.terminal import tell
+
+
+def worker(
+    store: StoreName,
+    workers: Workers = None,
+    wait: Annotated[float, typer.Option(min=0, help="Seconds to wait for matches before it ends.")] = 60.0,
+    world: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--world", help="A simulator that may be loaded, if it is not nathlon's own; as for evaluate."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Race the matches that wait in a store, on any machine that reaches it, until there are none.
+
+    Selections put them there: nathlon nightly and nathlon evaluate --store. It may join late, and be stopped.
+    """
+    from nathlon.arena.workers import start_server
+
+    start_server()
+    from nathlon.api.working import work
+
+    with stoppable("Its matches are free for others."), _ended_by(signal.SIGTERM):
+        shift = work(store, workers=workers, worlds=world or (), wait_s=wait, progress=not as_json)
+    tell({"matches": shift.matches, "refused": shift.refused}, as_json)
+
+
+@contextmanager
+def _ended_by(number: signal.Signals) -> Iterator[None]:
+    """While a signal does what Ctrl-C does: schedulers end their jobs with one."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)

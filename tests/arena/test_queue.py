@@ -1,0 +1,301 @@
+"""Matches that are wanted on one machine and run on others: what travels, who takes what, what goes wrong."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import polars as pl
+import pytest
+import sqlalchemy as sa
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nathlon.arena.baggage import labels
+from nathlon.arena.engine import CLAIM_LEAST, LocalEngine, share
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.arena.queue import post
+from nathlon.arena.queue_engine import QueueEngine
+from nathlon.arena.queue_worker import Shift, work
+from nathlon.arena.store import Store
+from nathlon.arena.worlds.registry import load_world
+from nathlon.selection.trials import against
+from tests.checkpoints import BUNDLED
+from tests.clocks import Clock
+from tests.games import player, refused, world_of
+
+if TYPE_CHECKING:
+    from tests.databases import Server
+
+pytest_plugins = ["tests.databases"]
+
+SLOW = """PettingZooWorld(
+    {"duel": envs["duel"]}, score=lambda seat: (__import__("time").sleep(0.02), seat.total)[1]
+)"""
+"""Episodes of 0.04 s."""
+DUELS = 'PettingZooWorld({"duel": envs["duel"]}, measures={"hits": Declared("hits")})'
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("games")
+
+
+@pytest.fixture(scope="module")
+def world(folder: Path) -> str:
+    return world_of(folder, DUELS)
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[Pool]:
+    with Pool(1) as pool:
+        yield pool
+
+
+def duels(world: str, folder: Path, count: int = 3) -> list[Match]:
+    """Matches of two seeds each between a good and a bad player, whose files are in the folder."""
+    folder.mkdir(exist_ok=True)
+    sources = tuple(player(folder / f"{right}.onnx", right) for right in (3, 1))
+    entrants = tuple(load_world(world).enter(source).id for source in sources)
+    seats = (Seat(0, 0), Seat(1, 1))
+    return [
+        Match(
+            "pareto", f"duel-{number}", "duel", "", "", entrants, sources,
+            (Race(2 * number, seats), Race(2 * number + 1, seats)), world,
+        )
+        for number in range(count)
+    ]  # fmt: skip
+
+
+def results_of(matches: list[Match], pool: Pool) -> pl.DataFrame:
+    """RESULTS of matches as a pool gives them without a store."""
+    found = {match.key: frame for match, frame in pool.run(matches)}
+    return pl.concat([found[match.key] for match in matches])
+
+
+def work_through(store: Store, pool: Pool, world: str) -> Shift:
+    return work(store, pool, [world], wait_s=0.0)
+
+
+def test_a_worker_has_the_results_of_the_machine_that_wants_them(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    expected = results_of(matches, pool)
+    with Store(target) as store:
+        post(store, matches)
+        if store.shared:
+            shutil.rmtree(tmp_path / "here")  # the worker's machine has no such folder
+        assert work_through(store, pool, world) == Shift(3, 0)
+        assert store.results_of(match.key for match in matches).equals(expected)
+        assert store.waiting() == {}
+        assert store.owners() == []
+        assert store.verify() == []
+
+
+def test_who_wants_matches_and_who_helps_run_each_once(target: str, folder: Path, tmp_path: Path) -> None:
+    world = world_of(folder, SLOW, "slow.py")
+    matches = duels(world, tmp_path / "here", 60)
+    with Store(target) as store, Pool(1) as pool, Pool(1) as other, ThreadPoolExecutor(1) as threads:
+        post(store, matches)
+        helping = threads.submit(work, store, other, [world], wait_s=1.0)
+        while not store.stored(match.key for match in matches):
+            time.sleep(0.02)
+        ended = list(QueueEngine(store, pool).run(matches))
+        helped = helping.result(60)
+        assert sorted(key for key, _ in ended) == sorted(match.key for match in matches)
+        assert helped.matches >= 1
+        assert sum(here for _, here in ended) == 60 - helped.matches >= 1
+        assert store.verify() == []
+
+
+def test_ten_who_take_at_once_take_each_match_once(target: str, world: str, tmp_path: Path) -> None:
+    matches = duels(world, tmp_path / "here", 100)
+    with Store(target) as store:
+        [digest] = post(store, matches)
+
+    def take(number: int) -> list[str]:
+        taken: list[str] = []
+        with Store(target) as store:
+            while some := store.take(digest, f"owner {number}", 3, 60):
+                taken += [each.match for each in some]
+        return taken
+
+    with ThreadPoolExecutor(10) as threads:
+        taken = [key for keys in threads.map(take, range(10)) for key in keys]
+    assert sorted(taken) == sorted(match.key for match in matches)
+
+
+def test_a_worker_that_is_killed_leaves_its_matches_to_others(
+    postgres: str, folder: Path, tmp_path: Path, pool: Pool
+) -> None:
+    world = world_of(folder, SLOW, "slow.py")
+    matches = duels(world, tmp_path / "here", 20)
+    with Store(postgres) as store:
+        [digest] = post(store, matches)
+        command = [
+            sys.executable,
+            "-m",
+            "nathlon.cli",
+            "worker",
+            postgres,
+            "--world",
+            world,
+            "--workers",
+            "1",
+        ]
+        with subprocess.Popen(command) as killed:
+            while not store.stored(match.key for match in matches):
+                time.sleep(0.02)
+            killed.kill()
+        # And one on another machine, which is not known to be gone until its lease ends.
+        store.take(digest, "another machine", 2, 1.0)
+        before = len(store.stored(match.key for match in matches))
+        assert work_through(store, pool, world) == Shift(20 - before, 0)
+        assert store.results_of(match.key for match in matches).equals(results_of(matches, pool))
+        assert store.owners() == []
+
+
+def test_a_server_that_goes_away_for_seconds_loses_nothing(
+    server: Server, postgres: str, folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    world = world_of(folder, SLOW, "slow.py")
+    matches = duels(world, tmp_path / "here", 40)
+    with Store(postgres) as store, Pool(1) as pool, ThreadPoolExecutor(1) as threads:
+        ended = threads.submit(lambda: list(QueueEngine(store, pool).run(matches)))
+        while not ended.done() and len(store.stored(match.key for match in matches)) < 5:
+            time.sleep(0.02)
+        server.stop()
+        time.sleep(2.0)
+        server.start()
+        assert sorted(key for key, _ in ended.result(60)) == sorted(match.key for match in matches)
+        assert store.verify() == []
+        assert store.results_of(match.key for match in matches).height == 160
+    assert "trying again" in caplog.text
+
+
+def test_a_checkpoint_that_is_not_what_it_is_named_after_stays_out(
+    postgres: str, world: str, tmp_path: Path, pool: Pool, caplog: pytest.LogCaptureFixture
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(postgres) as store:
+        post(store, matches)
+        statement = sa.text("UPDATE file SET content = 'other' WHERE digest = :digest")
+        change(postgres, statement, digest=matches[0].entrants[1])
+        assert work_through(store, pool, world) == Shift(0, 3)
+        assert f"checkpoint {matches[0].entrants[1][:12]} has the contents of" in caplog.text
+        assert store.owners() == []
+        # Where it is wanted its file is the right one.
+        assert sum(here for _, here in QueueEngine(store, pool).run(matches)) == 3
+
+
+def test_a_machine_with_another_version_takes_nothing(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(target) as store:
+        [digest] = post(store, matches)
+        facts = store.surroundings(digest) | {"code": "that of another version"}
+        change(target, sa.text("UPDATE surroundings SET facts = :facts"), facts=json.dumps(facts))
+        with refused("scenario 'duel'", "another state of 'code'", "expected the nathlon and packages"):
+            work_through(store, pool, world)
+        assert store.waiting() == {digest: 3}
+        assert store.owners() == []
+
+
+def test_a_world_that_was_not_named_is_not_loaded(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    with Store(target) as store:
+        post(store, duels(world, tmp_path / "here"))
+        with refused("which is code", "--world"):
+            work(store, pool, wait_s=0.0)
+
+
+def test_leases_end_by_the_clock_of_the_server(
+    postgres: str, world: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(postgres) as store:
+        [digest] = post(store, matches)
+        assert len(store.take(digest, "one", 3, 60)) == 3
+        Clock(monkeypatch).ahead += timedelta(hours=1)
+        assert store.take(digest, "two", 3, 60) == []
+        assert store.at_work() == {}
+
+
+def test_a_race_of_ours_is_the_same_elsewhere(postgres: str, tmp_path: Path, pool: Pool) -> None:
+    checkpoint = tmp_path / "here.safetensors"
+    shutil.copy(next(path for path in BUNDLED if path.stem.startswith("lindenring")), checkpoint)
+    entrant = enter(str(checkpoint), "lindenring", "gt3")
+    match = against("battery", "duel", "slipstream_pass", entrant, ["driver:pace=0.9"], [1], range(1))
+    expected = results_of([match], pool)
+    with Store(postgres) as store:
+        post(store, [match])
+        checkpoint.unlink()
+        assert work(store, pool, wait_s=0.0) == Shift(1, 0)
+        assert store.results_of([match.key]).equals(expected)
+
+
+def test_an_older_store_gets_its_queue_in_place(target: str, world: str, tmp_path: Path, pool: Pool) -> None:
+    first, *others = duels(world, tmp_path / "here")
+    with Store(target) as store:
+        post(store, [first])
+        assert work_through(store, pool, world) == Shift(1, 0)
+    for table in ("queue", "surroundings", "file", "worker"):
+        change(target, sa.text(f"DROP TABLE {table}"))
+    change(target, sa.text("UPDATE nathlon_version SET version_num = '0003'"))
+    with Store(target) as store:
+        assert store.has(first.key)
+        post(store, [first, *others])
+        assert work_through(store, pool, world) == Shift(2, 0)
+        assert store.verify() == []
+
+
+def test_matches_that_others_hold_are_waited_for_and_run_when_their_leases_end(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    matches = duels(world, tmp_path / "here")
+    with Store(target) as store:
+        store.claim([matches[1].key], "another machine", 1.0)
+        ended = list(LocalEngine(store, pool).run(matches))
+        assert sorted(key for key, _ in ended) == sorted(match.key for match in matches)
+        assert ended[-1].key == matches[1].key
+        assert all(here for _, here in ended)
+
+
+def test_what_cannot_leave_this_machine_has_no_label(world: str, tmp_path: Path) -> None:
+    [match] = duels(world, tmp_path / "here", 1)
+    assert labels(match, shared=True) == [".onnx", ".onnx"]
+    assert labels(match, shared=False) == list(match.sources)
+    for kind, leaves in (("object:mine", False), ("mix.toml", False), ("plugin:mine", True)):
+        other = replace(match, sources=(kind, match.sources[1]))
+        assert (labels(other, shared=True) is not None) == leaves
+
+
+@given(st.integers(1, 100_000), st.integers(1, 64), st.integers(0, 1000), st.integers(1, 10_000))
+def test_a_share_is_no_more_than_what_gains_by_running_together(
+    left: int, idle: int, at_work: int, full: int
+) -> None:
+    some = share(left, idle, at_work, full)
+    assert CLAIM_LEAST * idle <= some <= max(2 * full, CLAIM_LEAST) * idle
+    if some > CLAIM_LEAST * idle and at_work > 2 * idle:
+        assert some <= left // 2, "others find work too"
+
+
+def change(target: str, statement: sa.TextClause, **values: str) -> None:
+    engine = sa.create_engine(target if "://" in target else f"sqlite:///{target}")
+    with engine.begin() as connection:
+        connection.execute(statement, values)
+    engine.dispose()
