@@ -7,14 +7,9 @@ bridges where it crosses itself, and `nathlon.sim.track.layout` adds the rest.
 
 from __future__ import annotations
 
-import json
-import os
 import re
-import tempfile
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +19,24 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.sparse.linalg import spsolve
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.track import CircuitFile
-from nathlon.sim.track.centre_line import COLUMNS, check_count, check_turns
+from nathlon.sim.track.centre_line import check_count, check_turns
+from nathlon.sim.track.circuit_folder import Circuit, new_folder, write_circuit
 from nathlon.sim.track.crossing import bridge_heights
-from nathlon.sim.track.layout import FOLD, LEAST_ANGLE_DEGREES, Road, edges_cross, lay_out
+from nathlon.sim.track.layout import (
+    FOLD,
+    LEAST_ANGLE_DEGREES,
+    ROWS_PER_POINT,
+    Road,
+    Roadside,
+    edges_cross,
+    lay_out,
+)
 
 FIELDS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
 LARGEST_GAP_M = 50.0
 LEAST_LENGTH_M, LARGEST_LENGTH_M = 500.0, 30_000.0
 LEAST_WIDTH_M, LEAST_RADIUS_M = 4.0, 6.0
 STEEPEST = 0.05
-TOML_ORDER = (
-    *("name", "description", "centre_line", "runoff", "sectors_m", "kind", "side"),
-    *("pole_m", "spacing_m", "lateral_m", "start_m", "end_m", "width_m", "surface"),
-)
-ROWS_PER_POINT = 5  # the road is laid out in rows 1 m apart, and written every 5 m
 SMOOTHED_M = 50.0
 """Waves of this length are halved by the smoothing, shorter ones vanish."""
 TOLERANCE_M, TOLERANCE_OVER_M = 0.2, 15.0
@@ -259,41 +257,12 @@ def import_circuit(source: Path, name: str, folder: Path) -> Path:
     """
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name):
         raise InputError(f"--name: {name!r}, expected lowercase letters and digits, with hyphens between")
-    target = folder / name
-    if target.exists():
-        raise InputError(f"{target}: is there already, expected the name of a new folder")
+    target = new_folder(folder, name)
     road = smooth_road(source, read_racetrack(source))
-    facts, wall_right, wall_left = lay_out(road, name, "centre_line.csv")
+    bridges = len(road.crossings)
+    profile = f"level but for {bridges} {'bridge' if bridges == 1 else 'bridges'}" if bridges else "level"
+    facts, wall_right, wall_left = lay_out(road, name, profile, Roadside())
     height, bank = _heights(source, road), np.zeros(len(road.position))
     table = np.column_stack([road.position, height, road.right, road.left, bank, wall_right, wall_left])
-    text = [",".join(f"{cell:.3f}" for cell in row) for row in table[::ROWS_PER_POINT]]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=f".{name}-") as partial:
-            made = Path(partial) / name
-            made.mkdir()
-            (made / facts.centre_line).write_text("\n".join([",".join(COLUMNS), *text]) + "\n", "utf-8")
-            (made / "circuit.toml").write_text(_toml(facts), "utf-8")
-            os.rename(made, target)
-    except OSError as error:
-        raise InputError(f"{target}: the circuit cannot be written: {error.strerror}") from None
-    return target / "circuit.toml"
-
-
-def _toml(facts: CircuitFile) -> str:
-    arrays = ("section", "kerb", "runoff_stretch", "penalty_zone")
-    fields = facts.model_dump(mode="json")
-    lines = [
-        "# Imported from a centre line; what it lacks follows from its shape. Metres along the centre line."
-    ]
-    lines += _assignments({name: fields[name] for name in fields if name not in ("grid", *arrays)})
-    lines += ["", "[grid]", *_assignments(fields["grid"])]
-    for name in arrays:
-        for table in fields[name]:
-            lines += ["", f"[[{name}]]", *_assignments(table)]
-    return "\n".join(lines) + "\n"
-
-
-def _assignments(table: Mapping[str, Any]) -> list[str]:
-    # Strings, numbers and lists of numbers read the same in JSON and TOML.
-    return [f"{name} = {json.dumps(table[name])}" for name in sorted(table, key=TOML_ORDER.index)]
+    origin = "Imported from a centre line; what it lacks follows from its shape."
+    return write_circuit(target, Circuit(facts, table[::ROWS_PER_POINT]), origin)

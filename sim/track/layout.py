@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, minimum_filter1d, uniform_filter1d
 from scipy.spatial import KDTree
 
-from nathlon.sim.track import CircuitFile, Grid, Kerb, NamedSection, RunoffStretch, Side, Stretch
+from nathlon.sim.track import CircuitFile, Grid, Kerb, NamedSection, Runoff, RunoffStretch, Side, Stretch
 from nathlon.sim.track.crossing import Crossing, belong, find_crossings, meetings
 
+SIDES: tuple[Side, Side] = ("right", "left")
 FOLD = 0.8
 """Largest curvature times distance on the inside of a bend. At 1 a line parallel to the road folds over;
 points 5 m apart, as they are written, may bend by a tenth more than the road that they stand for."""
@@ -24,12 +26,31 @@ BEND_RADIUS_M, BEND_TURN = 250.0, np.radians(15.0)
 MERGE_M = 50.0  # bends in one direction that lie closer are one
 CHICANE_GAP_M, CHICANE_M = 40.0, 200.0  # between its two bends, and in all
 STRAIGHT_M, STRAIGHT_PART_M = 250.0, 50.0
-KERB_M, EXIT_KERB_M = 1.2, 40.0
-RUNOFF_M, BEND_RUNOFF_M, BEYOND_BEND_M = 5.0, 18.0, 60.0
+EXIT_KERB_M, BEYOND_BEND_M = 40.0, 60.0
+ROWS_PER_POINT = 5  # the road is laid out in rows 1 m apart, and written every 5 m
 LEAST_ANGLE_DEGREES = 30.0  # between the roads at a bridge
 TAPER_M = 40.0  # over which a wall moves outward
-GRAVEL_M = 8.0  # where there is as much space beside the road, it is a gravel trap
 PLACES, POLE_M, PLACE_SPACING_M, PLACE_LATERAL_M, HALF_CAR_M = 20, -12.0, 9.0, 2.6, 1.3
+
+
+class Roadside(NamedTuple):
+    """What stands beside a road.
+
+    Attributes:
+        runoff_m: from edge to wall.
+        bend_runoff_m: outside a bend of 60 degrees or more.
+        kerb_m: width of a kerb.
+        beside_kerb_m: between a kerb and the wall; where there is less there is no kerb.
+        gravel_m: where there is as much space beside the road, it is a gravel trap.
+        surface: of the other run-off.
+    """
+
+    runoff_m: float = 5.0
+    bend_runoff_m: float = 18.0
+    kerb_m: float = 1.2
+    beside_kerb_m: float = 0.8
+    gravel_m: float = 8.0
+    surface: Runoff = "grass"
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +120,7 @@ class Bend:
         return "right" if self.turn > 0 else "left"
 
 
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and one past the last row of each run of true values; a run over the line is two."""
     steps = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return [(int(first), int(last)) for first, last in steps.reshape(-1, 2)]
@@ -110,11 +131,11 @@ def find_bends(road: Road) -> list[Bend]:
     curvature = uniform_filter1d(road.curvature, road.rows(15.0), mode="wrap")
     bends: list[Bend] = []
     for sign in (1.0, -1.0):
-        for first, last in _runs(sign * curvature > 1.0 / BEND_RADIUS_M):
+        for first, last in runs(sign * curvature > 1.0 / BEND_RADIUS_M):
             inside = sign * curvature[first:last]
             # What a tight bend runs out into is no part of it, unless it is a bend in its own right.
             least = np.clip(0.2 * inside.max(), 1.0 / BEND_RADIUS_M, 2.0 / BEND_RADIUS_M)
-            bends += [_bend(road, first + start, first + stop) for start, stop in _runs(inside > least)]
+            bends += [_bend(road, first + start, first + stop) for start, stop in runs(inside > least)]
     bends = sorted((bend for bend in bends if abs(bend.turn) > 0.2 * BEND_TURN), key=lambda bend: bend.first)
     merged: list[Bend] = []
     for bend in bends:
@@ -172,12 +193,12 @@ def _stretch(road: Road, first: int, last: int) -> dict[str, float]:
     return {"start_m": round(first * road.spacing, 1), "end_m": round(last * road.spacing, 1)}
 
 
-def clearance(road: Road, side: Side) -> NDArray[np.float64]:
-    """How far beyond an edge a wall may stand, m, (n,): nearest to this place of the road, with a margin."""
+def clearance(road: Road, side: Side, most: float) -> NDArray[np.float64]:
+    """How far beyond an edge a wall may stand, at most, m, (n,): nearest to this place of the road, with a margin."""
     edges = KDTree(np.concatenate([road.edge("left"), road.edge("right")]))
     edge, outward = road.edge(side), road.normal * (1.0 if side == "left" else -1.0)
     reach, free = np.zeros(len(edge)), np.ones(len(edge), np.bool_)
-    for distance in np.arange(0.5, BEND_RUNOFF_M / 0.9 + 0.5, 0.5):
+    for distance in np.arange(0.5, most / 0.9 + 0.5, 0.5):
         # An edge that widens runs askew, and is then nearer than along the normal.
         free &= edges.query(edge + outward * distance)[0] > 0.95 * distance
         reach[free] = distance
@@ -186,28 +207,33 @@ def clearance(road: Road, side: Side) -> NDArray[np.float64]:
     return np.maximum(np.minimum(0.9 * reach, fold), 0.0)
 
 
-def _outside_bends(road: Road, bends: list[Bend], side: Side) -> NDArray[np.float64]:
+def _outside_bends(road: Road, bends: list[Bend], side: Side, beside: Roadside) -> NDArray[np.float64]:
     """Run-off that bends call for on one side, m, (n,)."""
-    wanted = np.full(len(road.position), RUNOFF_M)
+    wanted = np.full(len(road.position), beside.runoff_m)
     for bend in bends:
         if bend.outside == side:
             rows = np.arange(bend.first - road.rows(TAPER_M), bend.last + road.rows(BEYOND_BEND_M)) % len(
                 wanted
             )
             severity = min(1.0, abs(bend.turn) / np.radians(60.0))
-            wanted[rows] = np.maximum(wanted[rows], RUNOFF_M + (BEND_RUNOFF_M - RUNOFF_M) * severity)
+            wider = (beside.bend_runoff_m - beside.runoff_m) * severity
+            wanted[rows] = np.maximum(wanted[rows], beside.runoff_m + wider)
     return wanted
 
 
-def place_walls(road: Road, bends: list[Bend], side: Side) -> NDArray[np.float64]:
+def place_walls(road: Road, bends: list[Bend], side: Side, beside: Roadside) -> NDArray[np.float64]:
     """Distance from the edge to the wall on one side, m, (n,), without steps."""
-    space = np.minimum(_outside_bends(road, bends, side), clearance(road, side))
+    space = np.minimum(
+        _outside_bends(road, bends, side, beside), clearance(road, side, beside.bend_runoff_m)
+    )
     window = road.rows(TAPER_M) | 1
     # The mean of the least over one window is nowhere more than the space itself.
     return uniform_filter1d(minimum_filter1d(space, window, mode="wrap"), window, mode="wrap")
 
 
-def _kerbs(road: Road, bends: list[Bend], side: Side, space: NDArray[np.float64]) -> list[Kerb]:
+def _kerbs(
+    road: Road, bends: list[Bend], side: Side, space: NDArray[np.float64], beside: Roadside
+) -> list[Kerb]:
     mask = np.zeros(len(road.position), np.bool_)
     for bend in bends:
         if bend.inside == side:
@@ -221,18 +247,18 @@ def _kerbs(road: Road, bends: list[Bend], side: Side, space: NDArray[np.float64]
         mask[rows[apex] % len(mask)] = True
     gap = road.rows(20.0)
     closed = binary_closing(np.pad(mask, gap, mode="wrap"), np.ones(gap))[gap:-gap]
-    mask = closed & (space > KERB_M + 0.8)
+    mask = closed & (space > beside.kerb_m + beside.beside_kerb_m)
     return [
-        Kerb.model_validate({"side": side, "width_m": KERB_M} | _stretch(road, first, last))
-        for first, last in _runs(mask)
+        Kerb.model_validate({"side": side, "width_m": beside.kerb_m} | _stretch(road, first, last))
+        for first, last in runs(mask)
         if last - first >= gap
     ]
 
 
-def _gravel(road: Road, side: Side, space: NDArray[np.float64]) -> list[RunoffStretch]:
+def _gravel(road: Road, side: Side, space: NDArray[np.float64], beside: Roadside) -> list[RunoffStretch]:
     return [
         RunoffStretch.model_validate({"side": side, "surface": "gravel"} | _stretch(road, first, last))
-        for first, last in _runs(space > GRAVEL_M)
+        for first, last in runs(space > beside.gravel_m)
         if last - first >= road.rows(20.0)
     ]
 
@@ -265,25 +291,31 @@ def _grid(road: Road) -> Grid:
 
 
 def lay_out(
-    road: Road, name: str, centre_line: str
+    road: Road, name: str, profile: str, beside: Roadside
 ) -> tuple[CircuitFile, NDArray[np.float64], NDArray[np.float64]]:
-    """The circuit file for a road, and the distances from centre line to right and left walls, m, (n,)."""
+    """The circuit file for a road, and the distances from centre line to right and left walls, m, (n,).
+
+    Args:
+        road: laid out in the plane.
+        name: of the circuit.
+        profile: its heights in words.
+        beside: what to put there.
+    """
     bends = find_bends(road)
     straights = _straights(road, bends)
-    right, left = place_walls(road, bends, "right"), place_walls(road, bends, "left")
+    right, left = (place_walls(road, bends, side, beside) for side in SIDES)
     spaces: tuple[tuple[Side, NDArray[np.float64]], ...] = (("left", left), ("right", right))
-    corners, bridges = len(bends), len(road.crossings)
-    profile = f", level but for {bridges} {'bridge' if bridges == 1 else 'bridges'}" if bridges else ", level"
+    corners = len(bends)
     facts = CircuitFile(
         name=name,
-        description=f"{road.length / 1000:.1f} km, {corners} {'turn' if corners == 1 else 'turns'}{profile}",
-        centre_line=centre_line,
-        runoff="grass",
+        description=f"{road.length / 1000:.1f} km, {corners} {'turn' if corners == 1 else 'turns'}, {profile}",
+        centre_line="centre_line.csv",
+        runoff=beside.surface,
         sectors_m=(round(road.length / 3, 1), round(2 * road.length / 3, 1)),
         grid=_grid(road),
         section=tuple(_sections(road, bends, straights)),
-        kerb=tuple(kerb for side, space in spaces for kerb in _kerbs(road, bends, side, space)),
-        runoff_stretch=tuple(stretch for side, space in spaces for stretch in _gravel(road, side, space)),
+        kerb=tuple(kerb for side, space in spaces for kerb in _kerbs(road, bends, side, space, beside)),
+        runoff_stretch=tuple(stretch for side, space in spaces for stretch in _gravel(road, side, space, beside)),
         penalty_zone=tuple(_penalty_zones(road, straights)),
     )
     return facts, road.right + right, road.left + left
