@@ -31,6 +31,8 @@ from nathlon.sim.track.styles import STYLES, Style
 LENGTH_M = (1500.0, 15000.0)
 TRIES = 5000
 GRID_M = PLACES * PLACE_SPACING_M - POLE_M
+BETWEEN_M = 2.0
+"""Between the walls of neighbouring parts of the lap."""
 BEHIND_LINE = 0.55
 """Most of the first straight that lies behind the line, as a share."""
 
@@ -80,7 +82,7 @@ def write_generated(folder: Path, seed: int, style: str = "grand-prix", length: 
 def _draw_road(style: Style, lap: float, seed: int, rng: np.random.Generator) -> Road:
     """The first road drawn that does not meet itself."""
     width = rng.uniform(*style.width_m)
-    apart = width + 4.0 * style.roadside.runoff_m
+    apart = width + 2.0 * style.roadside.runoff_m + BETWEEN_M
     for _ in range(TRIES):
         alignment = draw_alignment(style, lap, apart, rng)
         if alignment is None:
@@ -118,7 +120,7 @@ def _road(pieces: list[Piece], lap: float, width: float, rng: np.random.Generato
 def _laid_out(name: str, road: Road, style: Style, rng: np.random.Generator) -> Circuit:
     height = draw_heights(road.position, road.curvature, 1.0, rng.uniform(*style.relief_m), rng)
     bank = draw_bank(road.curvature, 1.0, style, rng)
-    profile = f"{np.ptp(height):.0f} m between its lowest and its highest place"
+    profile = f"{np.ptp(height):.0f} m from its lowest to its highest place"
     facts, wall_right, wall_left = lay_out(road, name, profile, _draw_roadside(style, rng))
     table = np.column_stack([road.position, height, road.right, road.left, bank, wall_right, wall_left])
     written = [column.round(digits) for column, digits in zip(table[::ROWS_PER_POINT].T, DIGITS, strict=True)]

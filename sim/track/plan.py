@@ -59,7 +59,7 @@ def draw_plan(axes: Axes, track: Track, inch: float) -> None:
     # The upper road of a bridge covers the lower one.
     bridge = track.table[:, LEVEL] > 0.0
     for order, rows in ((1.0, ~bridge), (2.0, bridge)):
-        _draw_ground(axes, track, rows, order)
+        draw_ground(axes, track, rows, order)
         _draw_sector_line(axes, track, rows, order)
     _draw_grid(axes, track)
     names = _Names(axes, track, inch)
@@ -85,7 +85,7 @@ def _fill(axes: Axes, quads: NDArray[np.float64], colours: str | list[str], orde
     )
 
 
-def _draw_ground(axes: Axes, track: Track, rows: NDArray[np.bool_], order: float) -> None:
+def draw_ground(axes: Axes, track: Track, rows: NDArray[np.bool_], order: float) -> None:
     """Some rows of the ground; those of a higher order cover the others."""
     table = track.table
     for sign, edge, kerb, runoff, wall in (

@@ -1,0 +1,159 @@
+"""Generated circuits beside others, and laps on them by the built-in driver.
+
+`python -m benchmarks.circuits_generated` draws a sheet of circuits, counts what they are like, and lets the
+driver drive some of them with each car. `--circuits DIR` puts real ones of the TUM racetrack database beside
+them. The driver practises for each circuit and car, about a minute; what it has practised is kept, so a run
+that was stopped goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from benchmarks.result import write_result
+from benchmarks.time_trial import drive_alone
+from nathlon.arena.entrant import enter
+from nathlon.sim.data_file import DATA
+from nathlon.sim.track import BANK, CURVATURE, LEFT, RIGHT, SLOPE, Track, Z, load_track, read_track
+from nathlon.sim.track.generating import generate_track, write_generated
+from nathlon.sim.track.importing import import_circuit
+from nathlon.sim.track.plan import PAPER, draw_ground, wall_lines
+from nathlon.sim.track.styles import STYLES
+
+SHOWN, COUNTED = 10, 100
+"""Of each style."""
+DRIVEN = {"grand-prix": 7, "street": 7, "national": 6}
+CARS = ("gt3", "prototype", "coupe")
+STRAIGHT_RADIUS_M, FELT_OVER_M = 400.0, 15.0
+"""A bend wider than this is straight; surveyed lines are noisy, so curvature is a mean over some metres."""
+SHARES = (0.1, 0.5, 0.9)
+
+
+def describe(track: Track) -> dict[str, float]:
+    """What a circuit is like, in numbers."""
+    table = track.table
+    bend = np.abs(uniform_filter1d(table[:, CURVATURE], round(FELT_OVER_M / track.spacing), mode="wrap"))
+    turning = bend > 1.0 / STRAIGHT_RADIUS_M
+    radius = np.quantile(1.0 / bend[turning], SHARES)
+    bends = sum({"corner": 1, "chicane": 2, "straight": 0}[section.kind] for section in track.sections)
+    width = table[:, LEFT] + table[:, RIGHT]
+    return {
+        "length_km": track.length / 1000.0,
+        "bends_km": 1000.0 * bends / track.length,
+        "straight_share": float((~turning).mean()),
+        "longest_straight_m": _longest(~turning) * track.spacing,
+        "turned_degrees_km": float(np.degrees(np.abs(table[:, CURVATURE]).sum() * track.spacing))
+        * 1000.0
+        / track.length,
+        "radius_10_m": float(radius[0]),
+        "radius_50_m": float(radius[1]),
+        "radius_90_m": float(radius[2]),
+        "least_radius_m": float(1.0 / bend.max()),
+        "width_m": float(width.mean()),
+        "relief_m": float(np.ptp(table[:, Z])),
+        "steepest": float(np.abs(table[:, SLOPE]).max()),
+        "bank_degrees": float(np.degrees(np.arctan(np.abs(table[:, BANK]).max()))),
+    }
+
+
+def _longest(mask: NDArray[np.bool_]) -> int:
+    """Rows of the longest run of true values on a closed line."""
+    stops = np.flatnonzero(~mask)
+    return int(np.diff(np.append(stops, stops[0] + len(mask))).max()) - 1
+
+
+def spread(circuits: Sequence[Track]) -> dict[str, Any]:
+    """Median, tenth and ninetieth percentile of each number over some circuits."""
+    described = [describe(track) for track in circuits]
+    return {
+        "circuits": len(circuits),
+        **{
+            name: [round(float(np.quantile([each[name] for each in described], share)), 3) for share in (0.5, 0.1, 0.9)]
+            for name in described[0]
+        },
+    }
+
+
+def real_circuits(folder: Path) -> list[Track]:
+    """The circuits of a folder of the racetrack database."""
+    with tempfile.TemporaryDirectory() as name:
+        return [
+            read_track(import_circuit(file, f"real-{number}", Path(name)))
+            for number, file in enumerate(sorted(folder.glob("*.csv")))
+        ]
+
+
+def draw_sheet(path: Path) -> None:
+    """A picture of circuits, a row of five after another, each to a scale of its own."""
+    shown = [(style, seed) for style in STYLES for seed in range(SHOWN)]
+    figure = Figure(figsize=(20, 24), dpi=90, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    for place, (style, seed) in enumerate(shown, start=1):
+        track = generate_track(seed, style)
+        axes = figure.add_subplot(len(shown) // 5, 5, place)
+        walls = np.concatenate(wall_lines(track))
+        axes.set(xlim=np.quantile(walls[:, 0], (0, 1)), ylim=np.quantile(walls[:, 1], (0, 1)), aspect="equal")
+        axes.set_axis_off()
+        draw_ground(axes, track, np.ones(len(track.table), np.bool_), 1.0)
+        axes.set_title(f"{track.name}\n{track.description}", fontsize=7)
+    figure.tight_layout()
+    figure.savefig(path, facecolor=PAPER)
+
+
+def drive(driven: Mapping[str, int], cars: Sequence[str]) -> dict[str, Any]:
+    """Laps by the built-in driver alone, by style and car."""
+    figures: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as name:
+        for style, count in driven.items():
+            paths = [str(write_generated(Path(name), seed, style)) for seed in range(count)]
+            for car in cars:
+                trials = []
+                for path in paths:
+                    trials.append(drive_alone(enter("driver", path, car)))
+                    print(style, load_track(path).name, car, trials[-1], flush=True)
+                laps = np.concatenate([trial.laps_s for trial in trials])
+                speed = [load_track(path).length / trial.lap_s for path, trial in zip(paths, trials, strict=True)]
+                figures.setdefault(style, {})[car] = {
+                    "circuits": count,
+                    "laps": len(laps),
+                    "finished": int(np.isfinite(laps).sum()),
+                    "clean": sum(trial.clean for trial in trials),
+                    "off_course_share": round(float(np.mean([trial.off_course_share for trial in trials])), 5),
+                    "off_course_most": round(max(trial.off_course_share for trial in trials), 5),
+                    "lap_speed_km_h": [round(3.6 * min(speed)), round(3.6 * max(speed))],
+                }
+    return figures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--circuits", type=Path, metavar="DIR", help="real circuits, as CSV files")
+    parser.add_argument("--sheet", type=Path, metavar="FILE", help="picture of thirty circuits")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
+    options = parser.parse_args()
+    if options.sheet:
+        draw_sheet(options.sheet)
+    groups = {style: [generate_track(seed, style) for seed in range(COUNTED)] for style in STYLES}
+    groups["bundled"] = [load_track(path.name) for path in sorted((DATA / "circuits").iterdir())]
+    if options.circuits:
+        groups["real"] = real_circuits(options.circuits)
+    figures: dict[str, Any] = {"spread": {name: spread(circuits) for name, circuits in groups.items()}}
+    for name, those in figures["spread"].items():
+        print(name, those, flush=True)
+    figures["driven"] = drive(DRIVEN, CARS)
+    if options.json:
+        write_result(options.json, figures)
+
+
+if __name__ == "__main__":
+    main()
