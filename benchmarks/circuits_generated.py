@@ -78,7 +78,10 @@ def spread(circuits: Sequence[Track]) -> dict[str, Any]:
     return {
         "circuits": len(circuits),
         **{
-            name: [round(float(np.quantile([each[name] for each in described], share)), 3) for share in (0.5, 0.1, 0.9)]
+            name: [
+                round(float(np.quantile([each[name] for each in described], share)), 3)
+                for share in (0.5, 0.1, 0.9)
+            ]
             for name in described[0]
         },
     }
@@ -122,13 +125,17 @@ def drive(driven: Mapping[str, int], cars: Sequence[str]) -> dict[str, Any]:
                     trials.append(drive_alone(enter("driver", path, car)))
                     print(style, load_track(path).name, car, trials[-1], flush=True)
                 laps = np.concatenate([trial.laps_s for trial in trials])
-                speed = [load_track(path).length / trial.lap_s for path, trial in zip(paths, trials, strict=True)]
+                speed = [
+                    load_track(path).length / trial.lap_s for path, trial in zip(paths, trials, strict=True)
+                ]
                 figures.setdefault(style, {})[car] = {
                     "circuits": count,
                     "laps": len(laps),
                     "finished": int(np.isfinite(laps).sum()),
                     "clean": sum(trial.clean for trial in trials),
-                    "off_course_share": round(float(np.mean([trial.off_course_share for trial in trials])), 5),
+                    "off_course_share": round(
+                        float(np.mean([trial.off_course_share for trial in trials])), 5
+                    ),
                     "off_course_most": round(max(trial.off_course_share for trial in trials), 5),
                     "lap_speed_km_h": [round(3.6 * min(speed)), round(3.6 * max(speed))],
                 }

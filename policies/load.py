@@ -62,5 +62,5 @@ def load_file(path: Path) -> FilePolicy:
 
 def _driver(source: str, circuit: str, car: str) -> Policy:
     settings = driver_settings(source)
-    driver = Driver(circuit, car, settings.pace, settings.lane)
+    driver = Driver(circuit, car, settings.pace, settings.lane, settings.grip)
     return EarlyBraker(driver, circuit, settings.early) if settings.early else driver

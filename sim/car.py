@@ -273,6 +273,20 @@ def parameters(car: Car, compound: str | None = None) -> CarParameters:
     )
 
 
+def with_grip(car: Car, multiple: float) -> Car:
+    """The car as if its tyres held a multiple of what they do: what it is on a wet road."""
+    tyre = car.tyre
+
+    def scaled(friction: tuple[float, float]) -> tuple[float, float]:
+        return multiple * friction[0], multiple * friction[1]
+
+    held = {
+        "friction_longitudinal": scaled(tyre.friction_longitudinal),
+        "friction_lateral": scaled(tyre.friction_lateral),
+    }
+    return car.model_copy(update={"tyre": tyre.model_copy(update=held)})
+
+
 class Compound(Section):
     """A tyre compound: its grip and how fast it wears, against the others."""
 

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_
 from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
+from nathlon.sim.physics.course import DRY, SurfaceGrip
 from nathlon.sim.reaction import Reaction
 from nathlon.sim.rules import load_rules
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
@@ -144,6 +145,7 @@ class Scenario(Section):
         rules: what the stewards go by; a shipped name or the path of a `.toml` file.
         compound: of the tyres; the car's own if none is named.
         wear_rate, fuel_rate: multiples of the car's wear of tyres and use of fuel.
+        grip: of the surfaces; dry if nothing is said.
         action_hz: actions a second, one number or one for each starting place.
         perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
     """
@@ -163,6 +165,7 @@ class Scenario(Section):
     compound: str | None = None
     wear_rate: Rate = 0.0
     fuel_rate: Rate = 0.0
+    grip: SurfaceGrip = DRY
     action_hz: Hertz | tuple[Hertz, ...] = float(AGENT_HZ)
     perception_delay_s: Delay | tuple[Delay, ...] = 0.0
 
@@ -184,7 +187,7 @@ class Scenario(Section):
         Raises:
             InputError: if its rules or compound are unknown.
         """
-        conditions = Conditions(self.compound, self.wear_rate, self.fuel_rate)
+        conditions = Conditions(self.compound, self.wear_rate, self.fuel_rate, self.grip)
         return World(track, car, races, self.cars, conditions, load_rules(self.rules), threads)
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.car import Car, parameters
+from nathlon.sim.car import Car, parameters, with_grip
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars, view_parameters
@@ -16,7 +16,9 @@ from nathlon.sim.physics.body import set_body_velocity, set_direction, speed_squ
 from nathlon.sim.physics.chassis import GRAVITY, Rates, advance
 from nathlon.sim.physics.contact import collide
 from nathlon.sim.physics.course import (
+    DRY,
     CourseParameters,
+    SurfaceGrip,
     course_parameters,
     facing,
     feel_road,
@@ -77,11 +79,13 @@ class Conditions:
     Attributes:
         compound: of the tyres; None is the car's own.
         wear_rate, fuel_rate: multiples of the car's figures; 0 leaves tyres new and the tank full.
+        grip: of the surfaces.
     """
 
     compound: str | None = None
     wear_rate: float = 0.0
     fuel_rate: float = 0.0
+    grip: SurfaceGrip = DRY
 
 
 @lean_kernel
@@ -243,7 +247,7 @@ class World:
             track: the circuit.
             car: the model that all drive.
             races, cars: how many races, and cars in each.
-            conditions: tyres and rates of wear and fuel.
+            conditions: tyres, rates of wear and fuel, grip of the surfaces.
             rules: what the stewards go by; None for no penalties.
             threads: on which a step works; the results do not depend on them.
 
@@ -253,8 +257,8 @@ class World:
         self.track = track
         self.car = car
         self.parameters = WorldParameters(
-            parameters(car, conditions.compound),
-            course_parameters(track),
+            parameters(with_grip(car, conditions.grip.tarmac), conditions.compound),
+            course_parameters(track, conditions.grip),
             Rates(float(conditions.wear_rate), float(conditions.fuel_rate)),
             rule_parameters(rules or load_rules("free")),
         )

@@ -1,4 +1,4 @@
-"""`nathlon track import` and `nathlon track show`."""
+"""`nathlon track import`, `nathlon track generate` and `nathlon track show`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from nathlon.bounds import LARGEST_SEED
 from nathlon.commands.options import AsJson
 from nathlon.sim.names import file_stem
 from nathlon.terminal import new_table, print_json, print_table, say
@@ -25,10 +26,30 @@ def import_track(
     as_json: AsJson = False,
 ) -> None:
     """Make a circuit of a centre line from the TUM racetrack database, as the folder NAME."""
-    from nathlon.sim.track import load_track
     from nathlon.sim.track.importing import import_circuit
 
-    path = import_circuit(file, name, out)
+    _tell(import_circuit(file, name, out), as_json)
+
+
+def generate_track(
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Each seed gives another circuit.")],
+    style: Annotated[str, typer.Option(help="grand-prix, street or national.")] = "grand-prix",
+    length: Annotated[
+        float | None, typer.Option(help="Length of the lap in metres; as usual in the style by default.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """Make up a circuit, as the folder STYLE-SEED; the same seed gives the same circuit."""
+    from nathlon.sim.track.generating import write_generated
+
+    _tell(write_generated(out, seed, style, length), as_json)
+
+
+def _tell(path: Path, as_json: bool) -> None:
+    """Say what circuit there is now."""
+    from nathlon.sim.track import load_track
+
     circuit = load_track(str(path))
     if as_json:
         print_json({"circuit": path, "description": circuit.description, "length_m": circuit.length})

@@ -21,6 +21,7 @@ from nathlon.arena.worlds.racing import surroundings
 from nathlon.pareto.objective import TIME_TRIAL
 from nathlon.policies.driver import Driver
 from nathlon.sim.car import load_car
+from nathlon.sim.physics.course import DRY
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import LEFT, RIGHT, Track, load_track
 
@@ -99,7 +100,8 @@ def lap_limit(store: Store, run: str) -> float | None:
         return None
     scenario = spec["scenario_file"]
     as_raced = all(spec[name] == today[name] for name in ("track", "car_file"))
-    if not as_raced or scenario["compound"] is not None or scenario["fuel_rate"] > 0.0:
+    dry = scenario.get("grip", DRY.model_dump()) == DRY.model_dump()
+    if not (as_raced and dry) or scenario["compound"] is not None or scenario["fuel_rate"] > 0.0:
         return None
     limits = json.loads(LIMITS.read_text("utf-8"))["laps"]
     return next((limit["limit_s"] for limit in limits if own.items() <= limit.items()), None)

@@ -20,7 +20,7 @@ from nathlon.policies.driver.racing_line import NoLine, minimum_time
 from nathlon.policies.driver.speed_profile import Line, Profile, profile
 from nathlon.policies.driver.steering import plan
 from nathlon.policies.policy import Batch
-from nathlon.sim.car import Car, load_car
+from nathlon.sim.car import Car, load_car, with_grip
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.physics.chassis import AIR_DENSITY
@@ -134,11 +134,11 @@ def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
 
 
 @lru_cache
-def _profile(circuit: str, car: str, lane_m: float | None) -> Profile:
-    track, model = load_track(circuit), load_car(car)
+def _profile(circuit: str, car: str, lane_m: float | None, grip: float) -> Profile:
+    track, model = load_track(circuit), with_grip(load_car(car), grip)
     key = track.table.tobytes(), repr((track.grid, track.length, model, lane_m)).encode()
-    offset, grip = cached(partial(_practised, track, model, lane_m), *key)
-    return profile(track, offset, envelope(model), grip)
+    offset, used = cached(partial(_practised, track, model, lane_m), *key)
+    return profile(track, offset, envelope(model), used)
 
 
 class Driver(Follower):
@@ -149,7 +149,11 @@ class Driver(Follower):
         car: name of the car.
         pace: share of the speed that the car allows; 1 is all of it.
         lane_m: hold this lateral offset (m, + is left) instead of the racing line.
+        grip: of the road for which it has practised, as a multiple of that of a dry one.
     """
 
-    def __init__(self, circuit: str, car: str, pace: float = 1.0, lane_m: float | None = None) -> None:
-        super().__init__(load_track(circuit), load_car(car), pace, _profile(circuit, car, lane_m))
+    def __init__(
+        self, circuit: str, car: str, pace: float = 1.0, lane_m: float | None = None, grip: float = 1.0
+    ) -> None:
+        line = _profile(circuit, car, lane_m, grip)
+        super().__init__(load_track(circuit), with_grip(load_car(car), grip), pace, line)

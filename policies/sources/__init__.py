@@ -33,11 +33,13 @@ class DriverSettings(NamedTuple):
         pace: share of the speed that it could reach.
         lane: m to the left of the centre line on which it drives; None for the racing line.
         early: m before the point where it must brake at which it does.
+        grip: of the road that it expects, as a multiple of that of a dry one.
     """
 
     pace: float = 1.0
     lane: float | None = None
     early: float = 0.0
+    grip: float = 1.0
 
 
 def driver_settings(source: str) -> DriverSettings:
@@ -58,13 +60,15 @@ def driver_settings(source: str) -> DriverSettings:
     unknown = set(values) - set(DriverSettings._fields)
     if unknown:
         raise InputError(
-            f"driver {source!r}: unknown setting {sorted(unknown)[0]!r}, expected pace or lane, or early"
+            f"driver {source!r}: unknown setting {sorted(unknown)[0]!r}, expected pace, lane, early or grip"
         )
     settings = DriverSettings(**values)
     if not 0.2 <= settings.pace <= 1.1:
         raise InputError(f"driver {source!r}: pace is {settings.pace}, expected 0.2 to 1.1")
     if not 0.0 <= settings.early <= 200.0:
         raise InputError(f"driver {source!r}: early is {settings.early}, expected 0 to 200 m")
+    if not 0.05 <= settings.grip <= 1.5:
+        raise InputError(f"driver {source!r}: grip is {settings.grip}, expected 0.05 to 1.5")
     return settings
 
 

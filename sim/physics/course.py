@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from nathlon.sim.car import CarParameters
+from nathlon.sim.data_file import Section
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.contact import hit_wall
 from nathlon.sim.physics.tyre import Ground, four, worn_grip
@@ -26,6 +28,7 @@ from nathlon.sim.track import (
     RUNOFF_LEFT,
     RUNOFF_RIGHT,
     SLOPE,
+    SURFACES,
     TANGENT_X,
     TANGENT_Y,
     TWIST,
@@ -46,19 +49,42 @@ KERB_PITCH = 2.3  # m from rib to rib, as the tyres feel them
 KERB_SHAKE = 0.2  # share of the load that comes and goes on a kerb
 
 
+Multiple = Annotated[float, Field(ge=0.05, le=1.5)]
+"""From wet ice to a road that grips better than usual."""
+
+
+class SurfaceGrip(Section):
+    """Grip of each surface as a multiple of its own when dry."""
+
+    tarmac: Multiple = 1.0
+    kerb: Multiple = 1.0
+    grass: Multiple = 1.0
+    gravel: Multiple = 1.0
+
+
+DRY = SurfaceGrip()
+
+
 class CourseParameters(NamedTuple):
-    """What the kernels read of a track."""
+    """What the kernels read of a track and of its conditions.
+
+    `surface_grip` is (4,), the grip of each surface over that of the road.
+    """
 
     table: NDArray[np.float64]
     edges: NDArray[np.float32]
     sectors: NDArray[np.float64]
     spacing: float
     length: float
+    surface_grip: NDArray[np.float64]
 
 
-def course_parameters(track: Track) -> CourseParameters:
-    """The kernels' view of a track."""
-    return CourseParameters(track.table, track.edges, np.array(track.sectors), track.spacing, track.length)
+def course_parameters(track: Track, grip: SurfaceGrip = DRY) -> CourseParameters:
+    """The kernels' view of a track in some conditions."""
+    multiples = np.array([getattr(grip, surface) for surface in SURFACES])
+    surface_grip = SURFACE_GRIP * (multiples / grip.tarmac)
+    sectors = np.array(track.sectors)
+    return CourseParameters(track.table, track.edges, sectors, track.spacing, track.length, surface_grip)
 
 
 @lean_inlined
@@ -212,7 +238,7 @@ def stand_on(
         else:
             rib = (car.progress + x) / KERB_PITCH
             ground.shake[wheel] += KERB_SHAKE * (4.0 * abs(rib - math.floor(rib) - 0.5) - 1.0)
-        ground.grip[wheel] *= SURFACE_GRIP[surface]
+        ground.grip[wheel] *= course.surface_grip[surface]
         ground.drag[wheel] += SURFACE_DRAG[surface]
     return out
 

@@ -133,7 +133,11 @@ def sample(
         position (n, 2) in m, heading (n,) in rad and curvature (n,) in 1/m, + is left.
     """
     ends = np.cumsum([piece.length for piece in pieces])
-    position, heading, curvature = np.zeros((len(distance), 2)), np.zeros(len(distance)), np.zeros(len(distance))
+    position, heading, curvature = (
+        np.zeros((len(distance), 2)),
+        np.zeros(len(distance)),
+        np.zeros(len(distance)),
+    )
     begin, there, direction = 0.0, np.zeros(2), 0.0
     for piece, end in zip(pieces, ends, strict=True):
         rows = slice(*np.searchsorted(distance, [begin, end]))

@@ -62,15 +62,18 @@ def write_circuit(target: Path, circuit: Circuit, origin: str) -> Path:
     Raises:
         InputError: if it cannot be written.
     """
-    lines = [",".join(COLUMNS)]
-    for row in circuit.points:
-        lines.append(",".join(f"{cell:.{digits}f}" for cell, digits in zip(row, DIGITS, strict=True)))
+    rows = [
+        ",".join(f"{cell:.{digits}f}" for cell, digits in zip(row, DIGITS, strict=True))
+        for row in circuit.points
+    ]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as partial:
             made = Path(partial) / target.name
             made.mkdir()
-            (made / circuit.facts.centre_line).write_text("\n".join(lines) + "\n", "utf-8")
+            (made / circuit.facts.centre_line).write_text(
+                "\n".join([",".join(COLUMNS), *rows]) + "\n", "utf-8"
+            )
             (made / "circuit.toml").write_text(_toml(circuit.facts, origin), "utf-8")
             os.rename(made, target)
     except OSError as error:

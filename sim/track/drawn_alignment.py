@@ -69,7 +69,9 @@ def draw_alignment(style: Style, length: float, apart: float, rng: np.random.Gen
     straights = close(bends, wanted, least, length)
     if straights is None:
         return None
-    pieces = [piece for before, those in zip(straights, bends, strict=True) for piece in (straight(before), *those)]
+    pieces = [
+        piece for before, those in zip(straights, bends, strict=True) for piece in (straight(before), *those)
+    ]
     return pieces if _keeps_apart(pieces, length, apart) else None
 
 
@@ -86,9 +88,10 @@ def _draw_bends(style: Style, length: float, rng: np.random.Generator) -> list[B
 
 
 def _draw_shape(shape: Shape, rng: np.random.Generator) -> Bends:
+    smallest, largest = np.log(shape.radius_m)
     return Bends(
         turns=np.radians(rng.uniform(*shape.turn_degrees, shape.bends)),
-        radii=np.exp(rng.uniform(*np.log(shape.radius_m), shape.bends)),
+        radii=np.exp(rng.uniform(smallest, largest, shape.bends)),
         transitions=rng.uniform(*TRANSITION, shape.bends),
         links=rng.uniform(*shape.link_m, shape.bends),
     )
@@ -111,7 +114,7 @@ def _turned_once(drawn: list[Bends], rng: np.random.Generator) -> list[list[Piec
 
 def _keeps_apart(pieces: list[Piece], length: float, apart: float) -> bool:
     rows = round(length / COARSE_M)
-    position = sample(pieces, np.arange(rows) * (length / rows))[0]
+    position = sample(pieces, np.linspace(0.0, length, rows, endpoint=False))[0]
     one, other = KDTree(position).query_pairs(apart, output_type="ndarray").T
     gap = np.abs(one - other) * (length / rows)
     return not (np.minimum(gap, length - gap) > 3.0 * apart).any()

@@ -76,7 +76,7 @@ def write_generated(folder: Path, seed: int, style: str = "grand-prix", length: 
         InputError: also if the folder is there already, or cannot be written.
     """
     target = new_folder(folder, f"{style}-{seed}")
-    return write_circuit(target, generate_circuit(seed, style, length), "Generated.")
+    return write_circuit(target, generate_circuit(seed, style, length), f"Generated: {style}, seed {seed}.")
 
 
 def _draw_road(style: Style, lap: float, seed: int, rng: np.random.Generator) -> Road:
@@ -91,7 +91,7 @@ def _draw_road(style: Style, lap: float, seed: int, rng: np.random.Generator) ->
         if edges_cross(road) is None:
             return road
     raise InputError(
-        f"--seed {seed}: no lap of {lap:,.0f} m closed in {TRIES:,} tries, expected another seed or a longer lap"
+        f"--seed {seed}: no lap of {lap:,.0f} m closed in {TRIES:,} tries, expected another seed or length"
     )
 
 

@@ -194,7 +194,10 @@ def _stretch(road: Road, first: int, last: int) -> dict[str, float]:
 
 
 def clearance(road: Road, side: Side, most: float) -> NDArray[np.float64]:
-    """How far beyond an edge a wall may stand, at most, m, (n,): nearest to this place of the road, with a margin."""
+    """How far beyond an edge a wall may stand, m, (n,): nearest to this place of the road, with a margin.
+
+    No more than `most` is needed.
+    """
     edges = KDTree(np.concatenate([road.edge("left"), road.edge("right")]))
     edge, outward = road.edge(side), road.normal * (1.0 if side == "left" else -1.0)
     reach, free = np.zeros(len(edge)), np.ones(len(edge), np.bool_)
@@ -223,9 +226,7 @@ def _outside_bends(road: Road, bends: list[Bend], side: Side, beside: Roadside) 
 
 def place_walls(road: Road, bends: list[Bend], side: Side, beside: Roadside) -> NDArray[np.float64]:
     """Distance from the edge to the wall on one side, m, (n,), without steps."""
-    space = np.minimum(
-        _outside_bends(road, bends, side, beside), clearance(road, side, beside.bend_runoff_m)
-    )
+    space = np.minimum(_outside_bends(road, bends, side, beside), clearance(road, side, beside.bend_runoff_m))
     window = road.rows(TAPER_M) | 1
     # The mean of the least over one window is nowhere more than the space itself.
     return uniform_filter1d(minimum_filter1d(space, window, mode="wrap"), window, mode="wrap")
@@ -305,17 +306,19 @@ def lay_out(
     straights = _straights(road, bends)
     right, left = (place_walls(road, bends, side, beside) for side in SIDES)
     spaces: tuple[tuple[Side, NDArray[np.float64]], ...] = (("left", left), ("right", right))
-    corners = len(bends)
+    turns = f"{len(bends)} {'turn' if len(bends) == 1 else 'turns'}"
     facts = CircuitFile(
         name=name,
-        description=f"{road.length / 1000:.1f} km, {corners} {'turn' if corners == 1 else 'turns'}, {profile}",
+        description=f"{road.length / 1000:.1f} km, {turns}, {profile}",
         centre_line="centre_line.csv",
         runoff=beside.surface,
         sectors_m=(round(road.length / 3, 1), round(2 * road.length / 3, 1)),
         grid=_grid(road),
         section=tuple(_sections(road, bends, straights)),
         kerb=tuple(kerb for side, space in spaces for kerb in _kerbs(road, bends, side, space, beside)),
-        runoff_stretch=tuple(stretch for side, space in spaces for stretch in _gravel(road, side, space, beside)),
+        runoff_stretch=tuple(
+            stretch for side, space in spaces for stretch in _gravel(road, side, space, beside)
+        ),
         penalty_zone=tuple(_penalty_zones(road, straights)),
     )
     return facts, road.right + right, road.left + left

@@ -46,7 +46,8 @@ def draw_heights(
     Returns:
         (n,) m, the first 0.
     """
-    length = np.exp(rng.uniform(*np.log(WAVELENGTH_M), WAVES))
+    shortest, longest = np.log(WAVELENGTH_M)
+    length = np.exp(rng.uniform(shortest, longest, WAVES))
     direction, phase = rng.uniform(0.0, 2.0 * np.pi, (2, WAVES))
     along = position[:, :1] * np.cos(direction) + position[:, 1:] * np.sin(direction)
     ground = np.cos(2.0 * np.pi * along / length + phase) @ length
@@ -66,7 +67,7 @@ def draw_heights(
 def draw_bank(
     curvature: NDArray[np.float64], spacing: float, style: Style, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Angle of banking of a closed road, rad, + is left side up, (n,); in proportion to each bend's curvature."""
+    """Angle of banking of a closed road, rad, + is left side up, (n,); proportional to a bend's curvature."""
     bank = np.zeros(len(curvature))
     for first, last in runs(np.abs(curvature) > LEAST_BEND):
         inside = curvature[first:last]

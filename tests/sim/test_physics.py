@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 
 from nathlon.sim.car import Car
-from nathlon.sim.physics.course import stand_on
+from nathlon.sim.physics.course import SurfaceGrip, stand_on
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.world import Conditions
@@ -155,6 +155,18 @@ class TestStraight:
         state = drive(world_with(track, [1000.0], 30.0, speed=30.0, car=car), -1.0, seconds=0.8)[0, 0]
         wanted = deceleration(car, state["velocity_x"], grip, drag)
         assert -state["acceleration_x"] == pytest.approx(wanted, rel=5e-3)
+
+    @pytest.mark.parametrize("lateral", [0.0, 30.0])
+    def test_conditions_scale_the_grip_of_each_surface_alone(self, lateral: float) -> None:
+        points = stadium().table[::5, :2]
+        track = road(points[:, 0], points[:, 1], 20.0, 40.0, runoff="gravel")
+        car = changed(FREE, "brakes", torque_n_m=50_000.0)
+        conditions = Conditions(grip=SurfaceGrip(tarmac=0.6, gravel=0.9))
+        world = world_with(track, [1000.0], lateral, speed=30.0, car=car, conditions=conditions)
+        state = drive(world, -1.0, seconds=0.8)[0, 0]
+        grip, drag = (0.9 * 0.48, 0.22) if lateral else (0.6, 0.0)
+        wanted = deceleration(car, state["velocity_x"], grip, drag)
+        assert -state["acceleration_x"] == pytest.approx(wanted, rel=1e-2)
 
     def test_kerb_shakes_without_adding_load(self) -> None:
         points = stadium().table[::5, :2]

@@ -326,6 +326,8 @@ class TestConditions:
         ("laps = 1", "perception_delay_s = -0.1", "field perception_delay_s.* is -0.1: .*greater than or"),
         ("laps = 1", "perception_delay_s = [0.1, 0.1, 0.1]", "perception_delay_s must be one number, or 2"),
         ("laps = 1", "wear_rate = -1.0", "field wear_rate is -1.0"),
+        ("laps = 1", "grip = { tarmac = 0.0 }", "field grip.tarmac is 0.0: .*greater than or equal to 0.05"),
+        ("laps = 1", "grip = { snow = 0.3 }", "field grip.snow is unknown; expected one of grass, gravel"),
         (
             'kind = "grid"',
             'kind = "flying"',
