@@ -21,8 +21,8 @@ from nathlon.arena.worlds.racing import surroundings
 from nathlon.pareto.objective import TIME_TRIAL
 from nathlon.policies.driver import Driver
 from nathlon.sim.car import load_car
-from nathlon.sim.physics.course import DRY
 from nathlon.sim.errors import InputError
+from nathlon.sim.physics.course import DRY
 from nathlon.sim.track import LEFT, RIGHT, Track, load_track
 
 STEP_M = 8.0
