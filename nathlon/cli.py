@@ -9,6 +9,7 @@ import typer
 
 from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
+from nathlon.commands.car import check_car, generate_car, tune_car
 from nathlon.commands.committee_app import committee
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
@@ -50,6 +51,12 @@ track.command("import")(import_track)
 track.command("generate")(generate_track)
 track.command("show")(show_track)
 app.add_typer(track, name="track")
+
+car = typer.Typer(help="Check car files, tune cars and make up new ones.", no_args_is_help=True)
+car.command("check")(check_car)
+car.command("generate")(generate_car)
+car.command("tune")(tune_car)
+app.add_typer(car, name="car")
 
 world = typer.Typer(help="Look at simulators whose policies can be selected among.", no_args_is_help=True)
 world.command("check")(check_world)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -77,12 +78,28 @@ def read_toml(path: Path, model: type[Model], kind: str) -> Model:
     if LONG_KEY.search(text):
         raise InputError(f"{path}: not a TOML file: expected keys of at most {LONGEST_KEY} parts")
     try:
-        return model.model_validate(tomllib.loads(text))
+        fields = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not a TOML file: {error}") from None
     except RecursionError:
         raise InputError(f"{path}: not a TOML file: expected values that are not nested so deep") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, model)}") from None
     except ValueError as error:  # of whole numbers with thousands of digits
         raise InputError(f"{path}: not a TOML file: {error}") from None
+    return checked(fields, model, str(path))
+
+
+def checked(fields: Mapping[str, Any], model: type[Model], where: str) -> Model:
+    """Fields as a model.
+
+    Args:
+        fields: by name.
+        model: what they must be.
+        where: where they come from, for the error.
+
+    Raises:
+        InputError: if a field is missing, unknown or out of range.
+    """
+    try:
+        return model.model_validate(fields)
+    except ValidationError as error:
+        raise InputError(f"{where}: {first_fault(error, model)}") from None

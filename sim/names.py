@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from nathlon.sim.errors import InputError
+
 LONGEST = 100
 """Letters of a name; a longer one loses its middle, as names differ at their ends."""
 LONGEST_FILE = 50
@@ -30,6 +32,12 @@ def proper_name(text: str) -> str:
     name = printable(text)
     half = LONGEST // 2
     return name if len(name) <= LONGEST else f"{name[: half - 1]}…{name[-half:]}"
+
+
+def check_new_name(name: str) -> None:
+    """Raise InputError for a name that a circuit or car of one's own should not have."""
+    if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name):
+        raise InputError(f"--name: {name!r}, expected lowercase letters and digits, with hyphens between")
 
 
 def file_stem(name: str) -> str:

@@ -7,7 +7,6 @@ bridges where it crosses itself, and `nathlon.sim.track.layout` adds the rest.
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.sparse.linalg import spsolve
 
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import check_new_name
 from nathlon.sim.track.centre_line import check_count, check_turns
 from nathlon.sim.track.circuit_folder import Circuit, new_folder, write_circuit
 from nathlon.sim.track.crossing import bridge_heights
@@ -255,8 +255,7 @@ def import_circuit(source: Path, name: str, folder: Path) -> Path:
         InputError: if the name or the file is not as expected, the circuit's folder is there already, or
             it cannot be written.
     """
-    if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name):
-        raise InputError(f"--name: {name!r}, expected lowercase letters and digits, with hyphens between")
+    check_new_name(name)
     target = new_folder(folder, name)
     road = smooth_road(source, read_racetrack(source))
     bridges = len(road.crossings)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from nathlon.sim.car import compound_ratio, load_car, load_compounds, parameters, read_car
+from nathlon.sim.car_check import oddities
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.tyre_curve import curve_cells
@@ -30,24 +30,9 @@ def edited(folder: Path, old: str, new: str) -> Path:
 @pytest.mark.parametrize("name", NAMES)
 def test_shipped_cars_make_sense(name: str) -> None:
     car = load_car(name)
-    body = car.body
     assert car.name == name
     assert car.description
-    # A tyre holds more the wider it is pressed on, at any load that it may meet.
-    for low, high in (car.tyre.friction_longitudinal, car.tyre.friction_lateral):
-        assert low * car.tyre.load_n[0] < high * car.tyre.load_n[1]
-        assert low > high
-    assert body.front_axle_m + body.rear_axle_m < body.length_m
-    # Cars turn about as willingly as a rod with its masses at the axles.
-    rod = body.mass_kg * body.front_axle_m * body.rear_axle_m
-    assert 0.6 * rod < body.yaw_inertia_kg_m2 < 1.1 * rod
-    assert car.fuel.capacity_kg < 0.1 * body.mass_kg
-    # Gears overlap: after a shift up the engine is not so slow that it would shift down again.
-    ratios = car.gearbox.ratios
-    assert all(a > b for a, b in pairwise(ratios))
-    after = [car.engine.shift_up_rpm * b / a for a, b in pairwise(ratios)]
-    assert min(after) > car.engine.shift_down_rpm
-    assert car.engine.shift_up_rpm < car.engine.rpm[-1]
+    assert oddities(car) == []
 
 
 def test_shipped_car_reads_by_name_and_by_path() -> None:
