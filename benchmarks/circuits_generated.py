@@ -1,8 +1,8 @@
-"""Generated circuits beside others, and laps on them by the built-in driver.
+"""Generated circuits beside others, and laps on them and in generated cars by the built-in driver.
 
 `python -m benchmarks.circuits_generated` draws a sheet of circuits, counts what they are like, and lets the
-driver drive some of them with each car. `--circuits DIR` puts real ones of the TUM racetrack database beside
-them. The driver practises for each circuit and car, about a minute; what it has practised is kept, so a run
+driver drive some of them with each car, and generated cars on a circuit of ours. `--circuits DIR` puts real
+ones of the TUM racetrack database beside them. The driver practises for each circuit and car, about a minute; what it has practised is kept, so a run
 that was stopped goes on.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from benchmarks.result import write_result
-from benchmarks.time_trial import drive_alone
+from benchmarks.time_trial import TimeTrial, drive_alone
 from nathlon.arena.entrant import enter
+from nathlon.sim.car import load_car
+from nathlon.sim.car_check import power_w
+from nathlon.sim.car_family import generate_car, write_car
 from nathlon.sim.data_file import DATA
 from nathlon.sim.track import BANK, CURVATURE, LEFT, RIGHT, SLOPE, Track, Z, load_track, read_track
 from nathlon.sim.track.generating import generate_track, write_generated
@@ -30,10 +33,12 @@ from nathlon.sim.track.importing import import_circuit
 from nathlon.sim.track.plan import PAPER, draw_ground, wall_lines
 from nathlon.sim.track.styles import STYLES
 
-SHOWN, COUNTED = 10, 100
+SHOWN, COUNTED = 10, 40
 """Of each style."""
 DRIVEN = {"grand-prix": 7, "street": 7, "national": 6}
 CARS = ("gt3", "prototype", "coupe")
+CIRCUIT, DRIVEN_CARS = "lindenring", 20
+"""Where generated cars drive."""
 STRAIGHT_RADIUS_M, FELT_OVER_M = 400.0, 15.0
 """A bend wider than this is straight; surveyed lines are noisy, so curvature is a mean over some metres."""
 SHARES = (0.1, 0.5, 0.9)
@@ -113,33 +118,59 @@ def draw_sheet(path: Path) -> None:
     figure.savefig(path, facecolor=PAPER)
 
 
-def drive(driven: Mapping[str, int], cars: Sequence[str]) -> dict[str, Any]:
-    """Laps by the built-in driver alone, by style and car."""
+def summary(trials: Sequence[TimeTrial]) -> dict[str, Any]:
+    """How laps alone went, over some circuits or cars."""
+    laps = np.concatenate([trial.laps_s for trial in trials])
+    off = [trial.off_course_share for trial in trials]
+    return {
+        "laps": len(laps),
+        "finished": int(np.isfinite(laps).sum()),
+        "clean": sum(trial.clean for trial in trials),
+        "off_course_share": round(float(np.mean(off)), 5),
+        "off_course_most": round(max(off), 5),
+    }
+
+
+def drive_circuits(folder: Path) -> dict[str, Any]:
+    """Laps by the built-in driver on generated circuits, by style and car."""
     figures: dict[str, Any] = {}
-    with tempfile.TemporaryDirectory() as name:
-        for style, count in driven.items():
-            paths = [str(write_generated(Path(name), seed, style)) for seed in range(count)]
-            for car in cars:
-                trials = []
-                for path in paths:
-                    trials.append(drive_alone(enter("driver", path, car)))
-                    print(style, load_track(path).name, car, trials[-1], flush=True)
-                laps = np.concatenate([trial.laps_s for trial in trials])
-                speed = [
-                    load_track(path).length / trial.lap_s for path, trial in zip(paths, trials, strict=True)
-                ]
-                figures.setdefault(style, {})[car] = {
-                    "circuits": count,
-                    "laps": len(laps),
-                    "finished": int(np.isfinite(laps).sum()),
-                    "clean": sum(trial.clean for trial in trials),
-                    "off_course_share": round(
-                        float(np.mean([trial.off_course_share for trial in trials])), 5
-                    ),
-                    "off_course_most": round(max(trial.off_course_share for trial in trials), 5),
-                    "lap_speed_km_h": [round(3.6 * min(speed)), round(3.6 * max(speed))],
-                }
+    for style, count in DRIVEN.items():
+        paths = [str(write_generated(folder, seed, style)) for seed in range(count)]
+        for car in CARS:
+            trials = [_driven(path, car) for path in paths]
+            speeds = [
+                3.6 * load_track(path).length / trial.lap_s for path, trial in zip(paths, trials, strict=True)
+            ]
+            figures.setdefault(style, {})[car] = {
+                "circuits": count,
+                **summary(trials),
+                "km_h": [round(min(speeds)), round(max(speeds))],
+            }
     return figures
+
+
+def drive_cars(folder: Path) -> dict[str, Any]:
+    """Laps by the built-in driver in generated cars."""
+    trials, strength = [], []
+    for seed in range(DRIVEN_CARS):
+        car = generate_car(seed)
+        write_car(folder / f"{car.name}.toml", car)
+        strength.append(power_w(car) / car.body.mass_kg)
+        trials.append(_driven(CIRCUIT, str(folder / f"{car.name}.toml")))
+    laps = [trial.lap_s for trial in trials]
+    return {
+        "circuit": CIRCUIT,
+        "cars": DRIVEN_CARS,
+        **summary(trials),
+        "w_kg": [round(min(strength)), round(max(strength))],
+        "lap_s": [round(min(laps), 1), round(max(laps), 1)],
+    }
+
+
+def _driven(circuit: str, car: str) -> TimeTrial:
+    trial = drive_alone(enter("driver", circuit, car))
+    print(load_track(circuit).name, load_car(car).name, trial, flush=True)
+    return trial
 
 
 def main() -> None:
@@ -157,7 +188,9 @@ def main() -> None:
     figures: dict[str, Any] = {"spread": {name: spread(circuits) for name, circuits in groups.items()}}
     for name, those in figures["spread"].items():
         print(name, those, flush=True)
-    figures["driven"] = drive(DRIVEN, CARS)
+    with tempfile.TemporaryDirectory() as name:
+        figures["driven"] = drive_circuits(Path(name))
+        figures["cars"] = drive_cars(Path(name))
     if options.json:
         write_result(options.json, figures)
 

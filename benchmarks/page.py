@@ -79,6 +79,12 @@ def pooled(runs: Sequence[Figures], circuit: str, car: str, name: str) -> dict[s
     }
 
 
+def middle_and_ends(three: Sequence[float], digits: int) -> str:
+    """A median with the tenth and ninetieth percentile."""
+    middle, low, high = (f"{value:,.{digits}f}" for value in three)
+    return f"{middle} ({low}-{high})"
+
+
 def signed(figures: Figures, name: str, digits: int) -> str:
     """A difference with its interval."""
     value, low, high = (figures[name + end] for end in ("", "_low", "_high"))
@@ -143,7 +149,12 @@ def page(results: Mapping[str, Result]) -> str:
         "foreseen": foreseen,
         "in_all": in_all,
     }
-    environment.globals |= {"rate": rate, "pooled": pooled, "sessions": sessions}
+    environment.globals |= {
+        "rate": rate,
+        "pooled": pooled,
+        "sessions": sessions,
+        "middle_and_ends": middle_and_ends,
+    }
     return environment.get_template(TEMPLATE).render(results=results)
 
 

@@ -20,8 +20,10 @@ from nathlon.policies.policy import Policy
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.chassis import GRAVITY
+from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.track import Track, load_track
-from nathlon.sim.world import Start, World
+from nathlon.sim.track.generating import write_generated
+from nathlon.sim.world import Conditions, Start, World
 from tests.driving import GT3, circle, road, start_at
 
 TRACK = load_track("lindenring")
@@ -97,6 +99,21 @@ def test_pace_scales_the_speed_and_a_lane_is_kept_to() -> None:
         assert end["last_lap_s"][race] == pytest.approx(profile_s / pace, rel=0.01)
     laterals = np.array([state["lateral"][2, 0] for state in history[100:]])
     np.testing.assert_allclose(laterals, 2.0, atol=0.5)
+
+
+def test_who_expects_a_wet_road_keeps_a_wet_generated_circuit(tmp_path: Path) -> None:
+    path = str(write_generated(tmp_path, 1, "national", 1500.0))
+    track = load_track(path)
+    world = World(track, GT3, 1, 1, Conditions(grip=SurfaceGrip(tarmac=0.6, kerb=0.6)))
+    world.reset(0, start_at([-20.0], finish=track.length))
+    driver = load_policy("driver:grip=0.6", path, "gt3")
+    end = run(world, [[driver]], 150.0)[-1][0, 0]
+    assert end["laps"] == 1
+    assert end["off_course_s"] == 0.0
+    lap_s = Driver(path, "gt3", grip=0.6).lap_s
+    assert end["last_lap_s"] == pytest.approx(lap_s, rel=0.1)  # it stood at the start
+    # Speed in bends goes with the root of the grip, and more is lost on straights.
+    assert lap_s > 1.05 * Driver(path, "gt3").lap_s
 
 
 def test_passes_a_slower_car_in_the_middle_without_touching_it() -> None:
@@ -265,6 +282,7 @@ def test_braking_and_driving_stay_within_the_friction_ellipse() -> None:
         ("driver:pace=fast", "setting pace is 'fast', expected a number"),
         ("driver:pace=3", "pace is 3.0, expected 0.2 to 1.1"),
         ("driver:courage=1", "unknown setting 'courage', expected pace, lane, early or grip"),
+        ("driver:grip=0", "grip is 0.0, expected 0.05 to 1.5"),
         ("driver:pace=nan", "setting pace is 'nan', expected a finite number"),
     ],
 )
