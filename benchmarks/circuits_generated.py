@@ -2,8 +2,8 @@
 
 `python -m benchmarks.circuits_generated` draws a sheet of circuits, counts what they are like, and lets the
 driver drive some of them with each car, and generated cars on a circuit of ours. `--circuits DIR` puts real
-ones of the TUM racetrack database beside them. The driver practises for each circuit and car, about a minute; what it has practised is kept, so a run
-that was stopped goes on.
+ones of the TUM racetrack database beside them. What the driver has practised is kept, so a run that was
+stopped goes on.
 """
 
 from __future__ import annotations
