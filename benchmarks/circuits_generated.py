@@ -35,9 +35,9 @@ from nathlon.sim.track.styles import STYLES
 
 SHOWN, COUNTED = 10, 40
 """Of each style."""
-DRIVEN = {"grand-prix": 7, "street": 7, "national": 6}
+DRIVEN = {"grand-prix": 4, "street": 4, "national": 4}
 CARS = ("gt3", "prototype", "coupe")
-CIRCUIT, DRIVEN_CARS = "lindenring", 20
+CIRCUIT, DRIVEN_CARS = "lindenring", 10
 """Where generated cars drive."""
 STRAIGHT_RADIUS_M, FELT_OVER_M = 400.0, 15.0
 """A bend wider than this is straight; surveyed lines are noisy, so curvature is a mean over some metres."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_validator
@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_
 from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
-from nathlon.sim.physics.course import DRY, SurfaceGrip
+from nathlon.sim.physics.course import DRY, GRIP, Multiple, SurfaceGrip
 from nathlon.sim.reaction import Reaction
 from nathlon.sim.rules import load_rules
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
@@ -325,8 +325,8 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-SETTINGS = ("laps", "compound", "delay")
-"""What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,delay=0.1`."""
+SETTINGS = ("laps", "compound", "delay", "grip")
+"""What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,grip=0.65`."""
 
 
 @lru_cache
@@ -334,7 +334,7 @@ def load_scenario(name: str) -> Scenario:
     """A scenario by its shipped name, or by the path of a `.toml` file, with settings in place of its own.
 
     With other laps its time changes in proportion; a compound is that of all cars, and a delay, s, that with
-    which all of them see.
+    which all of them see; a grip is a multiple of that of every surface when dry.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.
@@ -352,6 +352,8 @@ def load_scenario(name: str) -> Scenario:
                 scenario = scenario.model_copy(update={"compound": _compound(name, value)})
             case "delay":
                 scenario = scenario.model_copy(update={"perception_delay_s": _delay(name, value)})
+            case "grip":
+                scenario = scenario.model_copy(update={"grip": _grip(name, value)})
             case _:
                 raise InputError(
                     f"scenario {name!r}: unknown setting {key!r}, expected one of {', '.join(SETTINGS)}"
@@ -380,9 +382,17 @@ def _compound(name: str, compound: str) -> str:
 
 
 def _delay(name: str, delay: str) -> float:
+    return _number(name, "delay", delay, Delay, f"seconds from 0 to {LONGEST_DELAY_S}")
+
+
+def _grip(name: str, grip: str) -> SurfaceGrip:
+    least, most = GRIP
+    multiple = _number(name, "grip", grip, Multiple, f"a multiple from {least} to {most}")
+    return SurfaceGrip(tarmac=multiple, kerb=multiple, grass=multiple, gravel=multiple)
+
+
+def _number(name: str, key: str, value: str, kind: Any, expected: str) -> float:
     try:
-        return TypeAdapter(Delay).validate_python(delay)
+        return float(TypeAdapter(kind).validate_python(value))
     except ValidationError:
-        raise InputError(
-            f"scenario {name!r}: delay is {delay!r}, expected seconds from 0 to {LONGEST_DELAY_S}"
-        ) from None
+        raise InputError(f"scenario {name!r}: {key} is {value!r}, expected {expected}") from None

@@ -67,7 +67,7 @@ def driver_settings(source: str) -> DriverSettings:
         raise InputError(f"driver {source!r}: pace is {settings.pace}, expected 0.2 to 1.1")
     if not 0.0 <= settings.early <= 200.0:
         raise InputError(f"driver {source!r}: early is {settings.early}, expected 0 to 200 m")
-    if not 0.05 <= settings.grip <= 1.5:
+    if not 0.05 <= settings.grip <= 1.5:  # as of the surfaces of a scenario
         raise InputError(f"driver {source!r}: grip is {settings.grip}, expected 0.05 to 1.5")
     return settings
 

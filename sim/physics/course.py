@@ -49,8 +49,9 @@ KERB_PITCH = 2.3  # m from rib to rib, as the tyres feel them
 KERB_SHAKE = 0.2  # share of the load that comes and goes on a kerb
 
 
-Multiple = Annotated[float, Field(ge=0.05, le=1.5)]
+GRIP = (0.05, 1.5)
 """From wet ice to a road that grips better than usual."""
+Multiple = Annotated[float, Field(ge=GRIP[0], le=GRIP[1])]
 
 
 class SurfaceGrip(Section):

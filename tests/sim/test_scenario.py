@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from nathlon.sim.car import load_car
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
+from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.scenario import SAFE_LATERAL, Scenario, load_scenario
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
 from nathlon.sim.world import Start
@@ -385,6 +386,16 @@ def test_compound_and_delay_in_the_name_are_those_of_all_cars() -> None:
     assert str(soft) == str(same)
 
 
+def test_grip_in_the_name_is_that_of_all_surfaces() -> None:
+    dry, wet = (load_scenario(name).world(TRACK, CARS[0], 1).parameters for name in ("race", "race:grip=0.6"))
+    for friction in ("friction_x", "friction_y", "friction_x_slope", "friction_y_slope"):
+        assert getattr(wet.car, friction) == pytest.approx(0.6 * getattr(dry.car, friction))
+    np.testing.assert_array_equal(wet.course.surface_grip, dry.course.surface_grip)
+    named = load_scenario("race").model_copy(update={"grip": SurfaceGrip(tarmac=0.5, grass=0.8)})
+    course = named.world(TRACK, CARS[0], 1).parameters.course
+    np.testing.assert_allclose(course.surface_grip, [1.0, 0.92 / 0.5, 0.55 * 0.8 / 0.5, 0.48 / 0.5])
+
+
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
@@ -396,7 +407,9 @@ def test_compound_and_delay_in_the_name_are_those_of_all_cars() -> None:
         ("race:compound=chewing-gum", "compound 'chewing-gum' is unknown, expected one of comfort-hard"),
         ("race:delay=0.4", "delay is '0.4', expected seconds from 0 to 0.3"),
         ("race:delay=nan", "delay is 'nan', expected seconds"),
-        ("race:laps=3,weather=wet", "unknown setting 'weather', expected one of laps, compound, delay"),
+        ("race:laps=3,weather=wet", "unknown setting 'weather', expected one of laps, compound, delay, grip"),
+        ("race:grip=0", "grip is '0', expected a multiple from 0.05 to 1.5"),
+        ("race:grip=wet", "grip is 'wet', expected a multiple"),
     ],
 )
 def test_settings_that_cannot_be_are_one_sentence(name: str, complaint: str) -> None:
