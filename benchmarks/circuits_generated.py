@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from benchmarks.result import write_result
-from benchmarks.time_trial import TimeTrial, drive_alone
+from benchmarks.time_trial import STARTS, TimeTrial, drive_alone
 from nathlon.arena.entrant import enter
 from nathlon.sim.car import load_car
 from nathlon.sim.car_check import power_w
@@ -169,7 +169,8 @@ def drive_cars(folder: Path) -> dict[str, Any]:
 
 def _driven(circuit: str, car: str) -> TimeTrial:
     trial = drive_alone(enter("driver", circuit, car))
-    print(load_track(circuit).name, load_car(car).name, trial, flush=True)
+    name = load_track(circuit).name
+    print(name, load_car(car).name, f"{trial.lap_s:.1f} s, {trial.clean} of {STARTS} clean", flush=True)
     return trial
 
 
