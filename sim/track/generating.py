@@ -28,7 +28,7 @@ from nathlon.sim.track.layout import (
 from nathlon.sim.track.relief import draw_bank, draw_heights, draw_width
 from nathlon.sim.track.styles import STYLES, Style
 
-LENGTH_M = (1500.0, 15000.0)
+LENGTH_M = (1500.0, 10_000.0)
 TRIES = 5000
 GRID_M = PLACES * PLACE_SPACING_M - POLE_M
 BETWEEN_M = 2.0

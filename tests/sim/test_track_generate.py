@@ -150,7 +150,7 @@ def test_the_lap_is_as_long_as_asked(length: float) -> None:
     ("style", "length", "said"),
     [
         ("rally", None, r"--style: 'rally', expected one of grand-prix, street, national"),
-        ("street", 10.0, r"--length: 10, expected a lap of 1,500 to 15,000 metres"),
+        ("street", 10.0, r"--length: 10, expected a lap of 1,500 to 10,000 metres"),
         ("street", float("nan"), r"--length: nan, expected a lap of"),
     ],
 )
