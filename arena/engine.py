@@ -54,9 +54,7 @@ class Engine(Protocol):
         """
         ...
 
-    def record(
-        self, wanted: Sequence[Wanted]
-    ) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """Run matches again and yield each with what was recorded of it; see `Pool.record`."""
         ...
 
@@ -174,9 +172,7 @@ class LocalEngine:
 
             yield from work.done(feed, claimed.clear)
 
-    def record(
-        self, wanted: Sequence[Wanted]
-    ) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """As of `Engine`."""
         return self._pool.record(wanted)
 

@@ -41,9 +41,7 @@ class QueueEngine:
         if leaving:
             yield from self._share(leaving)
 
-    def record(
-        self, wanted: Sequence[Wanted]
-    ) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """As of `Engine`: here."""
         return self._local.record(wanted)
 
