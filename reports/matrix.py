@@ -37,12 +37,12 @@ class Finding(Part):
     """A cell in one measure.
 
     Attributes:
-        worse: by how much the policy is worse, drawn towards what rows and columns of the matrix have in common;
-            None where nothing was measured.
+        worse: by how much the policy is worse, drawn towards what rows and columns of the matrix have in
+            common; None where nothing was measured.
         low, high: 95 % interval.
         policy, baseline: mean marks.
-        verdict: "worse" if runs on fresh starts prove it, at the false discovery rate; "unconfirmed" if it only
-            looks so.
+        verdict: "worse" if runs on fresh starts prove it, at the false discovery rate; "unconfirmed" if it
+            only looks so.
     """
 
     worse: float | None
