@@ -85,6 +85,21 @@ class CellReport(Part):
         return ", ".join(filter(None, [*parts, f"{self.delay_s:g} s late" if self.delay_s else ""]))
 
 
+class LevelReport(Part):
+    """All cells of a circuit, a car, a scenario, a compound, a delay or a place together.
+
+    Attributes:
+        dimension: field of a cell.
+        level: its value.
+        findings: of the screening, in the order of the report's measures: means over the cells, not drawn
+            towards anything; without marks.
+    """
+
+    dimension: str
+    level: str | int | float
+    findings: tuple[Finding, ...]
+
+
 class MatrixReport(Part):
     """All that a matrix says.
 
@@ -108,6 +123,7 @@ class MatrixReport(Part):
     versions: dict[str, str]
     measures: tuple[Measured, ...]
     set_aside: tuple[str, ...]
+    levels: tuple[LevelReport, ...]
     cells: tuple[CellReport, ...]
     version: int = VERSION
 

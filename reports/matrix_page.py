@@ -68,6 +68,7 @@ def render_matrix(report: MatrixReport) -> str:
         ],
         rows=[(measure, called(measure)) for measure in report.measures],
         differences=differences,
+        groups=groups(report),
         data=Markup(json.dumps(payload(report), separators=(",", ":")).replace("<", "\\u003c")),
         policy=(
             f"default-src 'none'; style-src {_digest(style)}; script-src {_digest(script)}; base-uri 'none'; "
@@ -93,14 +94,34 @@ def differences(report: MatrixReport, cell: CellReport) -> list[tuple[str, Findi
     return sorted(told, key=lambda one: one[1].verdict != "worse")
 
 
-def amount(measure: Measured, finding: Finding) -> str:
-    """By how much a cell is worse in a measure, with its interval."""
+def groups(report: MatrixReport) -> list[tuple[str, str, list[tuple[str, Finding]]]]:
+    """The levels: dimension, name, and by measure the difference in words."""
+    return [
+        (
+            DIMENSIONS[level.dimension],
+            _level(level.dimension, level.level),
+            [
+                (difference(measure, finding), finding)
+                for measure, finding in zip(report.measures, level.findings, strict=True)
+            ],
+        )
+        for level in sorted(report.levels, key=lambda one: list(DIMENSIONS).index(one.dimension))
+    ]
+
+
+def difference(measure: Measured, finding: Finding) -> str:
+    """By how much something is worse, with its interval and unit."""
     if finding.worse is None or finding.low is None or finding.high is None:
-        return called(measure)
+        return ""
     scale, unit = (100.0, "%") if measure.relative else (1.0, measure.unit)
     numbers = [scale * value for value in (finding.worse, finding.low, finding.high)]
     worse, low, high = (f"{number:+.2g}" if abs(number) < 10 else f"{number:+.0f}" for number in numbers)
-    return f"{called(measure)} {worse} {unit} ({low} to {high})"
+    return f"{worse} {unit} ({low} to {high})"
+
+
+def amount(measure: Measured, finding: Finding) -> str:
+    """By how much a cell is worse in a measure, with its interval."""
+    return f"{called(measure)} {difference(measure, finding)}".strip()
 
 
 def payload(report: MatrixReport) -> dict[str, Any]:

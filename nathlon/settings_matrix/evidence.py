@@ -110,6 +110,41 @@ def p_worse(differences: Floats, margin: float) -> Floats:
     return np.where(runs >= 2, p, 1.0)
 
 
+class Mean(NamedTuple):
+    """A mean over cells, and how well it is known.
+
+    Attributes:
+        mean, error: and standard error.
+        freedom: degrees of freedom of `error`.
+    """
+
+    mean: float
+    error: float
+    freedom: int
+
+    def p_above(self, margin: float) -> float:
+        """One-sided p-value that it lies above a margin, by Student's t."""
+        if not self.error or not self.freedom:
+            return 0.0 if self.freedom and self.mean > margin else 1.0
+        return float(stdtr(self.freedom, -(self.mean - margin) / self.error))
+
+
+def mean_over_cells(differences: Floats) -> Mean:
+    """The mean of the means of `differences` (cells, runs), NaN where there was no run.
+
+    The cells are those that are asked about, so only their runs make it uncertain.
+    """
+    runs = np.isfinite(differences).sum(axis=1)
+    cells, runs = differences[runs > 0], runs[runs > 0]
+    if not len(cells):
+        return Mean(float("nan"), float("nan"), 0)
+    means = np.nanmean(cells, axis=1)
+    squares = float(np.nansum((cells - means[:, None]) ** 2))
+    freedom = int((runs - 1).sum())
+    variance = squares / max(freedom, 1)
+    return Mean(float(means.mean()), float(np.sqrt(variance * (1 / runs).sum())) / len(cells), freedom)
+
+
 def discovered(p: Floats, rate: float) -> NDArray[np.bool_]:
     """Which hypotheses (K,) are rejected at a false discovery rate.
 

@@ -10,18 +10,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.reports.matrix import CellReport, Finding, MatrixReport, Measured, Said
+from nathlon.reports.matrix import CellReport, Finding, LevelReport, MatrixReport, Measured, Said
 from nathlon.reports.summary import versions
 from nathlon.selection.config import Config
 from nathlon.selection.run import Run
 from nathlon.settings_matrix.cells import Cell, Plan, Setting
 from nathlon.settings_matrix.driving import CONFIRMATION, SCREENING, Driving, begin, drive
-from nathlon.settings_matrix.evidence import Shrunk, discovered, p_worse, shrink, variances_of_means
+from nathlon.settings_matrix.evidence import (
+    Mean,
+    Shrunk,
+    discovered,
+    mean_over_cells,
+    p_worse,
+    shrink,
+    variances_of_means,
+)
 from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.errors import InputError
 
 LOOKS_WORSE = 0.5
 """Probability of being worse by the margin from which on a cell is driven again."""
+DIMENSIONS = ("circuit", "car", "scenario", "compound", "delay_s", "place")
+"""Of a cell, in the order of `Setting` with the place after it."""
+EARLY_SHARE = 0.25
+"""Of the false discovery rate, for all looks but the last."""
 FIRST_RUNS = 8
 """Of a cell that is driven again, before it is looked at."""
 COVERED = 1.96
@@ -99,11 +111,15 @@ def estimates(matrix: Matrix, measure: str) -> Shrunk:
     return Shrunk(mean, error)
 
 
+def _columns(cells: list[Cell]) -> list[tuple[str | int | float, ...]]:
+    """The levels of all cells, by `DIMENSIONS`."""
+    return list(zip(*((*cell.setting, cell.place) for cell in cells), strict=True))
+
+
 def _levels(cells: list[Cell]) -> NDArray[np.int64]:
     """(cells, 6) indices of circuit, car, scenario, compound, delay and place."""
-    columns = zip(*((*cell.setting, cell.place) for cell in cells), strict=True)
     indices = []
-    for column in columns:
+    for column in _columns(cells):
         numbers = {level: number for number, level in enumerate(dict.fromkeys(column))}
         indices.append([numbers[level] for level in column])
     return np.array(indices, np.int64).T
@@ -149,7 +165,8 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
                 for one in matrix.suspects
             ]
         )
-        found = discovered(p, asked.false_discovery_rate / len(ends))
+        share = 1 - EARLY_SHARE if end == ends[-1] else EARLY_SHARE / max(len(ends) - 1, 1)
+        found = discovered(p, share * asked.false_discovery_rate)
         matrix.worse |= {one for one, is_worse in zip(matrix.suspects, found, strict=True) if is_worse}
 
 
@@ -186,6 +203,7 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         versions=versions(),
         measures=measures,
         set_aside=(*matrix.plan.set_aside, *(f"{name}: nothing of the kind is measured" for name in idle)),
+        levels=_level_reports(matrix, config.matrix.false_discovery_rate),
         cells=tuple(_cell_reports(matrix)),
     )
 
@@ -219,6 +237,48 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
             runs=len(screening) + len(fresh),
             findings=tuple(findings),
         )
+
+
+def _level_reports(matrix: Matrix, rate: float) -> tuple[LevelReport, ...]:
+    """All levels of the dimensions that have several, by the screening of their cells.
+
+    No cell was left out there for how it looked.
+    """
+    cells, names = matrix.plan.cells, list(matrix.margins)
+    differences = [matrix.driving.differences(cells, name, [SCREENING]) for name in names]
+    found: list[tuple[str, str | int | float, list[Mean]]] = []
+    for dimension, column in zip(DIMENSIONS, _columns(cells), strict=True):
+        levels = list(dict.fromkeys(column))
+        for level in levels if len(levels) > 1 else []:
+            here = np.array([one == level for one in column])
+            found.append((dimension, level, [mean_over_cells(table[here]) for table in differences]))
+    p = [
+        mean.p_above(matrix.margins[name])
+        for *_, means in found
+        for name, mean in zip(names, means, strict=True)
+    ]
+    proven = iter(discovered(np.array(p), rate))
+    return tuple(
+        LevelReport(
+            dimension=dimension,
+            level=level,
+            findings=tuple(_level_finding(mean, next(proven)) for mean in means),
+        )
+        for dimension, level, means in found
+    )
+
+
+def _level_finding(mean: Mean, is_worse: bool) -> Finding:
+    if not mean.freedom:
+        return Finding(worse=None, low=None, high=None, policy=None, baseline=None, verdict="no sign")
+    return Finding(
+        worse=mean.mean,
+        low=mean.mean - COVERED * mean.error,
+        high=mean.mean + COVERED * mean.error,
+        policy=None,
+        baseline=None,
+        verdict="worse" if is_worse else "no sign",
+    )
 
 
 def _said(this: Suspect, matrix: Matrix, worse: float) -> Said:

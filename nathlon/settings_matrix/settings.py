@@ -62,7 +62,7 @@ class MatrixSettings(Section):
     margins: Annotated[Mapping[str, Margin], Field(min_length=1)] = MARGINS
     runs: Annotated[int, Field(ge=2, le=1000)] = 4
     confirm: Annotated[int, Field(ge=0, le=100_000)] = 200
-    most_runs: Annotated[int, Field(ge=8, le=10_000)] = 32
+    most_runs: Annotated[int, Field(ge=8, le=10_000)] = 64
     false_discovery_rate: Annotated[float, Field(ge=0.001, le=0.5)] = 0.05
     replays: Annotated[int, Field(ge=0, le=100)] = 6
 

@@ -60,7 +60,11 @@ function draw() {
   const left = gutter.reduce((sum, width) => sum + width, 0) + 4;
   const side = Math.max(11, Math.min(34, Math.floor((room - left - 12) / Math.max(columns.length, 1))));
   const height = Math.min(side, 22);
-  const top = across.length * 18 + 6;
+  /* Names over the narrowest columns stand upright where they would not fit. */
+  const upright = across.map((n, k) => k === across.length - 1 && data.dimensions[n].levels.some((text) => 6.6 * text.length + 4 > side));
+  const heights = across.map((n, k) => (upright[k] ? 12 + 6.3 * Math.max(...data.dimensions[n].levels.map((text) => text.length)) : 18));
+  const tops = heights.map((_, k) => heights.slice(0, k).reduce((sum, one) => sum + one, 0));
+  const top = heights.reduce((sum, one) => sum + one, 0) + 6;
   const svg = element("svg", { width: left + side * columns.length + 12, height: top + height * rows.length + 4, tabindex: 0, role: "img", "aria-label": "heat map of all cells" }, null, SVG);
   /* A heading stands once over all that it has in common; left out where it would not fit. */
   across.forEach((_, k) => {
@@ -69,8 +73,10 @@ function draw() {
       while (last < columns.length && columns[last].slice(0, k + 1).join() === columns[first].slice(0, k + 1).join()) last++;
       const text = named(across, columns[first])[k], width = side * (last - first);
       const fits = Math.floor((width - 4) / 6.6);
-      if (fits >= 3) svg.append(element("text", { x: left + side * first + 2, y: 13 + 18 * k }, text.length > fits ? "…" + text.slice(1 - fits) : text, SVG));
-      if (first) svg.append(element("line", { class: "split", x1: left + side * first - 0.5, x2: left + side * first - 0.5, y1: 18 * k, y2: top }, null, SVG));
+      const x = left + side * first;
+      if (upright[k]) svg.append(element("text", { x: 0, y: 0, transform: `translate(${x + side / 2 + 4} ${top - 8}) rotate(-90)` }, text, SVG));
+      else if (fits >= 3) svg.append(element("text", { x: x + 2, y: tops[k] + 13 }, text.length > fits ? "…" + text.slice(1 - fits) : text, SVG));
+      if (first) svg.append(element("line", { class: "split", x1: x - 0.5, x2: x - 0.5, y1: tops[k], y2: top }, null, SVG));
       first = last;
     }
   });

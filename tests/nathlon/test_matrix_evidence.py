@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
-from nathlon.settings_matrix.evidence import discovered, p_worse, shrink, variances_of_means
+from nathlon.settings_matrix.evidence import discovered, mean_over_cells, p_worse, shrink, variances_of_means
 
 
 def grid(rows: int, columns: int) -> np.ndarray:
@@ -70,6 +70,20 @@ def test_runs_that_are_missing_do_not_count() -> None:
 def test_p_values_are_those_of_a_t_test_against_the_margin(runs: list[float], margin: float) -> None:
     [p] = p_worse(np.array([runs]), margin)
     assert p == pytest.approx(ttest_1samp(runs, margin, alternative="greater").pvalue, abs=1e-9)
+
+
+def test_a_mean_over_cells_is_that_of_their_means_and_as_uncertain_as_their_runs() -> None:
+    rng = np.random.default_rng(4)
+    shifts, drawn = rng.normal(0.0, 3.0, 40), rng.normal(0.0, 1.0, (2000, 40, 4))
+    known = [mean_over_cells(shifts[:, None] + runs) for runs in drawn]
+    assert known[0].mean == pytest.approx((shifts[:, None] + drawn[0]).mean())
+    assert {one.freedom for one in known} == {120}
+    # However far apart the cells lie: they are those that are asked about.
+    assert np.mean([one.error for one in known]) == pytest.approx(1 / np.sqrt(160), rel=0.02)
+    assert np.std([one.mean for one in known]) == pytest.approx(1 / np.sqrt(160), rel=0.06)
+    p = np.array([one.p_above(shifts.mean()) for one in known])
+    assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.015)
+    assert mean_over_cells(np.full((2, 3), np.nan)).p_above(-1.0) == 1.0
 
 
 def test_discoveries_are_those_of_benjamini_and_hochberg() -> None:

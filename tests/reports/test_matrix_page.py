@@ -7,7 +7,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser
 
-from nathlon.reports.matrix import CellReport, Finding, MatrixReport, Measured
+from nathlon.reports.matrix import CellReport, Finding, LevelReport, MatrixReport, Measured
 from nathlon.reports.matrix_page import write_matrix_page
 from tests.opened_page import overhear
 
@@ -17,6 +17,10 @@ SCREENSHOTS = Path(os.environ.get("SCREENSHOTS", Path(__file__).parent.parent / 
 def finding(worse: float | None, verdict: str) -> Finding:
     bounds = (None, None) if worse is None else (worse - 0.01, worse + 0.01)
     return Finding(worse=worse, low=bounds[0], high=bounds[1], policy=48.0, baseline=50.0, verdict=verdict)  # type: ignore[arg-type]
+
+
+def level(delay_s: float, *findings: Finding) -> LevelReport:
+    return LevelReport(dimension="delay_s", level=delay_s, findings=findings)
 
 
 def report(circuits: int = 3, cars: int = 3) -> MatrixReport:
@@ -43,6 +47,10 @@ def report(circuits: int = 3, cars: int = 3) -> MatrixReport:
             Measured(name="off_course", unit="s", relative=False, less_is_better=True, margin=0.5),
         ),
         set_aside=("porto-sereno with gt3: cannot",), cells=tuple(cells),
+        levels=(
+            level(0.0, finding(-0.001, "no sign"), finding(None, "no sign")),
+            level(0.2, finding(0.02, "worse"), finding(0.1, "no sign")),
+        ),
     )  # fmt: skip
 
 
@@ -55,7 +63,10 @@ def test_what_got_worse_stands_first_and_every_cell_can_be_reached(browser: Brow
     assert page.locator("h1").inner_text() == "new is worse than old in 12 of 540 cells."
     assert page.locator("#grid rect[data-cell]").count() == 540
     assert page.locator("#grid circle").count() == 12
-    assert page.locator("tbody th").first.inner_text() == "a<b>c"
+    common, worst = page.locator("table").nth(0), page.locator("table").nth(1)
+    assert common.locator("tbody th").all_inner_texts() == ["no delay", "0.2 s late"]
+    assert common.locator("td.fail").all_inner_texts() == ["+2 %\n+1 to +3"]
+    assert worst.locator("tbody th").first.inner_text() == "a<b>c"
     assert page.get_by_role("link", name="side by side").count() == 6
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
