@@ -20,7 +20,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.results import RESULTS
 from nathlon.arena.store import Store
-from nathlon.reports.summary import Stage
+from nathlon.reports.summary import Stage, Summary
 
 STAGES = ("pareto", "battery", "tournament")
 RECORDINGS = "recordings"
@@ -126,19 +126,29 @@ class Run:
             self.store.put_table(self.name, name, table)
 
     def note(self, stage: str, came: int, left: int, results: pl.DataFrame, began: float) -> None:
-        """Keep a stage's counts for the summary; `began` is a reading of `time.perf_counter`, s."""
+        """Keep a stage's counts for the summary; `began` is a reading of `time.perf_counter`, s.
+
+        What it took when the same run came to its end before is counted with it.
+        """
         races = results.select(pl.struct("match", "race").n_unique()).item()
-        wall_s = round(time.perf_counter() - began, 2)
-        core_s = round(wall_s * self.pool.workers, 2)
+        wall_s = time.perf_counter() - began
+        before = self._taken_before(stage)
         self.stages.append(
             Stage(
                 name=stage,
                 entered=came,
                 left=left,
                 races=races,
-                wall_s=wall_s,
-                ran=self._ran,
-                core_s=core_s,
+                wall_s=round(wall_s + before.wall_s, 2),
+                ran=self._ran + before.ran,
+                core_s=round(wall_s * self.pool.workers + before.core_s, 2),
             )
         )
         self._ran = 0
+
+    def _taken_before(self, stage: str) -> Stage:
+        """The stage as the run's last summary has it; empty where there is none."""
+        said = self.store.facts(self.name).get("summary")
+        stages = Summary.model_validate(said).stages if said else ()
+        nothing = Stage(name=stage, entered=0, left=0, races=0, wall_s=0.0)
+        return next((one for one in stages if one.name == stage), nothing)
