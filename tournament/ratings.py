@@ -18,6 +18,7 @@ from scipy.special import fdtrc, logsumexp
 
 from nathlon.arena.results import RATINGS, TOURNAMENT_NOTES
 from nathlon.arena.statistics import Floats, holm
+from nathlon.tournament.bradley_terry import bradley_terry
 from nathlon.tournament.evidence import UNIT, Evidence
 from nathlon.tournament.nash import nash_weights
 from nathlon.tournament.points import EQUAL, better
@@ -57,20 +58,15 @@ def rate(results: pl.DataFrame, weights: Mapping[str, float] = EQUAL) -> pl.Data
 
 
 def _bradley_terry(evidence: Evidence, units: pl.DataFrame) -> Floats:
-    import evalica  # takes seconds to load, with what it needs: only those who need strengths wait
-
     met = evidence.met.join(units, on=UNIT, maintain_order="left")
-    winner = {1.0: evalica.Winner.X, 0.0: evalica.Winner.Draw, -1.0: evalica.Winner.Y}
-    prior = met.select("entrant", "opponent").unique(maintain_order=True)
-    result = evalica.bradley_terry(
-        [*met["entrant"], *prior["entrant"]],
-        [*met["opponent"], *prior["opponent"]],
-        [winner[sign] for sign in met["difference"].sign()] + [evalica.Winner.Draw] * prior.height,
-        weights=[*met["weight"], *[PRIOR] * prior.height],
-        limit=10_000,
-    )
-    strength = np.log(result.scores[evidence.entrants].to_numpy())
-    return strength - strength.mean()
+    number = {entrant: index for index, entrant in enumerate(evidence.entrants)}
+    first, second = (met[side].replace_strict(number).to_numpy() for side in ("entrant", "opponent"))
+    share, weight = 0.5 + 0.5 * met["difference"].sign().to_numpy(), met["weight"].to_numpy()
+    wins = np.zeros(2 * (len(number),))
+    np.add.at(wins, (first, second), weight * share)
+    np.add.at(wins, (second, first), weight * (1 - share))
+    have_met = (wins + wins.T) > 0
+    return bradley_terry(wins + 0.5 * PRIOR * have_met)
 
 
 def _plackett_luce(results: pl.DataFrame, evidence: Evidence, units: pl.DataFrame) -> Floats:

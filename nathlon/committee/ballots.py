@@ -12,6 +12,9 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
+
+from nathlon.tournament.bradley_terry import bradley_terry
 
 Preferences = NDArray[np.int8]
 
@@ -83,25 +86,10 @@ def favour(support: NDArray[np.int64]) -> NDArray[np.float64]:
     Returns:
         (n,) share of such answers, 0 to 1, to six decimals; 0.5 where there is no other.
     """
-    import evalica  # takes a second to load, with what it needs
-
-    pairs = list(combinations(range(len(support)), 2))
-    if not pairs:
+    if len(support) < 2:
         return np.full(len(support), 0.5)
-    first, second = (list(side) for side in zip(*pairs, strict=True))
-    draws = [1.0] * len(pairs)
-    fit = evalica.bradley_terry(
-        first * 3,
-        second * 3,
-        [evalica.Winner.X] * len(pairs)
-        + [evalica.Winner.Y] * len(pairs)
-        + [evalica.Winner.Draw] * len(pairs),
-        weights=[*support[first, second].tolist(), *support[second, first].tolist(), *draws],
-        tolerance=1e-12,
-        limit=100_000,
-    )
-    strength = fit.scores.sort_index().to_numpy()
-    preferred = strength[:, None] / (strength[:, None] + strength)
+    strength = bradley_terry(support + 0.5 * (1 - np.eye(len(support))))
+    preferred = expit(strength[:, None] - strength)
     return np.round((preferred.sum(axis=1) - 0.5) / (len(support) - 1), 6)
 
 
