@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,9 @@ from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.sim.errors import InputError
 
 NO_TEAM, TESTED, BACKGROUND = -1, 0, -2
+
+UNDECIDING = ("sources", "races", "swap")
+"""Fields of a match that its spec does not take as they are."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +143,11 @@ class Match:
 
     def spec(self) -> dict[str, Any]:
         """All that decides the outcome, as plain JSON values."""
-        facts = asdict(self) | load_world(self.world, self.circuit, self.car).facts(self.scenario)
-        del facts["sources"]
-        if self.swap is None:
-            del facts["swap"]
-        return facts
+        facts = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in UNDECIDING}
+        # `asdict` copies value by value, which takes longer than racing where matches have many seats.
+        facts["races"] = [
+            vars(race) | {"seats": [vars(seat) for seat in race.seats]} for race in self.races
+        ]
+        if self.swap is not None:
+            facts["swap"] = asdict(self.swap)
+        return facts | load_world(self.world, self.circuit, self.car).facts(self.scenario)
