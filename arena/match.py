@@ -145,9 +145,7 @@ class Match:
         """All that decides the outcome, as plain JSON values."""
         facts = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in UNDECIDING}
         # `asdict` copies value by value, which takes longer than racing where matches have many seats.
-        facts["races"] = [
-            vars(race) | {"seats": [vars(seat) for seat in race.seats]} for race in self.races
-        ]
+        facts["races"] = [vars(race) | {"seats": [vars(seat) for seat in race.seats]} for race in self.races]
         if self.swap is not None:
             facts["swap"] = asdict(self.swap)
         return facts | load_world(self.world, self.circuit, self.car).facts(self.scenario)

@@ -110,6 +110,7 @@ def test_the_tally_counts_intervals_and_ranks() -> None:
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[Run]:
     with Pool(1) as pool, Store(tmp_path / "store.sqlite") as store:
+        store.begin_run("none", {})
         yield Run(store, "none", (1,), pool, lambda stage, done, total: None)
 
 

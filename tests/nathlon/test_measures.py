@@ -48,6 +48,22 @@ def test_who_did_not_finish_has_set_no_time_but_may_have_set_a_lap() -> None:
     assert mark("best_lap", row(best_lap_s=None)) is None
 
 
+def test_pace_is_over_the_time_driven_and_with_penalties_where_there_is_a_finish() -> None:
+    assert mark("pace", row(distance_m=4000.0, driven_s=100.0, race_time_s=None)) == pytest.approx(40.0)
+    assert mark("pace", row(distance_m=4000.0, driven_s=100.0, race_time_s=125.0)) == pytest.approx(32.0)
+    assert mark("pace", row(distance_m=0.0, driven_s=0.0, race_time_s=None)) is None
+
+
+def test_who_stopped_is_stuck_or_at_fault() -> None:
+    endings = {"finished": 0.0, "time_up": 0.0, "stuck": 1.0, "policy_raised": 1.0, "timed_out": 1.0}
+    assert {ending: mark("stopped", row(ending=ending)) for ending in endings} == endings
+
+
 def test_less_is_better_in_times_and_places() -> None:
     kinds = {name: measure.kind for name, measure in MEASURES.items()}
-    assert {name for name, kind in kinds.items() if kind == "distance"} == {"lead", "distance", "score"}
+    assert {name for name, kind in kinds.items() if kind == "distance"} == {
+        "lead",
+        "distance",
+        "pace",
+        "score",
+    }
