@@ -131,7 +131,7 @@ class Run:
         What it took when the same run came to its end before is counted with it.
         """
         races = results.select(pl.struct("match", "race").n_unique()).item()
-        wall_s = time.perf_counter() - began
+        wall_s = round(time.perf_counter() - began, 2)
         before = self._taken_before(stage)
         self.stages.append(
             Stage(
