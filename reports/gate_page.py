@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
 from nathlon.reports.gate import MARKS, Finding, GateReport, cells
-from nathlon.sim.whole_file import whole_file
+from nathlon.reports.self_contained import render_page, template_text, write_page_file
 
-TEMPLATES = Path(__file__).parent / "templates"
 WIDTH = 320
 """Of the axis, px."""
 MARGINS = 3.0
@@ -30,27 +24,15 @@ class Bar(NamedTuple):
 
 def write_gate_page(report: GateReport, folder: Path) -> Path:
     """Write `folder`/index.html, whole or not at all, and return its path."""
-    path = folder / "index.html"
-    with whole_file(path) as partial:
-        partial.write_text(render_gate(report), encoding="utf-8")
-    return path
+    return write_page_file(render_gate(report), folder / "index.html")
 
 
 def render_gate(report: GateReport) -> str:
     """The page's HTML, which needs no network and runs no script."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    style = (TEMPLATES / "gate.css").read_text("utf-8")
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    return environment.get_template("gate.html").render(
+    return render_page(
+        "gate.html",
+        template_text("gate.css"),
         report=report,
-        policy=f"default-src 'none'; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'",
-        style=Markup(style),
         marks=MARKS,
         cells=cells,
         bar=bar,

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
 from nathlon.reports.matrix import CellReport, Finding, MatrixReport, Measured
-from nathlon.sim.whole_file import whole_file
+from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 
-TEMPLATES = Path(__file__).parent / "templates"
 DIMENSIONS = {
     "scenario": "scenario",
     "place": "starting place",
@@ -40,25 +33,16 @@ NAMES = {
 
 def write_matrix_page(report: MatrixReport, folder: Path) -> Path:
     """Write `folder`/index.html, whole or not at all, and return its path."""
-    path = folder / "index.html"
-    with whole_file(path) as partial:
-        partial.write_text(render_matrix(report), encoding="utf-8")
-    return path
+    return write_page_file(render_matrix(report), folder / "index.html")
 
 
 def render_matrix(report: MatrixReport) -> str:
     """The page's HTML, which needs no network and runs the script written here alone."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    style = (TEMPLATES / "gate.css").read_text("utf-8") + (TEMPLATES / "matrix.css").read_text("utf-8")
-    script = (TEMPLATES / "matrix.js").read_text("utf-8")
     listed = [cell for cell in report.ordered() if cell.verdict != "no sign"][:LISTED]
-    return environment.get_template("matrix.html").render(
+    return render_page(
+        "matrix.html",
+        template_text("gate.css", "matrix.css"),
+        [template_text("matrix.js")],
         report=report,
         listed=listed,
         unlisted=sum(cell.verdict != "no sign" for cell in report.cells) - len(listed),
@@ -69,13 +53,7 @@ def render_matrix(report: MatrixReport) -> str:
         rows=[(measure, called(measure)) for measure in report.measures],
         differences=differences,
         groups=groups(report),
-        data=Markup(json.dumps(payload(report), separators=(",", ":")).replace("<", "\\u003c")),
-        policy=(
-            f"default-src 'none'; style-src {_digest(style)}; script-src {_digest(script)}; base-uri 'none'; "
-            "form-action 'none'"
-        ),
-        style=Markup(style),
-        script=Markup(script),
+        data=script_data(payload(report)),
     )
 
 
@@ -168,7 +146,3 @@ def _level(field: str, level: Any) -> str:
 
 def _short(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.4g}")
-
-
-def _digest(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

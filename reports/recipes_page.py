@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
 
 from nathlon.reports.recipes_figure import recipes_picture
+from nathlon.reports.self_contained import render_page, template_text, write_page_file
 from nathlon.sim.whole_file import whole_file
 
-TEMPLATES = Path(__file__).parent / "templates"
 FEW = 5
 """Runs below which a bootstrap over them knows too little of how they vary (Agarwal et al., 2021)."""
 CELLS = (
@@ -66,24 +63,14 @@ def write_recipes_page(
     picture = recipes_picture(recipes, scores)
     with whole_file(folder / "recipes.png") as partial:
         partial.write_bytes(picture)
-    path = folder / "index.html"
-    with whole_file(path) as partial:
-        partial.write_text(render_recipes(recipes, picture, place, references), encoding="utf-8")
-    return path
+    return write_page_file(render_recipes(recipes, picture, place, references), folder / "index.html")
 
 
 def render_recipes(recipes: pl.DataFrame, picture: bytes, place: str, references: Sequence[str]) -> str:
     """The page's HTML, which needs no network and runs no script."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    style = (TEMPLATES / "gate.css").read_text("utf-8") + (TEMPLATES / "recipes.css").read_text("utf-8")
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    return environment.get_template("recipes.html").render(
+    return render_page(
+        "recipes.html",
+        template_text("gate.css", "recipes.css"),
         headline=headline(recipes),
         place=place,
         references=references,
@@ -91,11 +78,6 @@ def render_recipes(recipes: pl.DataFrame, picture: bytes, place: str, references
         rows=[row | {"cells": cells(row)} for row in recipes.to_dicts()],
         few=bool((recipes["runs"] < FEW).any()),
         picture=base64.b64encode(picture).decode(),
-        policy=(
-            f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; "
-            "form-action 'none'"
-        ),
-        style=Markup(style),
     )
 
 

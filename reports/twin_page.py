@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup
-
-from nathlon.reports.player import TEMPLATES, player_script, player_style
+from nathlon.reports.player import player_script, player_style
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.seen_data import seen_data
+from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 from nathlon.reports.twin import Twins, outcome
-from nathlon.sim.whole_file import whole_file
 
 PARTS = ("charts", "seen", "page")
 """Scripts in templates/twin, in the order in which they are written into the page, after the player's."""
@@ -23,25 +17,17 @@ PARTS = ("charts", "seen", "page")
 
 def write_twin_page(twins: Twins, path: Path) -> None:
     """Write the page, whole or not at all."""
-    html = render_twin_page(twins)
-    with whole_file(path) as partial:
-        partial.write_text(html, "utf-8")
+    write_page_file(render_twin_page(twins), path)
 
 
 def render_twin_page(twins: Twins) -> str:
     """The page's HTML. Its policy admits only the style and the script written here, by their hashes."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    style = player_style() + (TEMPLATES / "twin" / "page.css").read_text("utf-8")
-    parts = "\n".join((TEMPLATES / "twin" / f"{part}.js").read_text("utf-8") for part in PARTS)
-    script = f'"use strict";\n\n{player_script()}\n{parts}'
+    parts = template_text(*(f"twin/{part}.js" for part in PARTS))
     logs = twins.original.log, twins.twin.log
-    return environment.get_template("twin/page.html").render(
+    return render_page(
+        "twin/page.html",
+        player_style() + template_text("twin/page.css"),
+        [f'"use strict";\n\n{player_script()}\n{parts}'],
         twins=twins,
         log=twins.original.log,
         races=[
@@ -49,11 +35,7 @@ def render_twin_page(twins: Twins) -> str:
             ("twin", logs[1], outcome(logs[1], twins.car)),
         ],
         parted_s=twins.parted_s,
-        data=Markup(_script_json(_data(twins))),
-        policy=f"default-src 'none'; style-src {_digest(style)}; script-src {_digest(script)}; "
-        "img-src data:; base-uri 'none'; form-action 'none'",
-        style=Markup(style),
-        script=Markup(script),
+        data=script_data(_data(twins)),
     )
 
 
@@ -68,12 +50,3 @@ def _data(twins: Twins) -> dict[str, Any]:
             for side in (twins.original, twins.twin)
         ],
     }
-
-
-def _script_json(value: Any) -> str:
-    """JSON that can stand in a script element: nothing in it ends the element."""
-    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _digest(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -1,0 +1,75 @@
+"""Web pages of one file: style, scripts and data within, nothing from a network."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from nathlon.sim.whole_file import whole_file
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def template_text(*names: str) -> str:
+    """Files of the templates' folder, one after the other."""
+    return "\n".join((TEMPLATES / name).read_text("utf-8") for name in names)
+
+
+def render_page(
+    template: str, style: str, scripts: Sequence[str] = (), *, films: bool = False, **context: Any
+) -> str:
+    """A page's HTML. Its policy admits only this style and these scripts, by their hashes.
+
+    Args:
+        template: a file of the templates' folder, which finds `policy`, `style` and `scripts` beside its own.
+        style: what stands in its style element.
+        scripts: what stands in its script elements, in their order.
+        films: whether videos beside the page may be played.
+        **context: what else the template needs.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    policy = ["default-src 'none'", f"style-src {_digest(style)}"]
+    if scripts:
+        policy.append(f"script-src {' '.join(map(_digest, scripts))}")
+    policy += ["img-src data:", *(["media-src 'self'"] if films else [])]
+    return environment.get_template(template).render(
+        policy="; ".join([*policy, "base-uri 'none'", "form-action 'none'"]),
+        style=Markup(style),
+        scripts=[Markup(script) for script in scripts],
+        **context,
+    )
+
+
+def script_data(value: Any) -> Markup:
+    """JSON that can stand in a script element: nothing in it ends the element or begins another.
+
+    Raises:
+        ValueError: for NaN and infinities, which JSON does not have.
+    """
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c"))
+
+
+def write_page_file(html: str, path: Path) -> Path:
+    """Write a page, whole or not at all, into a folder that is made if need be; return its path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_file(path) as partial:
+        partial.write_text(html, encoding="utf-8")
+    return path
+
+
+def _digest(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
