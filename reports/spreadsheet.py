@@ -10,7 +10,6 @@ import polars as pl
 import xlsxwriter
 from xlsxwriter.exceptions import FileCreateError
 
-from nathlon.arena.worlds.registry import RACING
 from nathlon.reports._sheets import (
     BLUES,
     DIVERGING,
@@ -132,7 +131,7 @@ def _write(selection: Selection, path: Path) -> None:
 
 def _filled(selection: Selection, columns: tuple[Column, ...], frame: pl.DataFrame) -> tuple[Column, ...]:
     """The columns; in another world without those that it does not measure."""
-    if selection.summary.world == RACING:
+    if selection.summary.circuit:
         return tuple(column for column in columns if column not in ELSEWHERE)
     return tuple(c for c in columns if frame.is_empty() or frame[c.name].is_not_null().any())
 

@@ -174,6 +174,7 @@ class Summary(Part):
         sent: whom the committee sends; empty where it sends nobody or has not decided.
         seed: of all randomness; None where the run has not come so far.
         world: simulator in which everything was played.
+        episode: what its users call one.
         circuit, car: what was driven; empty in another world.
         versions: of Python and packages.
         pair_correlation: of the two races of a mirrored pair; None where too few tell.
@@ -201,6 +202,7 @@ class Summary(Part):
     sent: tuple[Sent, ...]
     seed: int | None
     world: str = RACING
+    episode: str = "race"
     circuit: str
     car: str
     versions: dict[str, str]
@@ -221,6 +223,16 @@ class Summary(Part):
     recording: str | None = None
     replay: str | None = None
     log: str | None = None
+
+    @property
+    def an_episode(self) -> str:
+        """One, with its article."""
+        return f"{'an' if self.episode[:1].lower() in 'aeiou' else 'a'} {self.episode}"
+
+    @property
+    def episodes(self) -> str:
+        """Several of them."""
+        return f"{self.episode}{'es' if self.episode.endswith(('s', 'x', 'ch', 'sh')) else 's'}"
 
 
 def ranked(ranking: pl.DataFrame, names: Mapping[str, str]) -> tuple[Ranked, ...]:

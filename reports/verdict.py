@@ -8,9 +8,8 @@ from typing import Any
 
 import polars as pl
 
-from nathlon.arena.worlds.registry import RACING
 from nathlon.reports.selection import Selection
-from nathlon.reports.summary import Decided
+from nathlon.reports.summary import Decided, Summary
 
 Row = Mapping[str, Any]
 
@@ -50,7 +49,7 @@ def verdict(selection: Selection) -> Verdict:
     else:
         candidates = {standing.entrant for standing in decision.standings}
         confidence = f"{selection.summary.confidence:.0%} interval"
-        proof = (_proof(own, ranking, candidates, confidence, _episode(selection)), *_conduct(selection, own))
+        proof = (_proof(own, ranking, candidates, confidence, selection.summary), *_conduct(selection, own))
     return Verdict(f"Send {name}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof))
 
 
@@ -69,24 +68,17 @@ def _reasons(decision: Decided) -> str:
     return f"{shown}; and {more} more" if more > 0 else shown
 
 
-def _episode(selection: Selection) -> str:
-    """What is run in its world."""
-    return "race" if selection.summary.world == RACING else "episode"
-
-
 def _conduct(selection: Selection, own: Row) -> tuple[str, ...]:
     """How the entrant sent has behaved; nothing in a world that counts no contacts."""
     barred = _barred(selection.named("ranking").to_dicts())
-    if selection.summary.world != RACING and own["contacts_per_km"] is None:
+    if not selection.summary.circuit and own["contacts_per_km"] is None:
         return (_faults(own).strip(),) if own["faults"] else ()
     return (f"{_manners(own)} {barred}",)
 
 
-def _proof(
-    own: Row, ranking: Sequence[Row], candidates: set[str], confidence: str, episode: str = "race"
-) -> str:
+def _proof(own: Row, ranking: Sequence[Row], candidates: set[str], confidence: str, summary: Summary) -> str:
     """Of the entrant sent: its points, and whom these races prove to be better."""
-    scored = f"It scored {_points(own, confidence, episode)}"
+    scored = f"It scored {_points(own, confidence, summary)}"
     if len(ranking) == 1:
         return f"{scored}. It raced nobody, so nothing is proven."
     first = [row for row in ranking if row["rank"] == 1]
@@ -108,15 +100,13 @@ def _why_not(row: Row, candidates: set[str]) -> str:
     return " (barred)" if row["barred"] else ""
 
 
-def _points(row: Row, confidence: str, episode: str) -> str:
+def _points(row: Row, confidence: str, summary: Summary) -> str:
     interval = _interval(row["points_low"], row["points_high"], 1)
     within = interval and f" ({confidence} {interval})"
     if not row["races"]:
         return f"{row['points_per_race']:,.1f} points{within} in the n-athlon"
-    article = "a" if episode == "race" else "an"
-    return (
-        f"{row['points_per_race']:.1f} points {article} {episode}{within} in {_count(row['races'], episode)}"
-    )
+    number = f"{row['races']:,} {summary.episode if row['races'] == 1 else summary.episodes}"
+    return f"{row['points_per_race']:.1f} points {summary.an_episode}{within} in {number}"
 
 
 def _faults(row: Row) -> str:
@@ -159,8 +149,8 @@ def _state_of(ranking: Sequence[Row]) -> str:
         return "No team race was scored."
     first = [row["name"] for row in ranking if row["rank"] == 1]
     if len(first) == 1:
-        return f"In the team races {first[0]} is alone in rank 1."
-    return f"In the team races {_listed(first, 'and')} are statistically tied for first."
+        return f"In the round robin {first[0]} is alone in rank 1."
+    return f"In the round robin {_listed(first, 'and')} are statistically tied for first."
 
 
 def _unfinished(selection: Selection) -> Verdict:

@@ -118,12 +118,17 @@ class World(Protocol):
         scenarios: names of what can be played; the first is what everybody plays in the filter.
         measures: its own, by name; a name of `KNOWN` has its unit there.
         baseline: source of the policy that takes the seats of no side, and sets the marks of tests.
+        episode: what its users call one, for reports: a race, a game; "episode" where it does not say.
+        circuits: whether it is played on circuits with cars, which its matches and entrants then name; not
+            where it does not say.
     """
 
     name: str
     scenarios: tuple[str, ...]
     measures: Mapping[str, Measure]
     baseline: str
+    episode: str
+    circuits: bool
 
     def setup(self, scenario: str) -> Setup:
         """A scenario.

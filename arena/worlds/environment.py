@@ -88,6 +88,7 @@ class PettingZooWorld(EpisodeWorld):
         score: Source = lambda seat: seat.total,
         measures: Mapping[str, Declared] | None = None,
         baseline: str = "random",
+        episode: str = "episode",
         packages: Sequence[str] = (),
         most_steps: int = 10_000,
         step_s: float = 0.1,
@@ -106,6 +107,7 @@ class PettingZooWorld(EpisodeWorld):
             score: of a seat in an episode, the sum of its rewards by default.
             measures: what else is measured of a seat, by name.
             baseline: source of the policy that takes the other seats and sets the marks of tests.
+            episode: what its users call one, for reports: `"game"`.
             packages: whose versions decide how episodes go, besides this module's file.
             most_steps: of an episode; then it is cut off.
             step_s: what a step is taken to last, for sharing out the work and in replays.
@@ -124,7 +126,7 @@ class PettingZooWorld(EpisodeWorld):
             name: KNOWN.get(name, Measure(declared.unit, declared.goal))
             for name, declared in (measures or {}).items()
         }
-        self.baseline = baseline
+        self.baseline, self.episode = baseline, episode
         self._make, self._sides, self._points = dict(scenarios), sides, points
         self._score, self._declared = score, dict(measures or {})
         self._packages, self._most_steps, self._step_s = tuple(packages), most_steps, step_s

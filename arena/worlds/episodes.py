@@ -44,7 +44,7 @@ class EpisodeWorld(ABC):
 
     Attributes:
         name: by which it is loaded, see `nathlon.arena.worlds.registry`.
-        scenarios, measures, baseline: as of `nathlon.arena.worlds.contract.World`.
+        scenarios, measures, baseline, episode, circuits: as of `nathlon.arena.worlds.contract.World`.
         file: of the module that it is found in; None where there is none.
         fault: why the last episode that was void was so; '' while none was.
         answer_s: what a step may take; where one takes longer, the world hangs, and the match is void.
@@ -54,6 +54,8 @@ class EpisodeWorld(ABC):
     scenarios: tuple[str, ...]
     measures: Mapping[str, Measure] = {}
     baseline: str = "random"
+    episode: str = "episode"
+    circuits: bool = False
     file: Path | None = None
     fault: str = ""
     answer_s: float = WORLD_ANSWER_S

@@ -33,6 +33,8 @@ class Racing:
     scenarios: tuple[str, ...] = ("sprint",)
     measures: Mapping[str, Measure] = {}
     baseline = DRIVER
+    episode = "race"
+    circuits = True
 
     def __init__(self, circuit: str, car: str) -> None:
         self._circuit, self._car = circuit, car

@@ -20,6 +20,8 @@ RACING = "racing"
 WORLDS = "nathlon.worlds"
 """Group of the entry points by which packages offer worlds."""
 _NEEDED = ("scenarios", "measures", "baseline", "setup", "check", "facts", "enter", "policy", "run")
+_DEFAULTS = {"episode": "episode", "circuits": False}
+"""Of attributes that a world need not have."""
 
 
 @lru_cache
@@ -53,6 +55,9 @@ def load_world(name: str, circuit: str = "", car: str = "") -> World:
     for attribute in _NEEDED:
         if not hasattr(world, attribute):
             raise InputError(f"world {name!r}: has no {attribute}, expected a world")
+    for attribute, default in _DEFAULTS.items():
+        if not hasattr(world, attribute):
+            setattr(world, attribute, default)
     world.name = name
     if hasattr(world, "file"):
         world.file = _file(name)

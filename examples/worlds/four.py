@@ -60,4 +60,6 @@ class Four:
         return {agent: board.transpose(2, 0, 1).ravel().astype(np.float32) for agent, board in boards.items()}
 
 
-world = PettingZooWorld({"four": Four}, points="place", packages=("pettingzoo",), most_steps=42, step_s=0.5)
+world = PettingZooWorld(
+    {"four": Four}, points="place", episode="game", packages=("pettingzoo",), most_steps=42, step_s=0.5
+)

@@ -12,7 +12,7 @@ import polars as pl
 from nathlon.arena.entrance import check_world, enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import find_sources
 from nathlon.policies.sources.handed_over import hand_over
@@ -256,7 +256,7 @@ def at_home(pool: Pool, sources: list[str], config: Config) -> Config:
         InputError: if the world or a source cannot be opened.
     """
     check_world(pool, config.world)
-    if config.world != RACING:
+    if not load_world(config.world).circuits:
         return config.suited
     circuit, car = trained_on(pool, sources)
     return config.model_copy(update={"circuit": circuit, "car": car})

@@ -180,14 +180,12 @@ def _print_ranking(summary: Summary) -> None:
     if not ranking:
         say("Fewer than two entrants reached the round robin; see the report for the filter and the tests.")
         return
-    from nathlon.arena.worlds.registry import RACING
-
-    met, racing = "tournament" not in summary.stages_set_aside, summary.world == RACING
-    touches = racing or any(row.contacts_per_km is not None for row in ranking)
+    met = "tournament" not in summary.stages_set_aside
+    touches = any(row.contacts_per_km is not None for row in ranking)
     table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals")
-    points_head = f"Points {'a race' if racing else 'an episode'}" if met else "Points"
+    points_head = f"Points {summary.an_episode}" if met else "Points"
     heads = ["Rank", "Entrant", points_head, *(["Contacts per km"] if touches else [])]
-    for column in [*heads, *(["Races" if racing else "Episodes"] if met else [])]:
+    for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
     for row in ranking:
         cells = ["–" if row.rank is None else str(row.rank), row.name]

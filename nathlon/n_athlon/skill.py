@@ -246,7 +246,7 @@ def read_skill(path: Path, world: World | None = None) -> Skill:
         )
     for opponent in skill.opponents:
         is_frozen = skill.passed is not None
-        if world.name == RACING and not is_frozen and opponent.partition(":")[0] != DRIVER:
+        if world.baseline == DRIVER and not is_frozen and opponent.partition(":")[0] != DRIVER:
             raise InputError(
                 f"{path}: field opponents names {opponent!r}: expected built-in drivers as driver:pace=0.95"
             )

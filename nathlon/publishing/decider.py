@@ -44,7 +44,7 @@ def notable_races(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]
     return list(once.values())
 
 
-def notable_episodes(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
+def notable_episodes(results: pl.DataFrame, ranking: pl.DataFrame, episode: str = "episode") -> list[Notable]:
     """Episodes of another world to look at, the deciding one first; each once.
 
     Where entrants meet they are those of the first two that `notable_races` has. Where nobody meets they are
@@ -53,15 +53,16 @@ def notable_episodes(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notab
     Args:
         results: of the run, schema RESULTS; void episodes are passed over.
         ranking: schema RANKING.
+        episode: what one is called.
     """
     valid = _valid(results)
     met = valid.filter(pl.col("stage") == "tournament")
     tests = valid.filter(pl.col("stage") == "battery")
-    found = _decided(_margins(met, ranking), "episode") if met.height else _extremes(tests, ranking)
+    found = _decided(_margins(met, ranking), episode) if met.height else _extremes(tests, ranking, episode)
     return list({(notable.match, notable.race): notable for notable in reversed(found)}.values())[::-1]
 
 
-def _extremes(tests: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
+def _extremes(tests: pl.DataFrame, ranking: pl.DataFrame, episode: str) -> list[Notable]:
     """Episodes of tests: the best and the worst of the first of the ranking, and the second in the best."""
     reached = entrant_rows(tests).with_columns(reached=pl.coalesce("score", "points"))
     first, second = (
@@ -77,8 +78,8 @@ def _extremes(tests: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]:
     return [
         _notable(rows, f"{why}: score {rows['reached'][0]:.4g}")
         for rows, why in (
-            (best, "the best episode of the first of the ranking"),
-            (worst, "the worst episode of the first of the ranking"),
+            (best, f"the best {episode} of the first of the ranking"),
+            (worst, f"the worst {episode} of the first of the ranking"),
             (beside, "the second of the ranking on the same seed as the best of the first"),
         )
         if not rows.is_empty()

@@ -28,6 +28,7 @@ def record_films(
     store: Store,
     results: pl.DataFrame,
     tables: Mapping[str, pl.DataFrame],
+    episode: str,
     output: OutputFolder,
     pool: Pool,
     on_match: OnMatch,
@@ -40,11 +41,12 @@ def record_films(
         store: that holds the matches.
         results: of the run, schema RESULTS.
         tables: of the run, by their names in `nathlon.arena.results.TABLES`.
+        episode: what one is called.
         output: where recordings and videos go.
         pool: plays the episodes.
         on_match: told about progress.
     """
-    notable = notable_episodes(results, tables["ranking"])
+    notable = notable_episodes(results, tables["ranking"], episode)
     lost = [one for one in notable if _kept(_place(output, one), one) is None]
     visible, missing = _visible(store, lost, pool)
     missing |= _film(

@@ -43,8 +43,8 @@ def keep_laps(store: Store, run: str, pool: Pool) -> None:
     cards = {card["entrant"]: card for card in entrants.iter_rows(named=True)}
     wanted = {}
     for trial in _best_trials(store, run).iter_rows(named=True):
-        if trial["entrant"] not in set(laps["entrant"]):
-            card = cards[trial["entrant"]]
+        card = cards[trial["entrant"]]
+        if card["circuit"] and card["entrant"] not in set(laps["entrant"]):
             try:
                 match = Match.from_spec(store.spec(trial["match"]), {card["entrant"]: card["source"]})
             except InputError:
@@ -68,7 +68,7 @@ def keep_laps(store: Store, run: str, pool: Pool) -> None:
 
 
 def _best_trials(store: Store, run: str) -> pl.DataFrame:
-    """RESULTS of the best time trial of whoever is shortlisted or reached the team races."""
+    """RESULTS of the best time trial of whoever is shortlisted or reached the round robin."""
     listed = store.table(run, "battery").filter("shortlisted")["entrant"]
     finalists = pl.concat([listed, store.table(run, "ranking")["entrant"]])
     return (

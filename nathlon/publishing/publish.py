@@ -9,7 +9,6 @@ import polars as pl
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
 from nathlon.arena.store import RunRecord, Store
-from nathlon.arena.worlds.registry import RACING
 from nathlon.committee.decision import describe
 from nathlon.committee.event_log import EventLog
 from nathlon.incidents.history import incident_history
@@ -32,23 +31,22 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
     Of a run that has not come to its end, all is written as far as it has come. Races whose recordings are
     there are not run again. A store that cannot be written gives the laps and curves that it holds.
     """
-    world = str(store.facts(run).get("world", RACING))
-    if not store.read_only and world == RACING:
+    if not store.read_only:
         keep_laps(store, run, pool)
         keep_curves(store, run)
     tables = {name: store.table(run, name) for name in TABLES}
     results = store.results_of_run(run)
     summary, under_way = _summary(store, run, tables, results)
     with output.filling():
-        if world == RACING:
+        if summary.circuit:
             races = results.filter(pl.col("stage") == "tournament")
             replays = record_replays(store, races, tables, output, pool)
         else:
-            replays = record_films(store, results, tables, output, pool, on_match)
+            replays = record_films(store, results, tables, summary.episode, output, pool, on_match)
         log = f"../{POLICY_LOG}" if (output.root / POLICY_LOG).exists() else None
         summary = summary.model_copy(update=replays.facts | {"log": log})
         selection = Selection(
-            f"{run} · {summary.circuit} · {summary.car}" if world == RACING else f"{run} · {world}",
+            " · ".join(filter(None, [run, summary.circuit or summary.world, summary.car])),
             tables,
             results,
             summary,
@@ -56,7 +54,7 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
             under_way,
             _previous(store, run),
             replays.logs,
-            lap_limit(store, run) if world == RACING else None,
+            lap_limit(store, run),
             incident_history(store, run),
         )
         write_page(selection, output.report)
@@ -87,6 +85,7 @@ def _summary(
 def _so_far(store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame) -> Summary:
     """What the summary of a run says before its end."""
     names = dict(tables["entrants"].select("entrant", "name").iter_rows())
+    known: Any = store.facts(run)
     plan = next(record.config for record in store.runs() if record.name == run)
     card = next(tables["entrants"].iter_rows(named=True), {"circuit": "", "car": ""})
     return Summary(
@@ -94,6 +93,7 @@ def _so_far(store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl
         ranking=ranked(tables["ranking"], names),
         sent=(),
         seed=None,
+        **{name: known[name] for name in ("world", "episode") if name in known},
         circuit=card["circuit"],
         car=card["car"],
         versions=versions(),

@@ -15,7 +15,6 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import recording_name
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import RACING
 from nathlon.publishing.output import OutputFolder
 from nathlon.selection.run import RECORDINGS, OnMatch
 from nathlon.sim.errors import InputError
@@ -38,7 +37,8 @@ def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, 
         pool: runs the matches.
         on_match: told about progress.
     """
-    if store.facts(run).get("world", RACING) != RACING:
+    entrants = store.table(run, "entrants")
+    if not any(entrants["circuit"]):
         return
     results = store.results_of_run(run, "tournament")
     wanted: dict[str, list[int]] = {}
@@ -46,7 +46,6 @@ def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, 
         if not (output.races / recording_name(match, race)).exists():
             wanted.setdefault(match, []).append(race)
     on_match(RECORDINGS, 0, len(wanted))
-    entrants = store.table(run, "entrants")
     for done, (_, answer) in enumerate(run_again(store, wanted, entrants, pool, output.races), 1):
         if isinstance(answer, InputError):
             log.warning("%s", answer)

@@ -112,7 +112,7 @@ class Config(Section):
 
     def _facts(self, scenario: str, circuit: str, car: str) -> dict[str, Any]:
         """What decides how a scenario goes, the program's own code apart where it is ours."""
-        if self.world == RACING:
+        if self.circuit:
             return surroundings(scenario, circuit, car)
         return load_world(self.world).facts(scenario)
 
@@ -129,9 +129,9 @@ class Config(Section):
     @property
     def suited(self) -> Config:
         """The configuration with what its world has in place of defaults that are those of our circuits."""
-        if self.world == RACING:
-            return self
         world = load_world(self.world)
+        if world.circuits:
+            return self
         first = world.scenarios[0]
         places = len(world.setup(first).sides)
         objectives = [Objective(name="score", measure="score", source=RACE, goal="max")]

@@ -15,6 +15,7 @@ import polars as pl
 
 from nathlon.arena.entrant import Entrant, entrants_table
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.worlds.registry import load_world
 from nathlon.committee import ask
 from nathlon.committee.decision import Decision
 from nathlon.committee.event_log import EventLog
@@ -46,6 +47,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     run.compile(config.world, config.circuit, config.car)
     event_log = EventLog(run.store, run.name)
     run.store.put_fact(run.name, "world", config.world)
+    run.store.put_fact(run.name, "episode", load_world(config.world).episode)
     tables = {"entrants": entrants_table(field.entrants)}
     run.keep(tables)
     expected = _expected(run, field, config)
@@ -125,6 +127,7 @@ def _summary(
         sent=tuple(Sent(name=names[entrant], entrant=entrant) for entrant in _chosen(sent)),
         seed=config.seed,
         world=config.world,
+        episode=load_world(config.world).episode,
         circuit=config.circuit,
         car=config.car,
         versions=versions(),

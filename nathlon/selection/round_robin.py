@@ -66,7 +66,7 @@ class TournamentSettings(Section):
         """
         if self.event is not None:
             return load_event(Path(self.event))
-        if world != RACING:
+        if not circuit:
             there = load_world(world)
             sides = {scenario: len(there.setup(scenario).sides) for scenario in there.scenarios}
             return Event.model_construct(

@@ -12,7 +12,7 @@ from nathlon.arena.entrance import check_opponents, enter_each
 from nathlon.arena.entrant import Entrant, only_once
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.contract import World
-from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.arena.worlds.registry import load_world
 from nathlon.selection.config import Config
 from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.errors import InputError
@@ -85,7 +85,7 @@ def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> Plan:
     Raises:
         InputError: if there is no cell that can, or policy and baseline are the same.
     """
-    asked, ours = config.matrix, config.world == RACING
+    asked, ours = config.matrix, bool(config.circuit)
     set_aside: list[str] = []
     pairs: dict[tuple[str, str], Pair] = {}
     cells: list[Cell] = []
@@ -107,7 +107,7 @@ def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> Plan:
 
 
 def _places(config: Config) -> Sequence[tuple[str, str]]:
-    if config.world != RACING:
+    if not config.circuit:
         return [("", "")]
     return list(product(config.matrix.circuits or (config.circuit,), config.matrix.cars or (config.car,)))
 

@@ -10,7 +10,6 @@ import numpy as np
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import TESTED
 from nathlon.arena.recording import write_recording
-from nathlon.arena.worlds.registry import RACING
 from nathlon.publishing.output import OutputFolder
 from nathlon.reports.matrix import CellReport, MatrixReport
 from nathlon.reports.twin import Side, Twins
@@ -35,7 +34,7 @@ def record_worst(
         the report with the paths of the pages.
     """
     worst = [cell for cell in report.ordered() if cell.verdict == "worse"][:most]
-    if report.world != RACING or not worst:
+    if not worst or not worst[0].circuit:
         return report
     driven = {cell.label: _worst_run(report, cell, matrix) for cell in worst}
     sides = _record(run, report, list(driven.values()))

@@ -62,7 +62,7 @@ def test_nobody_fit() -> None:
     told = verdict(night(*rows, seats=0))
     assert told.headline == "Send nobody"
     assert told.sentences[0].startswith("The committee found none of 2 finalists fit: rule:ranking, “passed")
-    assert told.sentences[1].startswith("In the team races e0 and e1 are statistically tied")
+    assert told.sentences[1].startswith("In the round robin e0 and e1 are statistically tied")
 
 
 def test_waiting_for_people() -> None:
@@ -70,7 +70,7 @@ def test_waiting_for_people() -> None:
     told = verdict(asked)
     assert told.headline == "The committee has not decided"
     assert told.sentences[0].startswith("It waits for 2 ballots; rule:ranking, “passed")
-    assert told.sentences[1].startswith("In the team races e0 is alone in rank 1")
+    assert told.sentences[1].startswith("In the round robin e0 is alone in rank 1")
     again = verdict(night(ranked(IDS[0], 1, 20.0), open=True, waits_for=0))
     assert again.sentences[0].startswith("It has been asked again")
 

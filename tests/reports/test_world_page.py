@@ -25,9 +25,10 @@ pairs = 6
 block = 3
 """
 OF_CARS = re.compile(
-    r"\b(laps?|m/s|km|cars?|grid|circuit|overtak\w*|wheel\w*|penalt\w*|contacts?|race[srd]?)\b", re.IGNORECASE
+    r"\b(laps?|m/s|km|cars?|grid|circuit|overtak\w*|wheel\w*|penalt\w*|contacts?|race[srd]?|episodes?)\b",
+    re.IGNORECASE,
 )
-"""What a game of lights has none of."""
+"""What a game of lights, played in bouts, has none of."""
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +39,8 @@ def duel(tmp_path_factory: pytest.TempPathFactory) -> SelectionResult:
     ]
     (folder / "nathlon.toml").write_text(SETTINGS)
     measures = "{'hits': Declared('hits', unit='lights')}"
-    name = world_of(
-        folder, f"PettingZooWorld({{'duel': envs['seen']}}, measures={measures}, step_s=0.25)", "lights.py"
-    )
+    options = f"measures={measures}, episode='bout', step_s=0.25"
+    name = world_of(folder, f"PettingZooWorld({{'duel': envs['seen']}}, {options})", "lights.py")
     return nathlon.select(
         players, folder / "out", config=folder / "nathlon.toml", workers=1, world=name, progress=False
     )

@@ -17,13 +17,13 @@ function checkpoint([key]) {
       card.source && ["Source", h("code", {}, card.source)], ["Id", h("code", { class: "id" }, card.entrant)],
     ]),
     wayThrough(index),
-    racing && section("Racing line", lapView(index)),
+    onCircuit && section("Racing line", lapView(index)),
     trained(card),
     skillsOf.has(index) && section("n-athlon", profile([index])),
     met && rankingOf.has(index) && section("Matchups", ownMatchups(index)),
     ballotsOn(card),
     lapped && section("Best laps", bestLaps(index)),
-    section(racing ? "Races" : "Episodes", ownRaces(index)),
+    section(capital(EPISODES), ownRaces(index)),
   ];
 }
 
@@ -70,7 +70,7 @@ function trained(card) {
 
 function ownMatchups(index) {
   const rows = tables.matchups.filter((row) => row.entrant === index && row.difference !== null);
-  if (!rows.length) return empty(racing ? "It raced nobody." : "It met nobody.");
+  if (!rows.length) return empty("It met nobody.");
   const bars = barScale(rows, ["difference", "difference_low", "difference_high"], 0, "points");
   return dataTable("own-matchups", [
     { key: "name", head: "Opponent", kind: "name", first: "ascending", value: (row) => nameOf(row.opponent), cell: (row) => link(to("matchup", [entrants[index].key, entrants[row.opponent].key]), nameOf(row.opponent)) },
@@ -117,12 +117,12 @@ function bestLaps(index) {
 
 function ownRaces(index) {
   const driven = ownCars(index);
-  if (!driven.length) return empty(racing ? "It has not raced." : "It has not played.");
+  if (!driven.length) return empty(`It has been in no ${EPISODE}.`);
   return dataTable("own-races", [
-    { key: "race", head: racing ? "Race" : "Episode", kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${plain(row.race.test)} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
+    { key: "race", head: capital(EPISODE), kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${plain(row.race.test)} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
     { key: "stage", head: "Stage", kind: "text", first: "ascending", value: (row) => plain(row.race.stage) },
-    { key: "grid", head: racing ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot },
-    { key: "place", head: "Place", first: "ascending", value: (row) => row.place, cell: (row) => [number(row.place), " ", racing && gained(row.slot - row.place)] },
+    { key: "grid", head: onCircuit ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot },
+    { key: "place", head: "Place", first: "ascending", value: (row) => row.place, cell: (row) => [number(row.place), " ", onCircuit && gained(row.slot - row.place)] },
     { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points, POINT_DIGITS) },
     ...ownColumns(),
     lapped && { key: "lap", head: "Best lap, s", first: "ascending", value: (row) => row.best_lap_s, cell: (row) => number(row.best_lap_s, 3) },
@@ -131,5 +131,5 @@ function ownRaces(index) {
     measured("penalties") && { key: "penalties", head: "Penalties", value: (row) => row.penalties },
     measured("off_course_s") && { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
     { key: "ending", head: "Ending", kind: "text", first: "ascending", value: (row) => plain(row.ending) },
-  ], driven, { sort: "-race", prefix: "races-", text: (row) => `${plain(row.race.test)} ${row.race.stage} ${plain(row.ending)}`, label: racing ? "Races" : "Episodes", shown: 50 });
+  ], driven, { sort: "-race", prefix: "races-", text: (row) => `${plain(row.race.test)} ${row.race.stage} ${plain(row.ending)}`, label: capital(EPISODES), shown: 50 });
 }

@@ -39,9 +39,8 @@ const skillsOf = groups(tables.skills, "entrant");
 const objectivesOf = groups(tables.objectives, "entrant");
 const tests = [...new Set(tables.skills.map((skill) => skill.test))];
 
-const racing = summary.world === "racing";
-// The filter calls its matches races, whatever is played in them.
-const matches = rowsOf(data.matches).map((match) => (racing || match.stage !== "pareto" ? match : { ...match, test: "filter" }));
+const onCircuit = summary.circuit !== "";
+const matches = rowsOf(data.matches).map((match) => (onCircuit || match.stage !== "pareto" ? match : { ...match, test: "filter" }));
 const races = rowsOf(data.races).map((race, number) => ({
   ...race,
   number,
@@ -51,13 +50,17 @@ const races = rowsOf(data.races).map((race, number) => ({
 const raceByKey = new Map(races.map((race) => [`${race.key.slice(0, 12)}/${race.race}`, race]));
 
 // What the world measures: columns and sections of anything else are left out.
-const measured = (name) => racing || (data.cars[name]?.some((value) => value !== null) ?? false);
-const [lapped, touches, blames] = [measured("best_lap_s"), measured("contacts") && measured("distance_m"), measured("contacts_at_fault")];
-const [EPISODE, EACH] = racing ? ["race", "a race"] : ["episode", "an episode"];
-const MEETINGS = racing ? "Team races" : "Round robin";
-const met = racing || matches.some((match) => match.stage === "tournament");
-const POINT_DIGITS = racing || data.cars.points.every(Number.isInteger) ? 0 : 2;
-const ownNames = racing ? [] : Object.keys(JSON.parse(data.cars.measures?.find((text) => text !== null) ?? "{}"));
+const measured = (name) => data.cars[name]?.some((value) => value !== null) ?? false;
+const ranks = (name) => tables.ranking.some((row) => row[name] !== null);
+const [lapped, touches, blames] = [measured("best_lap_s"), ranks("contacts_per_km") || (measured("contacts") && measured("distance_m")), ranks("at_fault_per_km") || measured("contacts_at_fault")];
+const EPISODE = summary.episode;
+const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISODE}s`;
+const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;
+const capital = (text) => text[0].toUpperCase() + text.slice(1);
+const MEETINGS = "Round robin";
+const met = !("tournament" in summary.stages_set_aside);
+const POINT_DIGITS = data.cars.points.every(Number.isInteger) ? 0 : 2;
+const ownNames = Object.keys(JSON.parse(data.cars.measures?.find((text) => text !== null) ?? "{}"));
 
 const carAt = (index) => {
   const car = {};

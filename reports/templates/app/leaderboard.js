@@ -28,7 +28,7 @@ function leaderboard() {
       blames && figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts for which the stewards blame its cars; ${GATED}` }),
       met && { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
       ...limitColumn(),
-      met && { key: "races", head: racing ? "Races" : "Episodes", value: (row) => row.races, cell: (row) => number(row.races) },
+      met && { key: "races", head: capital(EPISODES), value: (row) => row.races, cell: (row) => number(row.races) },
       met && { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),
     ratings(),
@@ -96,7 +96,7 @@ function compare([first, second]) {
   return [
     h("h1", {}, `${two[0].name} and ${two[1].name}`),
     both
-      ? h("p", { class: "why" }, `Against each other: ${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. `, link(to("matchup", [first, second]), `Their ${EPISODE}s`))
+      ? h("p", { class: "why" }, `Against each other: ${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. `, link(to("matchup", [first, second]), `Their ${EPISODES}`))
       : note(`They did not meet in the ${MEETINGS.toLowerCase()}.`),
     scroll("Side by side", h("table", { class: "sides" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))), h("th", { scope: "col", class: "number" }, "Difference"))),

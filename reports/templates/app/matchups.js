@@ -22,7 +22,7 @@ function matchups() {
     touches && h("fieldset", { class: "controls" }, h("legend", { class: "unseen" }, "What is shown"), radio("", "Points"), radio("contacts", "Contacts")),
     contacts
       ? note("Contacts per km of the row's cars when racing the column.", shadeKey(["h0", "n1", "n2", "n3", "n4", "n5"], "0", number(largest, 2)))
-      : note(`Points ${EACH}, row minus column. Bold: the interval excludes zero. A click opens the ${EPISODE}s.`, shadeKey(BOTH, signed(-largest), signed(largest))),
+      : note(`Points ${EACH}, row minus column. Bold: the interval excludes zero. A click opens the ${EPISODES}.`, shadeKey(BOTH, signed(-largest), signed(largest))),
     scroll("Matchups", h("table", { class: "matrix", id: "matchups" },
       h("thead", {}, h("tr", {}, h("td"), order.map((index) => h("th", { scope: "col" }, h("span", { title: nameOf(index) }, nameOf(index)))))),
       h("tbody", {}, order.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, entrantLink(row)),
@@ -49,7 +49,7 @@ function matchup([first, second]) {
     h("h1", {}, `${two[0].name} against ${two[1].name}`),
     both && h("p", { class: "why" }, `${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. ${touches ? `Contacts per km: ${number(both.contacts_per_km, 2)} and ${number(other?.contacts_per_km, 2)}. ` : ""}`, link(to("compare", [first, second]), "Side by side")),
     theirs.length ? dataTable("races", [
-      { key: "race", head: racing ? "Race" : "Episode", kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${row.race.test} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
+      { key: "race", head: capital(EPISODE), kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${row.race.test} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
       { key: "seed", head: "Seed", value: (row) => row.seed },
       { key: "mirrored", head: "Mirrored", value: (row) => row.race.mirrored, cell: (row) => (row.race.mirrored ? "yes" : "no") },
       { key: "points", head: `Points ${two[0].name}`, value: (row) => row.points, cell: (row) => number(row.points, POINT_DIGITS) },
@@ -57,6 +57,6 @@ function matchup([first, second]) {
       { key: "difference", head: "Difference", value: (row) => row.points - row.against, cell: (row) => h("strong", {}, signed(row.points - row.against, POINT_DIGITS)) },
       touches && { key: "contacts", head: "Contacts", value: (row) => row.contacts, cell: (row) => number(row.contacts) },
       blames && { key: "blame", head: "At fault, each", value: (row) => row.blame, cell: (row) => `${number(row.blame)} : ${number(row.theirs)}` },
-    ], theirs, { sort: "race", label: `${racing ? "Races" : "Episodes"} of the matchup` }) : empty("They did not meet."),
+    ], theirs, { sort: "race", label: `${capital(EPISODES)} of the matchup` }) : empty("They did not meet."),
   ];
 }

@@ -34,7 +34,7 @@ function pareto() {
     note(`${number(front.length)} of ${number(rows.length)} survive: non-dominated in at least 5\u00a0% of the draws from the objectives' uncertainty.${objectiveNames.length > 2 ? " The chart has only two of the objectives, so a survivor may lie behind the front." : ""}`),
     objectiveNames.length > 1 && [h("div", { class: "controls" }, choice("x", "Across", 0), choice("y", "Upwards", 1)), host],
     section("All entrants", data.limit !== null && note(limitNote().trim()), dataTable("pareto", [
-      entrantColumn((row) => (row.finalist ? chip("", racing ? "team races" : "finalist") : null)),
+      entrantColumn((row) => (row.finalist ? chip("", "finalist") : null)),
       ...objectiveNames.map((name) => ({
         key: name, head: objectiveTitle(name), first: objectiveUnit.get(name).goal === "max" ? "descending" : "ascending",
         value: (row) => row[`= ${name}`], cell: (row) => number(row[`= ${name}`], 3),
@@ -42,7 +42,7 @@ function pareto() {
       ...limitColumn(),
       { key: "nondominated", head: "Non-dominated, %", title: "share of the draws in which no other entrant was better in every objective", value: (row) => row.nondominated_probability, cell: (row) => percent(row.nondominated_probability) },
       { key: "survives", head: "Survives", value: (row) => row.survives, cell: (row) => (row.survives ? "yes" : "no") },
-      { key: "races", head: racing ? "Races" : "Episodes", value: (row) => row.races, cell: (row) => number(row.races) },
+      { key: "races", head: capital(EPISODES), value: (row) => row.races, cell: (row) => number(row.races) },
     ], rows, { sort: "-nondominated", text: (row) => nameOf(row.entrant), label: "Pareto filter" })),
   ];
 }

@@ -11,18 +11,18 @@ function raceView([key, index]) {
   const flagged = (value) => (value ? h("span", { class: "fault" }, number(value)) : "0");
   return [
     h("p", { class: "over" }, `${plain(race.stage)} · ${plain(race.test)}`),
-    h("h1", {}, `${racing ? "Race" : "Episode"} ${race.key.slice(0, 12)}/${race.race}`),
+    h("h1", {}, `${capital(EPISODE)} ${race.key.slice(0, 12)}/${race.race}`),
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)), POINT_DIGITS)}`])),
     facts([
-      ["Seed", race.seed], (racing || race.stage === "tournament") && [racing ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
-      racing && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
+      ["Seed", race.seed], (onCircuit || race.stage === "tournament") && [onCircuit ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
+      onCircuit && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     shown?.video && filmOf(shown),
     player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown), twinOf(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
-      { key: "grid", head: racing ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", racing && gained(row.slot - row.place)] },
+      { key: "grid", head: onCircuit ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", onCircuit && gained(row.slot - row.place)] },
       { ...entrantColumn(), cell: (row) => [row.team >= 0 && h("i", { class: `team team${row.team}`, title: `team ${row.team + 1}` }), entrantLink(row.entrant)] },
       { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points, POINT_DIGITS) },
       ...ownColumns(),
@@ -42,7 +42,7 @@ function raceView([key, index]) {
       section("Incidents", incidents(ready, shown)),
       section("Where cars pass", passesView(ready)),
     ]),
-    (racing || shown) && watched(race, shown),
+    (onCircuit || shown) && watched(race, shown),
   ];
 }
 

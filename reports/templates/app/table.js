@@ -72,9 +72,9 @@ function dataTable(id, columns, rows, { sort, text = null, prefix = "", grouped 
 
 // What another world measures of a seat.
 const ownColumns = () => [
-  !racing && measured("score") && { key: "score", head: "Score", value: (row) => row.score, cell: (row) => number(row.score, 2) },
+  measured("score") && { key: "score", head: "Score", value: (row) => row.score, cell: (row) => number(row.score, 2) },
   ...ownNames.map((name) => ({ key: `own-${name}`, head: plain(name), value: (row) => row.own[name] ?? null, cell: (row) => number(row.own[name] ?? null, 2) })),
-  !racing && measured("distance_m") && { key: "distance", head: "Distance, m", value: (row) => row.distance_m, cell: (row) => number(row.distance_m, 1) },
+  !onCircuit && measured("distance_m") && { key: "distance", head: "Distance, m", value: (row) => row.distance_m, cell: (row) => number(row.distance_m, 1) },
 ];
 
 const entrantColumn = (extra = () => null) => ({

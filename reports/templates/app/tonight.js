@@ -13,12 +13,12 @@ function tonight() {
       link("ranking.xlsx", "The spreadsheet")),
     funnel(),
     h("div", { class: "halves" }, section("What changed", changes()), section("Run health", health())),
-    (racing || summary.replays.length > 0) && section(racing ? "Races to look at" : "Episodes to look at",
+    (onCircuit || summary.replays.length > 0) && section(`${capital(EPISODES)} to look at`,
       summary.replays.length ? h("ul", {}, summary.replays.map((one) => h("li", {}, replay(one), clipsOf(one)))) : empty("No race was recorded."),
       [...new Set(summary.replays.flatMap((one) => one.notes))].map((text) => note(text))),
     summary.forecast && summary.stages.length > 0 && section("Forecast and outcome", foreseen()),
     section("The run", facts([
-      ...(racing ? [["Circuit", summary.circuit], ["Car", summary.car]] : [["World", summary.world]]), ["Seed", String(summary.seed ?? ABSENT)],
+      ...(onCircuit ? [["Circuit", summary.circuit], ["Car", summary.car]] : [["World", summary.world]]), ["Seed", String(summary.seed ?? ABSENT)],
       ...Object.entries(summary.versions).map(([name, version]) => [name, version]),
     ]), note("All tables of this report are also in the folder ", h("code", {}, "tables"), " as CSV and Parquet.")),
   ];
@@ -51,11 +51,11 @@ function health() {
   const aside = Object.entries(summary.stages_set_aside);
   return [
     facts([
-      [racing ? "Car runs" : "Runs of a seat", number(summary.car_runs)],
+      [onCircuit ? "Car runs" : "Runs of a seat", number(summary.car_runs)],
       ["Ended by a policy's fault", [number(summary.faults), h("small", {}, of(["policy_raised", "illegal_action", "timed_out"]))]],
       ["Void", [number(summary.void), h("small", {}, of(["simulator_fault", "interrupted"]))], `ended by a fault of the simulator; the ${EPISODE} does not count`],
       ["Files set aside", number(summary.excluded.length)],
-      met && ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), `the more negative, the more ${EPISODE}s mirroring saves`],
+      met && ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), `the more negative, the more ${EPISODES} mirroring saves`],
     ]),
     worst.length > 0 && h("p", {}, "Most faults: ", worst.map(([entrant, faults], i) => [i > 0 && ", ", entrantLink(entrant), ` ${number(faults)}`])),
     aside.length > 0 && h("ul", {}, aside.map(([stage, reason]) => h("li", {}, `${plain(stage)} was not held: ${reason}`))),
@@ -75,7 +75,7 @@ function foreseen() {
   return [
     scroll("Forecast and outcome", h("table", { id: "forecast" },
       h("thead", {},
-        h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", racing ? "Races" : "Episodes", "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
+        h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", capital(EPISODES), "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
         h("tr", {}, [1, 2, 3].map(() => ["forecast", "outcome"].map((text) => h("th", { class: "number" }, text))))),
       h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, STAGES[stage.name]),
         pair(number(stage.entrants), number(came.in)),
@@ -112,14 +112,14 @@ function changes() {
       ? h("ul", { class: "moves" }, moved.slice(0, 10).map((row) => h("li", {},
           h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${row.before} → ${row.rank}`)))
       : h("p", {}, "No rank in the pool has changed."),
-    note("Ranks in the pool of all nights' team races. Newcomers can push others down; more races can break ties."),
+    note("Ranks in the pool of all nights. Newcomers can push others down; more races can break ties."),
   ];
 }
 
 // A race that was recorded: what is seen there, and its files.
 function replay({ match, race, why, player, video, recording, replay: rerun, missing: reason }) {
   const there = raceByKey.get(`${match.slice(0, 12)}/${race}`);
-  const name = `${racing ? "Race" : "Episode"} ${match.slice(0, 6)}/${race}`;
+  const name = `${capital(EPISODE)} ${match.slice(0, 6)}/${race}`;
   const files = [[player, "watch it here"], [video, "video"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]].filter(([file]) => file);
   return [
     there ? link(raceHref(there), name) : name, `: ${why}. `,
