@@ -12,7 +12,8 @@ from nathlon.arena.match import Match
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.sim.state import CAR_STATE
 
-POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
+PLACE_POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
+"""Of places 1 to 8; further places score nothing."""
 
 BLANK = np.zeros((), CAR_STATE)
 """A car of a race that came to nothing."""
@@ -68,7 +69,7 @@ def _classify_race(
             {
                 **match.seat_facts(index, car),
                 "place": int(place[car]),
-                "points": float(POINTS[place[car] - 1]) if place[car] <= len(POINTS) else 0.0,
+                "points": float(PLACE_POINTS[place[car] - 1]) if place[car] <= len(PLACE_POINTS) else 0.0,
                 "laps": int(state["laps"]),
                 "ending": str(endings[car]),
                 "race_time_s": float(state["finish_s"]) if finished[car] else None,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.results import RESULTS
-from nathlon.tournament.points import TEAM_POINTS
 
 DEFAULTS: dict[str, Any] = {
     "match": "m",
@@ -84,7 +84,7 @@ def tournament(
         "entrant": names,
         "team": team,
         "place": place,
-        "points": np.array(TEAM_POINTS, dtype=float)[place - 1],
+        "points": np.array(PLACE_POINTS, dtype=float)[place - 1],
         "contacts": rng.poisson(0.5, shape),
     }
     return rows({name: value.ravel() for name, value in columns.items()}, car.size)

@@ -12,9 +12,6 @@ from nathlon.arena.statistics import Floats, holm
 from nathlon.tournament.conduct import Gate, rates
 from nathlon.tournament.evidence import MATCHUP, ORDER, UNIT, Evidence, appearances, differences
 
-TEAM_POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
-"""Points of places 1 to 8; further places score nothing."""
-
 EQUAL: Mapping[str, float] = {}
 """Weights of tests that all count once."""
 

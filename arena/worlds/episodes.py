@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from nathlon.arena.classification import POINTS
+from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
@@ -236,7 +236,7 @@ def placed(outcomes: Sequence[Outcome], faulty: Sequence[bool]) -> list[int]:
 
 def place_points(places: Sequence[int]) -> list[float]:
     """Points of places; those who share a place share the points of the places that they take up."""
-    ladder = [*POINTS, *[0.0] * len(places)]
+    ladder = [*PLACE_POINTS, *[0.0] * len(places)]
     return [
         sum(ladder[place - 1 : place - 1 + places.count(place)]) / places.count(place) for place in places
     ]

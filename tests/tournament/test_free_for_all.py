@@ -6,10 +6,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.statistics import interval, spread
 from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.formats import FORMATS
-from nathlon.tournament.points import EQUAL, TEAM_POINTS, better, matchups, rank
+from nathlon.tournament.points import EQUAL, better, matchups, rank
 from tests.race_results import rows
 
 
@@ -33,7 +34,7 @@ def free_for_all(pace: dict[str, float], blocks: int, rng: np.random.Generator) 
         "slot": car + 1,
         "entrant": names[side],
         "place": place,
-        "points": np.array(TEAM_POINTS, dtype=float)[place - 1],
+        "points": np.array(PLACE_POINTS, dtype=float)[place - 1],
     }
     return rows({name: value.ravel() for name, value in columns.items()}, car.size)
 
@@ -70,7 +71,7 @@ def test_a_free_for_all_scores_mean_points_and_resamples_blocks() -> None:
         )
         assert (row["points_low"], row["points_high"]) == pytest.approx((low[0], high[0]), abs=0.15)
         assert (row["pairs"], row["races"]) == (6, 48)
-    assert ranking["points_per_race"].mean() == pytest.approx(sum(TEAM_POINTS) / 8)
+    assert ranking["points_per_race"].mean() == pytest.approx(sum(PLACE_POINTS) / 8)
     table = matchups(results, seeded())
     assert table.height == 56
     assert set(table["pairs"]) == {6}

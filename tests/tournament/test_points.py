@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from polars.testing import assert_frame_equal
 from scipy.stats import ttest_1samp
 
+from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.results import MATCHUPS, RANKING, RESULTS
 from nathlon.arena.statistics import holm, interval, p_values, precision, spread, standard_error, tied_ranks
 from nathlon.tournament.conduct import Gate, rates
 from nathlon.tournament.evidence import Evidence, appearances
-from nathlon.tournament.points import EQUAL, TEAM_POINTS, better, matchups, pair_correlation, rank
+from nathlon.tournament.points import EQUAL, better, matchups, pair_correlation, rank
 from tests.race_results import rows, tournament
 
 PACE = {"a": 0.0, "b": 0.5, "c": 1.0, "d": 1.5}
@@ -63,7 +64,7 @@ def test_a_planted_order_is_recovered() -> None:
     ranking = rank(tournament(PACE, 40, seeded()), seeded())
     assert ranking["entrant"].to_list() == ["d", "c", "b", "a"]
     assert ranking["rank"].to_list() == [1, 2, 3, 4]
-    assert ranking["points_per_race"].mean() == pytest.approx(sum(TEAM_POINTS) / 2)
+    assert ranking["points_per_race"].mean() == pytest.approx(sum(PLACE_POINTS) / 2)
 
 
 def test_among_equal_entrants_any_false_difference_is_rare() -> None:
@@ -158,7 +159,7 @@ def test_the_intervals_cover_the_true_scores(pairs: int) -> None:
     replications = 250
     many = matchups(tournament(PACE, 4000, rng), rng, resamples=1)
     mean_difference = many.group_by("entrant").agg(pl.col("difference").sum() / len(PACE))
-    truth = {name: sum(TEAM_POINTS) / 2 + mean for name, mean in mean_difference.iter_rows()}
+    truth = {name: sum(PLACE_POINTS) / 2 + mean for name, mean in mean_difference.iter_rows()}
 
     names, meetings = list(PACE), list(combinations(range(len(PACE)), 2))
     sample = _pair_differences(replications * pairs, rng).reshape(len(meetings), replications, pairs)
@@ -169,7 +170,7 @@ def test_the_intervals_cover_the_true_scores(pairs: int) -> None:
     expected = np.array([truth[name] for name in names])
     covered = []
     for differences in sample.swapaxes(0, 1):
-        scores: NDArray[np.float64] = solution @ differences.mean(axis=1) + sum(TEAM_POINTS) / 2
+        scores: NDArray[np.float64] = solution @ differences.mean(axis=1) + sum(PLACE_POINTS) / 2
         sizes = np.full(len(meetings), pairs)
         low, high = interval(scores, solution, spread(differences.ravel(), sizes, 400, rng), 0.95)
         covered.append((low <= expected) & (expected <= high))
@@ -206,7 +207,7 @@ def test_mirroring_takes_the_grid_out_of_the_scores_and_shows_in_the_correlation
     first_races = results.filter(~pl.col("mirrored")).group_by("entrant").agg(pl.col("points").sum() / 400)
     assert dict(first_races.iter_rows())["a"] > 21
     points, low, high = rank(results, seeded()).select("points_per_race", "points_low", "points_high").row(0)
-    assert abs(points - sum(TEAM_POINTS) / 2) < high - low  # about four standard errors
+    assert abs(points - sum(PLACE_POINTS) / 2) < high - low  # about four standard errors
     assert high - low < 1
     assert pair_correlation(results) == pytest.approx(0.0, abs=0.15)
 
