@@ -31,6 +31,7 @@ others round differently with the number of rows: matrix products do."""
 
 OWN = (*ROW_WISE, NetworkPolicy, OnnxPolicy, Sb3Policy)
 """Policies whose code is this program's, whatever file their weights come from."""
+HERE = nullcontext()
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,7 @@ class Team:
         self.policy, self.cars = policy, cars
         self._match, self._entrant = match, entrant
         self._memory: Batch | None = None
+        self._row_wise = isinstance(policy, ROW_WISE)
         self._apart = None if isinstance(policy, OWN) else Apart(seed)
 
     def keep(self, driving: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -78,7 +80,7 @@ class Team:
             (n,) which of the cars are left.
         """
         kept = driving[self.cars]
-        if not isinstance(self.policy, ROW_WISE):
+        if not self._row_wise:
             kept[:] = kept.any()
         self.cars = self.cars[kept]
         if self._memory is not None:
@@ -100,10 +102,11 @@ class Team:
             actions (n, 2) float32, not finite where they are illegal, and the fault of the policy or ''.
         """
         n = len(self.cars)
-        if isinstance(self.policy, ROW_WISE):
+        if self._row_wise:
             watch.work()
         else:
             watch.ask(self._match, self._entrant, self._memory is None)
+        if self._apart is not None:
             seen = np.array(seen)
         if watch.used_up(self._match, self._entrant):
             log.warning("a policy has used up its time for a match: its cars are out")
@@ -137,7 +140,7 @@ class Team:
         return actions.astype(np.float32, copy=False), ""
 
     def _entered(self) -> AbstractContextManager[None]:
-        return nullcontext() if self._apart is None else self._apart.entered()
+        return HERE if self._apart is None else self._apart.entered()
 
     def _refused(self, what: str) -> tuple[Batch, str]:
         log.warning("a policy gave %s: its cars are out", what)
