@@ -12,8 +12,9 @@ import polars as pl
 from nathlon.arena.results import ENTRANTS
 from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.load import load_file, load_policy
-from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN
 from nathlon.policies.sources.composite import CompositeSource
+from nathlon.policies.sources.human import load_person
 from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name
@@ -73,6 +74,9 @@ def _enter(source: str, circuit: str, car: str) -> Entrant:
         return Entrant(policy_id(source), name, source, "plugin", circuit, car, None, None)
     if kind == OBJECT:
         return Entrant(policy_id(source), name, source, "object", circuit, car, None, None)
+    if kind == HUMAN:
+        person = load_person(Path(name), circuit, car)
+        return Entrant(person.id, f"{HUMAN}:{person.name}", source, "person", circuit, car, None, None)
     if source.endswith(COMPOSITE):
         return _enter_composite(source, circuit, car)
     policy = load_file(Path(source))
@@ -99,7 +103,7 @@ def weights(sources: Iterable[str]) -> Iterator[Path]:
     for source in sources:
         if source.endswith(COMPOSITE):
             yield from weights(CompositeSource.read(Path(source)).sources)
-        elif source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT):
+        elif source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN):
             yield Path(source)
 
 

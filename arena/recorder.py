@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nathlon.arena.incidents import Alarm, IncidentWatch
 from nathlon.arena.match import Match
 from nathlon.arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, Outline, RaceLog, Stretch
-from nathlon.arena.runner import run_together
+from nathlon.arena.runner import Observer, run_together
 from nathlon.arena.sight import Seen, Sight
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
@@ -106,6 +106,7 @@ def record_races(
     names: Sequence[str],
     watch: Watch | None = None,
     seen_by: int | None = None,
+    observer: Observer | None = None,
 ) -> Recorded:
     """Run a match again and keep some of its races, at its own rate of actions or 10 to 20 samples a second.
 
@@ -116,6 +117,7 @@ def record_races(
         names: of the match's entrants, as reports show them.
         watch: told who is asked.
         seen_by: a car of the first of these races; what its drivers see is kept.
+        observer: as for `run_match`.
     """
     recorder = _Recorder(match, races, names)
     sight = None if seen_by is None else Sight(match, policies, races[0], seen_by)
@@ -124,6 +126,8 @@ def record_races(
         recorder(world)
         if sight:
             sight(world)
+        if observer:
+            observer(world)
 
     [(_, results)] = run_together({0: (match, policies)}, watch or Watch(), observe)
     logs = []
@@ -225,10 +229,7 @@ class _Recorder:
             car_length_m=body.length_m,
             car_width_m=body.width_m,
             outline=self._outline,
-            sections=tuple(
-                Stretch(section.name, section.kind, section.start_m, section.end_m)
-                for section in self._track.sections
-            ),
+            sections=stretches(self._track),
             time_s=np.array([moment.time_s[index] for moment in moments]),
             samples=samples,
             incidents=tuple(sorted(incidents, key=lambda incident: incident.time_s)),
@@ -242,6 +243,13 @@ def _driver_names(match: Match, race: int, names: Sequence[str]) -> list[str]:
         name, from_s = names[match.swap.entrant], match.swap.from_s
         drivers[match.swap.car] = f"{name} from {from_s:g} s" if from_s > 0.0 else name
     return drivers
+
+
+def stretches(track: Track) -> tuple[Stretch, ...]:
+    """The sections of a circuit."""
+    return tuple(
+        Stretch(section.name, section.kind, section.start_m, section.end_m) for section in track.sections
+    )
 
 
 def outline(track: Track) -> Outline:

@@ -20,12 +20,13 @@ from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.isolation import Apart
 from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sources.human import Person
 from nathlon.policies.sources.onnx import OnnxPolicy
 from nathlon.policies.sources.sb3 import Sb3Policy
 
 log = logging.getLogger(__name__)
 
-ROW_WISE = (Driver, EarlyBraker)
+ROW_WISE = (Driver, EarlyBraker, Person)
 """Policies whose answer for a car does not depend, to the last bit, on the cars beside it in the batch. All
 others round differently with the number of rows: matrix products do."""
 

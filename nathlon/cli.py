@@ -11,6 +11,7 @@ from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
 from nathlon.commands.car import check_car, generate_car, tune_car
 from nathlon.commands.committee_app import committee
+from nathlon.commands.drive import drive
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
 from nathlon.commands.incident import incident
@@ -42,7 +43,7 @@ app = typer.Typer(
 )
 for command in (
     demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, worker, status, report, train, polish,
-    ablate, recipes, race, replay, twin, incident, export, observation,
+    ablate, recipes, race, drive, replay, twin, incident, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

@@ -8,9 +8,10 @@ from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.policy import Policy
-from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, driver_settings
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN, driver_settings
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over
+from nathlon.policies.sources.human import load_person
 from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.policies.sources.onnx import OnnxPolicy
 from nathlon.policies.sources.plugin import load_plugin
@@ -24,8 +25,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
 
     Args:
         name: path of a file of weights or of a composite (`.toml`), `driver` with settings
-            (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), `plugin:NAME`, or
-            `object:NAME` of one that this process has been given.
+            (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), `plugin:NAME`,
+            `human:FILE` of a person's inputs, or `object:NAME` of one that this process has been given.
         circuit: the circuit to drive.
         car: the car to drive.
 
@@ -39,6 +40,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
         return load_plugin(settings, circuit, car)
     if kind == OBJECT:
         return handed_over(name)
+    if kind == HUMAN:
+        return load_person(Path(settings), circuit, car)
     if name.endswith(COMPOSITE):
         return CompositeSource.read(Path(name)).load(circuit, car, load_policy)
     return load_file(Path(name))

@@ -49,7 +49,9 @@ def payload(selection: Selection) -> dict[str, Any]:
         "store": selection.store,
         "previous": _previous(selection.previous, numbers),
         "limit": selection.limit_s,
-        "circuit": circuit_data(selection.logs[0]) if selection.logs else None,
+        "circuit": circuit_data(selection.logs[0].outline, selection.logs[0].sections)
+        if selection.logs
+        else None,
         "recordings": [race_data(log) for log in selection.logs],
     }
 

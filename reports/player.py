@@ -22,7 +22,7 @@ def render_player(log: RaceLog, follow: int | None = None) -> str:
     """The page's HTML. Its policy admits only the style and the script written here, by their hashes."""
     race = {
         "race": race_data(log),
-        "circuit": circuit_data(log),
+        "circuit": circuit_data(log.outline, log.sections),
         "followed": winner(log) if follow is None else follow,
     }
     return render_page(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from nathlon.arena.circuit_mesh import KERB, ROAD, RUNOFF
 from nathlon.arena.passes import passes
-from nathlon.arena.race_log import NOTICES, RaceLog, lap_length, origin, progress
+from nathlon.arena.race_log import NOTICES, Outline, RaceLog, Stretch, lap_length, origin, progress
 from nathlon.reports.cars import car_colours, labels
 from nathlon.sim.track import SURFACES
 
@@ -81,9 +82,8 @@ def race_data(log: RaceLog) -> dict[str, Any]:
     }
 
 
-def circuit_data(log: RaceLog) -> dict[str, Any]:
+def circuit_data(outline: Outline, sections: Sequence[Stretch]) -> dict[str, Any]:
     """The circuit of a race as JSON values."""
-    outline = log.outline
     lines = ("wall_left", "kerb_left", "left", "right", "kerb_right", "wall_right")
     points = np.concatenate([getattr(outline, line)[:, :2].T for line in lines])
     return {
@@ -97,7 +97,7 @@ def circuit_data(log: RaceLog) -> dict[str, Any]:
         "road": _css(ROAD),
         "kerb": [_css(colour) for colour in KERB],
         "sections": [
-            {"name": section.name, "start": section.start_m, "end": section.end_m} for section in log.sections
+            {"name": section.name, "start": section.start_m, "end": section.end_m} for section in sections
         ],
     }
 

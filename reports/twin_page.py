@@ -41,7 +41,7 @@ def render_twin_page(twins: Twins) -> str:
 
 def _data(twins: Twins) -> dict[str, Any]:
     return {
-        "circuit": circuit_data(twins.original.log),
+        "circuit": circuit_data(twins.original.log.outline, twins.original.log.sections),
         "car": twins.car,
         "at": twins.at_s,
         "parted": twins.parted_s,

@@ -24,6 +24,7 @@ LENGTH_M, WIDTH_M = 5.2, 2.2
 """Room that a car takes when it is put beside the road."""
 
 
+MOST_CARS = 20
 MOST_LAPS = 1000
 LONGEST_S = 21_600.0
 """Six hours, most of a minute to simulate."""
@@ -117,7 +118,7 @@ class FrozenStart(Section):
     kind: Literal["frozen"]
     jitter_m: Annotated[float, Field(ge=0, le=10)] = 0.1  # along and across the road
     jitter_m_s: Annotated[float, Field(ge=0, le=10)] = 0.1  # along the heading
-    car: Annotated[tuple[FrozenCar, ...], Field(min_length=1, max_length=20)]
+    car: Annotated[tuple[FrozenCar, ...], Field(min_length=1, max_length=MOST_CARS)]
 
 
 def _whole_period(hertz: float) -> float:
@@ -152,7 +153,7 @@ class Scenario(Section):
 
     name: Name
     description: str
-    cars: Annotated[int, Field(ge=1, le=20)]
+    cars: Annotated[int, Field(ge=1, le=MOST_CARS)]
     start: Annotated[
         GridStart | RollingStart | FormationStart | AbreastStart | AnywhereStart | FrozenStart,
         Field(discriminator="kind"),
@@ -325,7 +326,7 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-SETTINGS = ("laps", "compound", "delay", "grip")
+SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip")
 """What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,grip=0.65`."""
 
 
@@ -333,8 +334,9 @@ SETTINGS = ("laps", "compound", "delay", "grip")
 def load_scenario(name: str) -> Scenario:
     """A scenario by its shipped name, or by the path of a `.toml` file, with settings in place of its own.
 
-    With other laps its time changes in proportion; a compound is that of all cars, and a delay, s, that with
-    which all of them see; a grip is a multiple of that of every surface when dry.
+    With other laps its time changes in proportion; cars are how many start; a person sits in that place, from
+    1, and acts in every dynamics step; a compound is that of all cars, and a delay, s, that with which all of
+    them see; a grip is a multiple of that of every surface when dry.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.
@@ -348,6 +350,10 @@ def load_scenario(name: str) -> Scenario:
         match key:
             case "laps":
                 scenario = scenario.model_copy(update=_other_laps(name, scenario, value))
+            case "cars":
+                scenario = scenario.model_copy(update={"cars": _cars(name, scenario, value)})
+            case "person":
+                scenario = scenario.model_copy(update={"action_hz": _person(name, scenario, value)})
             case "compound":
                 scenario = scenario.model_copy(update={"compound": _compound(name, value)})
             case "delay":
@@ -363,15 +369,36 @@ def load_scenario(name: str) -> Scenario:
 
 def _other_laps(name: str, scenario: Scenario, laps: str) -> dict[str, float]:
     """What changes in a scenario with other laps."""
-    # Python reads no number of thousands of digits.
-    if not laps.isdecimal() or len(laps) > 9 or not 1 <= int(laps) <= MOST_LAPS:
-        raise InputError(f"scenario {name!r}: laps is {laps!r}, expected a number from 1 to {MOST_LAPS}")
+    number = _whole(name, "laps", laps, MOST_LAPS)
     if scenario.laps is None:
         raise InputError(f"scenario {name!r}: {scenario.name} is not driven in laps, expected one that is")
-    time_s = scenario.time_s * int(laps) / scenario.laps
+    time_s = scenario.time_s * number / scenario.laps
     if time_s > LONGEST_S:
         raise InputError(f"scenario {name!r}: takes {time_s:.0f} s, expected at most {LONGEST_S:.0f} s")
-    return {"laps": int(laps), "time_s": time_s}
+    return {"laps": number, "time_s": time_s}
+
+
+def _cars(name: str, scenario: Scenario, cars: str) -> int:
+    each = isinstance(scenario.start, FrozenStart) or any(
+        isinstance(value, tuple) for value in (scenario.action_hz, scenario.perception_delay_s)
+    )
+    if each:
+        raise InputError(f"scenario {name!r}: says of each car what it does, expected no setting cars")
+    return _whole(name, "cars", cars, MOST_CARS)
+
+
+def _person(name: str, scenario: Scenario, place: str) -> tuple[float, ...]:
+    """Actions a second of each car, with a person in one of the places."""
+    rates = np.broadcast_to(np.array(scenario.action_hz), scenario.cars).tolist()
+    rates[_whole(name, "person", place, scenario.cars) - 1] = float(DYNAMICS_HZ)
+    return tuple(rates)
+
+
+def _whole(name: str, key: str, value: str, most: int) -> int:
+    # Python reads no number of thousands of digits.
+    if not value.isdecimal() or len(value) > 9 or not 1 <= int(value) <= most:
+        raise InputError(f"scenario {name!r}: {key} is {value!r}, expected a number from 1 to {most}")
+    return int(value)
 
 
 def _compound(name: str, compound: str) -> str:

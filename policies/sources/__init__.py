@@ -12,8 +12,8 @@ from typing import NamedTuple
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 
-DRIVER, PLUGIN, OBJECT = "driver", "plugin", "object"
-"""Kinds of policies that are no files; `KIND:NAME` is the source of one."""
+DRIVER, PLUGIN, OBJECT, HUMAN = "driver", "plugin", "object", "human"
+"""Kinds of policies; `KIND:NAME` is the source of one. HUMAN is what a person did, `human:FILE`."""
 RANDOM = "random"
 """Source of the policy of other worlds that draws its actions."""
 COMPOSITE = ".toml"
@@ -82,6 +82,9 @@ def check_source(source: str) -> None:
         if name not in offered:
             known = ", ".join(sorted(offered)) or "none"
             raise InputError(f"{PLUGIN}:{name}: no package offers this policy; those offered are {known}")
+    elif kind == HUMAN:
+        if not Path(name).is_file():
+            raise InputError(f"{printable(source)}: no such file, expected the inputs of a person")
     elif kind != OBJECT and source != RANDOM and not Path(source).exists():
         raise InputError(f"{printable(source)}: no such file, expected a policy")
 
@@ -109,7 +112,7 @@ def find_sources(given: Iterable[str | Path]) -> list[str]:
     """
     found: list[str] = []
     for one in map(str, given):
-        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT) and Path(one).is_dir():
+        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN) and Path(one).is_dir():
             inside = checkpoints_below(Path(one))
             if not inside:
                 raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")

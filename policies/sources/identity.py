@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
-from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, RANDOM
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN, RANDOM
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over, object_id
 from nathlon.policies.sources.plugin import plugin_id
@@ -27,6 +27,8 @@ def policy_id(source: str) -> str:
         return plugin_id(name)
     if kind == OBJECT:
         return object_id(handed_over(source), name)
+    if kind == HUMAN:
+        return checkpoint_id(Path(name))
     if source.endswith(COMPOSITE):
         composite = CompositeSource.read(Path(source))
         return composite.identity([policy_id(part) for part in composite.sources])

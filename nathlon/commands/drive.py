@@ -1,0 +1,64 @@
+"""`nathlon drive`."""
+
+from __future__ import annotations
+
+import asyncio
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nathlon.commands.options import Out
+from nathlon.policies.sources import find_sources
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
+from nathlon.terminal import say, warn
+
+if TYPE_CHECKING:
+    from nathlon.driving.server import DriveServer
+
+
+def drive(
+    entrants: Annotated[
+        list[str] | None,
+        typer.Argument(help="Whom to race: checkpoints, folders of them, drivers, plugin:NAME."),
+    ] = None,
+    run: Annotated[
+        Path | None, typer.Option("--run", help="Race the finalists of the run in this folder.")
+    ] = None,
+    circuit: Annotated[str | None, typer.Option(help="Name or path of the circuit to offer first.")] = None,
+    car: Annotated[str | None, typer.Option(help="Name or path of the car to offer first.")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="To listen on; 0 for any.")] = 0,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
+    out: Out = Path("runs/drive"),
+) -> None:
+    """Race policies yourself in a browser on this machine, with keys, gamepad or wheel.
+
+    Without entrants and --run you race the bundled champions. Every race is kept, with what you did.
+    """
+    if entrants and run:
+        raise InputError(f"--run {run}: expected either entrants or a run")
+    sources = find_sources(entrants or [])
+    need("websockets", "drive", "a test drive")
+    from nathlon.driving.choice import Offer, Opponent
+    from nathlon.driving.finalists import champions, finalists
+    from nathlon.driving.room import Room
+    from nathlon.driving.server import serve_drives
+    from nathlon.publishing.output import OutputFolder
+
+    opponents = [Opponent.of(source) for source in sources]
+    offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
+    output = OutputFolder(out)
+
+    def on_open(server: DriveServer) -> None:
+        say(f"Drive at     {server.url}")
+        say(f"Kept in      {out}")
+        warn("Ctrl-C ends it.")
+        if show:
+            webbrowser.open(server.url)
+
+    try:
+        asyncio.run(serve_drives(lambda: Room(offer, output), port, on_open))
+    except KeyboardInterrupt:
+        warn("Stopped.")

@@ -1,0 +1,1 @@
+"""Test drives: a person races policies in a browser."""

@@ -1,0 +1,217 @@
+"""What a person chooses to drive, and the match that comes of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from nathlon.arena.entrance import home
+from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.bounds import LARGEST_SEED
+from nathlon.driving.aids import Aids
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Policy
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN
+from nathlon.sim.car import load_car
+from nathlon.sim.data_file import DATA, Name
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import proper_name
+from nathlon.sim.scenario import MOST_CARS
+from nathlon.sim.track import load_track
+from nathlon.sim.validation import first_fault
+
+MOST_LAPS = 20
+DRIVERS = tuple(f"{DRIVER}:pace={pace}" for pace in (1.0, 0.97, 0.94, 0.9, 0.85))
+"""Who can race anywhere, in any car."""
+UNDER_WAY = "person under way"
+"""Id of a person whose race has not ended, of which there are no inputs yet."""
+
+
+class Opponent(NamedTuple):
+    """A policy that the person may race.
+
+    Attributes:
+        source: what it is called by.
+        name: as the page shows it.
+        circuit, car: that it was made for; None for any.
+    """
+
+    source: str
+    name: str
+    circuit: str | None
+    car: str | None
+
+    @classmethod
+    def of(cls, source: str, name: str | None = None) -> Opponent:
+        """The opponent that a source gives.
+
+        Raises:
+            InputError: if its file cannot be read, or it is a person.
+        """
+        kind = source.partition(":")[0]
+        if kind == HUMAN:
+            raise InputError(f"{source}: is a person, expected a policy to race against")
+        if kind in (DRIVER, PLUGIN, OBJECT) or source.endswith(COMPOSITE):
+            return cls(source, name or source, None, None)
+        return cls(source, name or Path(source).stem, *home(Path(source)))
+
+    def drives(self, circuit: str, car: str) -> bool:
+        """Whether it was made for this."""
+        return self.circuit in (None, circuit) and self.car in (None, car)
+
+
+class Choice(BaseModel):
+    """What a person wants to drive.
+
+    Attributes:
+        name: of the person.
+        circuit, car: shipped names.
+        cars: on the grid, with the person's.
+        seat: the person's place on it, from pole.
+        laps: of the race.
+        opponents: indices of those offered, who fill the other places in turn.
+        aids: which driving aids are on.
+        seed: of the start.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    name: Annotated[Name, Field(max_length=40)]
+    circuit: str
+    car: str
+    cars: Annotated[int, Field(ge=1, le=MOST_CARS)]
+    seat: Annotated[int, Field(ge=1, le=MOST_CARS)]
+    laps: Annotated[int, Field(ge=1, le=MOST_LAPS)]
+    opponents: Annotated[tuple[int, ...], Field(max_length=MOST_CARS - 1)]
+    aids: Aids = Aids()
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
+
+    @classmethod
+    def read(cls, value: object) -> Choice:
+        """A choice that the page has sent.
+
+        Raises:
+            InputError: if it is none.
+        """
+        try:
+            # As JSON: strict models take no lists for tuples otherwise.
+            choice = cls.model_validate_json(json.dumps(value))
+        except ValidationError as error:
+            raise InputError(f"the choice: {first_fault(error, cls)}") from None
+        if choice.seat > choice.cars:
+            raise InputError(f"the choice: seat is {choice.seat}, expected a place from 1 to {choice.cars}")
+        if choice.cars > 1 and not choice.opponents:
+            raise InputError(f"the choice: {choice.cars} cars and no opponent, expected at least one")
+        return choice
+
+    @property
+    def scenario(self) -> str:
+        """The scenario of the race."""
+        return f"drive:laps={self.laps},cars={self.cars},person={self.seat}"
+
+
+class Offer(NamedTuple):
+    """What there is to choose from.
+
+    Attributes:
+        opponents: those named first.
+        circuits, cars: shipped names, and paths that were named on the command line; those first.
+    """
+
+    opponents: tuple[Opponent, ...]
+    circuits: tuple[str, ...]
+    cars: tuple[str, ...]
+
+    @classmethod
+    def of(cls, opponents: Sequence[Opponent], circuit: str | None = None, car: str | None = None) -> Offer:
+        """Opponents and the built-in driver at several paces, shipped circuits and cars.
+
+        Args:
+            opponents: who there is to race.
+            circuit, car: to be offered first, shipped names or paths; by default those of an opponent.
+
+        Raises:
+            InputError: if there is no such circuit or car.
+        """
+        homes = [(one.circuit, one.car) for one in opponents if one.circuit and one.car]
+        there = homes[0] if homes and (CIRCUIT, CAR) not in homes else (CIRCUIT, CAR)
+        circuit, car = circuit or there[0], car or there[1]
+        load_track(circuit)
+        load_car(car)
+        drivers = (Opponent.of(source) for source in DRIVERS)
+        return cls(
+            tuple({one.source: one for one in (*opponents, *drivers)}.values()),
+            tuple(dict.fromkeys((circuit, *shipped("circuit")))),
+            tuple(dict.fromkeys((car, *shipped("car")))),
+        )
+
+
+def shipped(kind: str) -> list[str]:
+    """Names of the circuits or cars that come with nathlon."""
+    return sorted(path.stem for path in (DATA / f"{kind}s").iterdir())
+
+
+class Plan(NamedTuple):
+    """A race to be driven.
+
+    Attributes:
+        choice: what the person wanted.
+        match: of one race; the person is its last entrant, `UNDER_WAY`.
+        entrants: those of the match.
+        policies: of its entrants but the person.
+    """
+
+    choice: Choice
+    match: Match
+    entrants: tuple[Entrant, ...]
+    policies: tuple[Policy, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the entrants."""
+        return tuple(entrant.name for entrant in self.entrants)
+
+    @property
+    def grid(self) -> tuple[str, ...]:
+        """Names of those who start, from pole."""
+        return tuple(self.names[seat.entrant] for seat in self.match.races[0].seats)
+
+
+def plan(choice: Choice, offer: Offer) -> Plan:
+    """The race of a choice.
+
+    Raises:
+        InputError: if something is not offered, or an opponent cannot drive there.
+    """
+    circuit, car, offered = choice.circuit, choice.car, offer.opponents
+    for field, name, known in (("circuit", circuit, offer.circuits), ("car", car, offer.cars)):
+        if name not in known:
+            raise InputError(f"the choice: {field} {name!r} is unknown, expected one of {', '.join(known)}")
+    wanted = list(dict.fromkeys(choice.opponents))[: choice.cars - 1]
+    if any(not 0 <= index < len(offered) for index in wanted):
+        raise InputError(f"the choice: opponents are {wanted}, expected numbers from 0 to {len(offered) - 1}")
+    others = [enter(offered[index].source, circuit, car) for index in wanted]
+    person = Entrant(UNDER_WAY, f"{HUMAN}:{proper_name(choice.name)}", "", "person", circuit, car, None, None)
+    entrants = tuple(only_once([*others, person]))
+    human = len(entrants) - 1
+    places = iter(range(choice.cars))
+    seats = tuple(
+        Seat(human if place == choice.seat - 1 else next(places) % human) for place in range(choice.cars)
+    )
+    match = Match(
+        "race",
+        "drive",
+        choice.scenario,
+        circuit,
+        car,
+        tuple(entrant.id for entrant in entrants),
+        tuple(entrant.source for entrant in entrants),
+        (Race(choice.seed, seats),),
+    )
+    policies = tuple(load_policy(entrant.source, circuit, car) for entrant in entrants[:human])
+    return Plan(choice, match, entrants, policies)

@@ -1,0 +1,257 @@
+"""The room in which one person drives: what the page asks for, and what it is told."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import math
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from nathlon.arena.race_log import Incident
+from nathlon.driving.aids import Aids
+from nathlon.driving.choice import MOST_LAPS, Choice, Offer, Plan, plan
+from nathlon.driving.desk import Desk
+from nathlon.driving.heat import COUNTDOWN_S, Driven, Heat
+from nathlon.driving.keeping import Kept, keep
+from nathlon.driving.scenery import scenery
+from nathlon.publishing.output import OutputFolder
+from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import MOST_CARS
+
+log = logging.getLogger(__name__)
+
+Words = dict[str, Any]
+"""A message to or from the page."""
+COLOURS = ("#f2b134", "#6fb7ff", "#f06a6a", "#79d28a", "#c99cf0", "#f0956a", "#6fe0e0", "#f08ac0", "#cfd466")
+"""Of the person's car, and of the others by who drives them."""
+
+
+class Letterbox:
+    """What waits to be sent to the page: every message, and of the frames the latest."""
+
+    def __init__(self) -> None:
+        self._words: deque[str] = deque()
+        self._frame: bytes | None = None
+        self._filled = asyncio.Event()
+
+    def say(self, words: Words) -> None:
+        """Have a message sent."""
+        self._words.append(json.dumps(_plain(words)))
+        self._filled.set()
+
+    def show(self, frame: bytes) -> None:
+        """Have a frame sent, unless a later one comes before it can be."""
+        self._frame = frame
+        self._filled.set()
+
+    async def take(self) -> str | bytes:
+        """What is to be sent next, once there is something."""
+        await self._filled.wait()
+        if self._words:
+            taken: str | bytes = self._words.popleft()
+        else:
+            assert self._frame is not None, "it was filled"
+            taken, self._frame = self._frame, None
+        if not self._words and self._frame is None:
+            self._filled.clear()
+        return taken
+
+
+class Room:
+    """One person's drives, one after another. All methods belong to the event loop.
+
+    Attributes:
+        desk: where inputs arrive.
+        heat: the present race; None before the first, and between them.
+        kept: what was kept, in turn.
+
+    Args:
+        offer: what there is to choose from.
+        output: where drives are kept.
+    """
+
+    def __init__(self, offer: Offer, output: OutputFolder) -> None:
+        self.desk = Desk()
+        self.heat: Heat | None = None
+        self.kept: list[Kept] = []
+        self._offer, self._output = offer, output
+        self._letters: Letterbox | None = None
+        self._told: list[Words] = []
+        self._chosen: Choice | None = None
+        self._loop = asyncio.get_running_loop()
+
+    def enter(self) -> Letterbox:
+        """A page has come, in place of any that was there; what it is to be told."""
+        self._letters = letters = Letterbox()
+        self.desk.clear()
+        letters.say(self._choices())
+        if self.heat is not None:
+            for words in self._told:
+                letters.say(words)
+        return letters
+
+    def go_away(self, letters: Letterbox) -> None:
+        """A page has gone: the race waits for it, unless another one has come."""
+        if self._letters is letters:
+            self._letters = None
+            self.desk.clear()
+            if self.heat is not None:
+                self.heat.pause()
+                self._tell({"type": "paused"})
+
+    async def hear(self, words: Words) -> None:
+        """Do what the page asks.
+
+        Raises:
+            InputError: if it asks for nothing that there is.
+        """
+        match words:
+            case {"type": "race", "choice": choice}:
+                await self._begin(Choice.read(choice))
+            case {"type": "restart"} if self._chosen is not None:
+                await self._begin(self._chosen)
+            case {"type": "pause"} if self.heat is not None:
+                self.heat.pause()
+                self._tell({"type": "paused"})
+            case {"type": "go on"} if self.heat is not None:
+                self.heat.go_on()
+                self._tell({"type": "going on"})
+            case {"type": "aids", "aids": aids} if self.heat is not None:
+                self.heat.set_aids(Aids.model_validate_json(json.dumps(aids)))
+            case {"type": "leave"}:
+                await self.leave()
+            case _:
+                raise InputError("the page asks for what there is not, expected a page of this version")
+
+    async def leave(self) -> None:
+        """End the race, if there is one; nothing of it is kept."""
+        heat, self.heat = self.heat, None
+        if heat is not None:
+            await asyncio.to_thread(heat.leave)
+
+    async def _begin(self, choice: Choice) -> None:
+        await self.leave()
+        self._tell({"type": "preparing"})
+        made = await asyncio.to_thread(plan, choice, self._offer)
+        scene = await asyncio.to_thread(scenery, choice.circuit, choice.car)
+        self._chosen, self._told = choice, []
+        self._tell({"type": "race", "scene": scene, **_race(made)})
+        heat = Heat(
+            made,
+            self.desk,
+            partial(self._on_loop, self._on_frame),
+            partial(self._on_loop, self._on_incident),
+            self._on_end,
+        )
+        self.heat = heat
+        heat.start()
+        if self._letters is None:
+            heat.pause()
+
+    def _on_loop(self, what: Callable[[Any], None], told: Any) -> None:
+        # It ends before a race that is under way.
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(what, told)
+
+    def _on_frame(self, frame: bytes) -> None:
+        if self._letters is not None:
+            self._letters.show(frame)
+
+    def _on_incident(self, incident: Incident) -> None:
+        self._tell(
+            {
+                "type": "stewards",
+                "time_s": incident.time_s,
+                "text": incident.text,
+                "cars": list(incident.cars),
+                "penalty_s": incident.penalty_s,
+            }
+        )
+
+    def _on_end(self, driven: Driven | None) -> None:
+        """On the race's thread: it has ended."""
+        kept: Kept | None = None
+        fault = "The race has failed; the terminal says why."
+        if driven is not None:
+            try:
+                kept = keep(driven, self._output)
+            except InputError as error:
+                fault = str(error)
+        self._on_loop(partial(self._close, driven), (kept, fault))
+
+    def _close(self, driven: Driven | None, end: tuple[Kept | None, str]) -> None:
+        kept, fault = end
+        heat, self.heat = self.heat, None
+        if kept is not None and driven is not None:
+            self.kept.append(kept)
+            self._tell({"type": "result", **_result(driven, kept)})
+        elif heat is not None:
+            self._tell({"type": "refused", "why": fault})
+
+    def _tell(self, words: Words) -> None:
+        """Tell the page, and any that comes in its place."""
+        self._told.append(words)
+        if self._letters is not None:
+            self._letters.say(words)
+
+    def _choices(self) -> Words:
+        return {
+            "type": "choices",
+            "circuits": self._offer.circuits,
+            "cars": self._offer.cars,
+            "opponents": [
+                {
+                    "name": one.name,
+                    "drives": [
+                        [circuit, car]
+                        for circuit in self._offer.circuits
+                        for car in self._offer.cars
+                        if one.drives(circuit, car)
+                    ],
+                }
+                for one in self._offer.opponents
+            ],
+            "most_laps": MOST_LAPS,
+            "most_cars": MOST_CARS,
+        }
+
+
+def _race(made: Plan) -> Words:
+    choice = made.choice
+    shades = [
+        COLOURS[0] if place == choice.seat - 1 else COLOURS[1 + seat.entrant % (len(COLOURS) - 1)]
+        for place, seat in enumerate(made.match.races[0].seats)
+    ]
+    return {
+        "choice": choice.model_dump(mode="json"),
+        "cars": [
+            {"name": f"{place} {name}", "colour": colour}
+            for place, (name, colour) in enumerate(zip(made.grid, shades, strict=True))
+        ],
+        "countdown_s": COUNTDOWN_S,
+    }
+
+
+def _result(driven: Driven, kept: Kept) -> Words:
+    grid = driven.plan.grid
+    columns = ("place", "car", "ending", "race_time_s", "best_lap_s", "penalties", "contacts")
+    rows = kept.results.sort("place").select(columns).to_dicts()
+    return {
+        "rows": [{**row, "name": grid[row["car"]]} for row in rows],
+        "car": driven.plan.choice.seat - 1,
+        "recording": str(kept.recording),
+        "inputs": str(kept.inputs),
+    }
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it: what is no number is null."""
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,189 @@
+// The page: connection, inputs and drawing, put together.
+
+const SEND_MS = 1000 / 60;
+const VIEWS = ["chase", "cockpit", "map"];
+
+function start() {
+  const el = (id) => document.getElementById(id);
+  const session = JSON.parse(el("session").textContent);
+  const playback = newPlayback();
+  const sound = newSound();
+  const view = newView(el("scene"));
+  const settings = { kind: view ? "chase" : "map", mirror: true, line: true, sound: true, ...kept.read("view", {}) };
+  if (!view) settings.kind = "map";
+  let driving = null; // the race: { race, own, hud, map, reference, started, paused }
+  const inputs = newInputs(() => send());
+  const seconds = () => performance.now() / 1000;
+
+  const link = connect(session, {
+    onFrame: (frame) => playback.take(frame, seconds()),
+    onState(state) {
+      const words = { lost: "The server is gone; waiting for it to come back.", taken: "Another window drives. Reload to drive here.", unknown: "This page is of another server. Reload it." };
+      notice(words[state] ?? "");
+    },
+    async onWords(words) {
+      if (words.type === "choices") showMenu(words);
+      if (words.type === "preparing") notice("Getting ready …");
+      if (words.type === "race") await begin(words);
+      if (words.type === "paused") pause();
+      if (words.type === "going on" && driving) resume();
+      if (words.type === "stewards") driving?.hud.tell(words, driving.own);
+      if (words.type === "refused") refused(words.why);
+      if (words.type === "result") finish(words);
+    },
+  });
+
+  function notice(text) {
+    el("notice").textContent = text;
+    if (el("waiting")) el("waiting").textContent = text;
+  }
+
+  function refused(why) {
+    leave();
+    notice("");
+    el("refused").textContent = why;
+  }
+
+  function showMenu(choices) {
+    newMenu({ choices, inputs, onGo: (choice) => {
+      sound.begin();
+      el("refused").textContent = "";
+      link.say({ type: "race", choice });
+    } });
+  }
+
+  async function begin(words) {
+    const made = await prepare(words.scene, words.cars.map(({ colour }) => colour));
+    playback.clear();
+    for (const id of ["pause", "result"]) el(id).close();
+    const reference = newReference(made.reference, made.lap);
+    driving = {
+      race: words, own: words.choice.seat - 1, made, reference, paused: false, started: false, aids: { ...words.choice.aids },
+      hud: newHud({ race: words, scene: made, reference }), map: newMap(made, words.cars),
+      begins: seconds() + words.countdown_s,
+    };
+    view?.show(made);
+    el("menu").hidden = true;
+    el("track").hidden = false;
+    notice("");
+  }
+
+  function pause() {
+    if (!driving) return;
+    driving.paused = true;
+    pauseDialog({
+      aids: driving.aids,
+      onGoOn: () => link.say({ type: "go on" }),
+      onRestart: () => link.say({ type: "restart" }),
+      onLeave: () => { link.say({ type: "leave" }); leave(); },
+      onAids: (aids) => link.say({ type: "aids", aids }),
+    });
+  }
+
+  function resume() {
+    driving.paused = false;
+    el("pause").close();
+  }
+
+  function leave() {
+    driving = null;
+    for (const id of ["pause", "result"]) el(id).close();
+    el("menu").hidden = false;
+    el("track").hidden = true;
+  }
+
+  function finish(words) {
+    notice("");
+    if (driving) resultDialog(words, { onRestart: () => link.say({ type: "restart" }), onLeave: leave });
+  }
+
+  function send() {
+    if (driving && !driving.paused) link.steer(inputs.read());
+  }
+  setInterval(send, SEND_MS);
+
+  const commands = {
+    KeyC: () => (settings.kind = VIEWS[(VIEWS.indexOf(settings.kind) + (view ? 1 : 0)) % VIEWS.length]),
+    KeyM: () => (settings.mirror = !settings.mirror),
+    KeyL: () => (settings.line = !settings.line),
+    KeyV: () => (settings.sound = !settings.sound),
+    KeyB: () => (driving.reference.own = !driving.reference.own),
+    KeyP: () => link.say({ type: "pause" }),
+    Escape: () => link.say({ type: "pause" }),
+    KeyR: () => link.say({ type: "restart" }),
+  };
+  addEventListener("keydown", (event) => {
+    if (!driving || !(event.code in commands) || event.repeat || event.ctrlKey || event.metaKey || document.querySelector("dialog[open]")) return;
+    event.preventDefault();
+    commands[event.code]();
+    kept.write("view", settings);
+  });
+
+  function paint() {
+    requestAnimationFrame(paint);
+    const frame = driving && playback.at(seconds());
+    if (!frame || frame.cars.length <= driving.own) return;
+    const map = settings.kind === "map";
+    if (frame.phase === "racing" && !driving.started) [driving.started, driving.begins] = [true, seconds() - frame.time];
+    driving.hud.light(driving.begins - seconds());
+    if (frame.phase === "over") notice("The others finish …");
+    el("scene").hidden = map;
+    el("map").hidden = !map;
+    if (map) driving.map(frame, driving.own);
+    else view.render(frame, driving.own, settings);
+    driving.hud.draw(frame, driving.own, performance.now());
+    sound.play(frame, driving.own, settings.sound && !driving.paused);
+  }
+  paint();
+}
+
+// The circuit and the reference lap, unpacked.
+async function prepare(scene, colours) {
+  const { circuit, reference } = scene;
+  const [outline, heights, ground, points, [speed], [time]] = await Promise.all([
+    unpacked(circuit.points, circuit.rows), unpacked(scene.heights, circuit.rows), unpacked(circuit.runoff, circuit.rows),
+    unpacked(reference.points, circuit.rows), unpacked(reference.speed, circuit.rows), unpacked(reference.time, circuit.rows),
+  ]);
+  const metres = (row) => Float64Array.from(row, (v) => v * circuit.step);
+  const line = {};
+  circuit.lines.forEach((name, i) => {
+    line[name] = { x: metres(outline[2 * i]), y: metres(outline[2 * i + 1]), z: metres(heights[i]) };
+  });
+  return {
+    ...scene, colours, line, ground, lap: scene.lap_m,
+    reference: {
+      x: metres(points[0]), y: metres(points[1]), z: metres(points[2]),
+      speed: Float64Array.from(speed, (v) => v * reference.speed_step), time: Float64Array.from(time, (v) => v / 1000),
+    },
+  };
+}
+
+const TRAIL_EVERY = 6; // ticks between two points of a trail
+const TRAIL_POINTS = 40;
+
+// The map, drawn by the scene of recorded races, which is given the present and a short past.
+function newMap(made, cars) {
+  const [time, samples] = [[], { x: cars.map(() => []), y: cars.map(() => []) }];
+  let frame = null;
+  const recording = {
+    race: { cars, length: made.length, width: made.width, incidents: [] }, circuit: made.circuit, cars: cars.length,
+    time, samples, line: made.line, ground: made.ground,
+    moment: () => [time.length - 1, 0],
+    value: (name, car) => frame.cars[car][name] ?? 0,
+    drives: (car) => frame.cars[car].driving,
+  };
+  const state = { now: 0, followed: 0, zoom: 1, moved: null };
+  const draw = raceScene(recording, document.getElementById("map"), state);
+  return (now, own) => {
+    frame = now;
+    if (!time.length || frame.tick - TRAIL_EVERY >= time.at(-1) * 60) {
+      time.push(frame.time);
+      frame.cars.forEach(({ x, y }, car) => { samples.x[car].push(x); samples.y[car].push(y); });
+      if (time.length > TRAIL_POINTS) for (const column of [time, ...samples.x, ...samples.y]) column.shift();
+    }
+    [state.now, state.followed] = [frame.time, own];
+    draw();
+  };
+}
+
+start();

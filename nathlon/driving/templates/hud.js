@@ -1,0 +1,117 @@
+// What stands over the picture: place, times, gaps, the car's instruments, and what the stewards say.
+
+const NEWS_MS = 7000;
+const REFRESH_MS = 80;
+
+function lapTime(seconds) {
+  if (!Number.isFinite(seconds)) return "–";
+  const ms = Math.round(seconds * 1000);
+  return `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(ms % 1000).padStart(3, "0")}`;
+}
+
+const signed = (seconds) => `${seconds < 0 ? "−" : "+"}${Math.abs(seconds).toFixed(2)}`;
+
+// The lap that one's own is held against: time since the line at each row of the circuit.
+function newReference(driver, lapM) {
+  const rows = driver.time.length;
+  let own = null;
+  let running = new Float64Array(rows).fill(NaN);
+  let laps = null;
+  const rowOf = (progress) => Math.floor(((((progress % lapM) + lapM) % lapM) / lapM) * rows) % rows;
+  return {
+    own: false,
+    get has() {
+      return own !== null;
+    },
+    // Seconds behind it at this moment; null where there is nothing to compare.
+    delta(frame, progress) {
+      const row = rowOf(progress);
+      if (laps !== null && frame.laps > laps) {
+        // It was whole if it began at the line.
+        if (frame.lastLap === frame.bestLap && running.filter(Number.isFinite).length > rows * 0.5) own = running;
+        running = new Float64Array(rows).fill(NaN);
+      }
+      laps = frame.laps;
+      if (!Number.isFinite(frame.lap)) return null;
+      running[row] = frame.lap;
+      const there = this.own && own ? own[row] : driver.time[row];
+      return Number.isFinite(there) ? frame.lap - there : null;
+    },
+  };
+}
+
+function newHud({ race, scene, reference }) {
+  const [place, times, order, instruments, news, lights] = ["place", "times", "order", "car", "news", "lights"].map((id) => document.getElementById(id));
+  news.replaceChildren();
+  let last = 0;
+  const row = (name, value, kind) => h("div", { class: "row" }, h("span", {}, name), h("span", { class: kind }, value));
+  const speed = h("b", {}, "0");
+  const gear = h("span", { class: "gear" }, "1");
+  const bar = (y, colour) => h("svg:rect", { x: 0, y, width: 0, height: 8, rx: 2, fill: colour });
+  const back = (y) => h("svg:rect", { x: 0, y, width: 200, height: 8, rx: 2, fill: "#2b3139" });
+  const [rpm, throttle, brake] = [bar(2, "#7db8ee"), bar(18, "#7fe0a0"), bar(30, "#f06a6a")];
+  const wheel = h("svg:rect", { x: 98, y: 44, width: 4, height: 14, rx: 2, fill: "#e6e8eb" });
+  instruments.replaceChildren(
+    h("div", { class: "speed" }, speed, h("span", {}, "km/h"), gear),
+    h("svg:svg", { viewBox: "0 0 200 62", role: "img", "aria-label": "Engine speed, throttle, brake, steering", preserveAspectRatio: "none" },
+      back(2), rpm, back(18), throttle, back(30), brake, h("svg:rect", { x: 0, y: 50, width: 200, height: 2, fill: "#2b3139" }), wheel),
+  );
+
+  // Seconds between two cars on the road, by the speed of the one behind.
+  const apart = (ahead, behind) => (ahead.progress - behind.progress) / Math.max(behind.speed, 15);
+
+  function draw(frame, own, delta) {
+    const car = frame.cars[own];
+    speed.textContent = Math.round(car.speed * 3.6);
+    gear.textContent = frame.gear;
+    rpm.setAttribute("width", 200 * Math.min(frame.rpm / scene.rpm, 1));
+    throttle.setAttribute("width", 200 * car.throttle);
+    brake.setAttribute("width", 200 * car.brake);
+    wheel.setAttribute("x", 98 - 98 * Math.min(Math.max(frame.steering, -1), 1));
+    place.replaceChildren(
+      h("b", {}, `${car.place}`), h("span", {}, ` of ${frame.cars.length}`),
+      h("div", {}, `Lap ${Math.min(frame.laps + 1, race.choice.laps)} of ${race.choice.laps}`),
+    );
+    times.replaceChildren(
+      row("Lap", lapTime(frame.lap)),
+      row(reference.own && reference.has ? "To my best" : "To the driver", delta === null ? "–" : signed(delta), delta === null ? "" : delta < 0 ? "better" : "worse"),
+      row("Last", lapTime(frame.lastLap)),
+      row("Best", lapTime(frame.bestLap)),
+      ...(frame.penalty > 0 ? [row("Penalty to serve", `${frame.penalty.toFixed(1)} s`, "worse")] : []),
+      ...(frame.warnings ? [row("Warnings", String(frame.warnings))] : []),
+    );
+    const standing = [...frame.cars.keys()].sort((a, b) => frame.cars[a].place - frame.cars[b].place);
+    const mine = standing.indexOf(own);
+    const near = standing.length <= 10 ? standing : standing.filter((_, i) => i < 3 || Math.abs(i - mine) < 4);
+    order.replaceChildren(
+      ...near.map((i) => {
+        const other = frame.cars[i];
+        const gap = i === own ? "" : signed(other.place < car.place ? -apart(other, car) : apart(car, other));
+        const name = h("span", {}, h("i", { "data-colour": i }), `${other.place}. ${race.cars[i].name}`);
+        // The policy of the page allows no style in markup.
+        name.firstChild.style.background = race.cars[i].colour;
+        return h("div", { class: `row ${i === own ? "own" : ""} ${other.driving ? "" : "out"}` }, name, h("span", {}, other.driving ? gap : "out"));
+      }),
+    );
+  }
+
+  return {
+    draw(frame, own, now) {
+      const delta = reference.delta(frame, frame.cars[own].progress);
+      if (now - last < REFRESH_MS) return;
+      last = now;
+      draw(frame, own, delta);
+    },
+    light(left) {
+      lights.classList.toggle("go", left <= 0);
+      lights.textContent = left > 3 || left < -1 ? "" : left <= 0 ? "GO" : "●".repeat(4 - Math.ceil(left));
+    },
+    tell({ text, cars, penalty_s: penalty }, own) {
+      const kind = `${cars.includes(own) ? "own" : ""} ${penalty > 0 ? "penalty" : ""}`;
+      const item = h("li", { class: kind }, text);
+      news.append(item);
+      while (news.children.length > 4) news.firstChild.remove();
+      setTimeout(() => item.remove(), NEWS_MS);
+    },
+  };
+}

@@ -1,0 +1,115 @@
+// The connection to the server, and the race as its frames tell it.
+
+const PHASES = ["countdown", "racing", "paused", "over"];
+const BEHIND_S = 2.5 / 60; // drawn so far behind the latest frame: there are then two to draw between
+const DRIFT = 0.002; // share of the time by which a clock that runs ahead is held back
+const HEAD_BYTES = 52;
+const CAR_BYTES = 40;
+
+// A frame as nathlon/driving/frames.py lays it out.
+function readFrame(buffer) {
+  const view = new DataView(buffer);
+  const float = (at) => view.getFloat32(at, true);
+  const frame = {
+    tick: view.getUint32(0, true), number: view.getUint32(4, true), time: float(8),
+    phase: PHASES[view.getUint8(12)], offCourse: view.getUint8(14) > 0, warnings: view.getUint8(15),
+    steering: float(16), rpm: float(20), gear: view.getUint32(24, true), laps: view.getUint32(28, true),
+    lap: float(32), lastLap: float(36), bestLap: float(40), penalty: float(44), sliding: float(48),
+    cars: [],
+  };
+  for (let car = 0; car < view.getUint8(13); car++) {
+    const at = HEAD_BYTES + car * CAR_BYTES;
+    frame.cars.push({
+      x: float(at), y: float(at + 4), z: float(at + 8), yaw: float(at + 12), pitch: float(at + 16), roll: float(at + 20),
+      speed: float(at + 24), progress: float(at + 28), gap: float(at + 32),
+      throttle: view.getUint8(at + 36) / 255, brake: view.getUint8(at + 37) / 255,
+      place: view.getUint8(at + 38), driving: view.getUint8(at + 39) > 0,
+    });
+  }
+  return frame;
+}
+
+const SMOOTH = ["x", "y", "z", "pitch", "roll", "speed", "progress"];
+
+// A frame between two, the share of the way to the second.
+function between(first, second, share) {
+  const blend = (a, b) => a + (b - a) * share;
+  return {
+    ...second,
+    time: blend(first.time, second.time),
+    steering: blend(first.steering, second.steering),
+    rpm: blend(first.rpm, second.rpm),
+    cars: second.cars.map((car, i) => {
+      const before = first.cars[i];
+      const turn = Math.atan2(Math.sin(car.yaw - before.yaw), Math.cos(car.yaw - before.yaw));
+      const made = { ...car, yaw: before.yaw + turn * share };
+      for (const name of SMOOTH) made[name] = blend(before[name], car[name]);
+      return made;
+    }),
+  };
+}
+
+// Frames as they come, and the race as it stood a moment ago; `now` is in seconds of any clock that goes on.
+function newPlayback() {
+  let frames = [];
+  let offset = null;
+  return {
+    take(frame, now) {
+      if (frames.length && frame.time < frames.at(-1).time) [frames, offset] = [[], null];
+      frames.push(frame);
+      if (frames.length > 30) frames.shift();
+      const ahead = frame.time - now;
+      // The frame that took the least time to come sets the clock.
+      offset = offset === null || frame.phase !== "racing" ? ahead : Math.max(ahead, offset - DRIFT / 60);
+    },
+    at(now) {
+      if (!frames.length) return null;
+      const wanted = now + offset - BEHIND_S;
+      const next = frames.findIndex((frame) => frame.time >= wanted);
+      if (next < 0) return frames.at(-1);
+      if (next === 0) return frames[0];
+      const [first, second] = [frames[next - 1], frames[next]];
+      return between(first, second, (wanted - first.time) / (second.time - first.time || 1));
+    },
+    get latest() {
+      return frames.at(-1) ?? null;
+    },
+    clear() {
+      [frames, offset] = [[], null];
+    },
+  };
+}
+
+// A connection that comes back by itself, unless another window has taken its place.
+function connect(session, { onWords, onFrame, onState }) {
+  let socket = null;
+  let number = 0;
+  const open = () => {
+    socket = new WebSocket(session.address);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      number = 0;
+      socket.send(session.token);
+      onState("open");
+    };
+    socket.onmessage = ({ data }) => (typeof data === "string" ? onWords(JSON.parse(data)) : onFrame(readFrame(data)));
+    socket.onclose = ({ code }) => {
+      onState(code === 4000 ? "taken" : code === 4001 ? "unknown" : "lost");
+      if (code !== 4000 && code !== 4001) setTimeout(open, 1000);
+    };
+  };
+  open();
+  const ready = () => socket.readyState === WebSocket.OPEN;
+  return {
+    say: (words) => ready() && socket.send(JSON.stringify(words)),
+    // As nathlon/driving/desk.py reads it.
+    steer({ keys, steering, throttle, brake }) {
+      if (!ready()) return;
+      const view = new DataView(new ArrayBuffer(20));
+      view.setUint32(0, ++number, true);
+      view.setUint8(4, keys ? 1 : 0);
+      [steering, throttle, brake].forEach((value, i) => view.setFloat32(8 + 4 * i, value, true));
+      socket.send(view.buffer);
+    },
+  };
+}

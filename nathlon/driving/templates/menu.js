@@ -1,0 +1,119 @@
+// Choosing a drive, calibrating a wheel, and the dialogs.
+
+const AIDS = [["steering", "Steering aid: never turns the front wheels beyond their grip"], ["pedals", "Pedal aid: eases throttle and brake while the tyres turn"]];
+const HELP = "Arrows or WASD drive. C view, M mirror, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
+
+function titled(name) {
+  const words = name.replace(/\.toml$/, "").split("/").at(-1);
+  return words.split("-").map((word) => word[0].toUpperCase() + word.slice(1)).join(" ");
+}
+
+function newMenu({ choices, inputs, onGo }) {
+  const form = document.getElementById("choice");
+  const last = kept.read("choice", {});
+  const number = (name, value, most) => h("input", { name, type: "number", min: 1, max: most, value, required: true });
+  const select = (name, options, chosen) =>
+    h("select", { name }, options.map(([value, text]) => h("option", { value, selected: value === chosen }, text)));
+  const field = (label, control) => h("label", { class: "field" }, h("span", {}, label), control);
+  const check = (name, label, checked, value) => h("label", { class: "check" }, h("input", { type: "checkbox", name, checked, value }), h("span", {}, label));
+  const named = (names) => names.map((name) => [name, titled(name)]);
+  const opponents = h("div", {});
+  const devices = h("select", { name: "device", onchange: (event) => inputs.choose(event.target.value) });
+  const calibrate = h("button", { type: "button", onclick: () => calibration(inputs, listDevices) }, "Calibrate");
+  const known = (name, names) => (names.includes(last[name]) ? last[name] : names[0]);
+
+  function listDevices() {
+    const found = [["keys", "Keys"], ...pads().map((pad) => [pad.id, pad.id])];
+    devices.replaceChildren(...found.map(([value, text]) => h("option", { value, selected: value === inputs.device }, text)));
+    calibrate.hidden = inputs.device === "keys";
+  }
+  devices.addEventListener("change", listDevices);
+  for (const event of ["gamepadconnected", "gamepaddisconnected"]) addEventListener(event, listDevices);
+
+  const [circuit, car] = [select("circuit", named(choices.circuits), known("circuit", choices.circuits)), select("car", named(choices.cars), known("car", choices.cars))];
+  // Only who can drive there; all of the first kind are chosen, checkpoints before drivers.
+  function listOpponents() {
+    const there = choices.opponents
+      .map(({ name, drives }, index) => ({ name, index, there: drives.some(([a, b]) => a === circuit.value && b === car.value) }))
+      .filter((one) => one.there);
+    const chosen = there.slice(0, Math.max(there.length - 2, 1));
+    opponents.replaceChildren(...there.map((one) => check("opponent", one.name, chosen.includes(one), one.index)));
+  }
+  for (const control of [circuit, car]) control.addEventListener("change", listOpponents);
+
+  form.replaceChildren(
+    h("fieldset", {}, h("legend", {}, "Race"), field("Circuit", circuit), field("Car", car),
+      field("Laps", number("laps", last.laps ?? 3, choices.most_laps)), field("Cars", number("cars", last.cars ?? 8, choices.most_cars)),
+      field("My place", number("seat", last.seat ?? 8, choices.most_cars)), field("My name", h("input", { name: "name", maxlength: 40, required: true, value: last.name ?? "driver" }))),
+    h("fieldset", {}, h("legend", {}, "Opponents, in turn on the grid"), opponents),
+    h("fieldset", {}, h("legend", {}, "Controls"), field("With", devices), calibrate,
+      AIDS.map(([name, label]) => check(`aid-${name}`, label, last.aids?.[name] ?? true, "on")), h("p", { class: "keys" }, HELP)),
+    h("div", { class: "go" }, h("button", { class: "first", type: "submit" }, "Drive"), h("span", { class: "keys", id: "waiting" })),
+  );
+  listDevices();
+  listOpponents();
+  form.onsubmit = (event) => {
+    event.preventDefault();
+    const data = new FormData(form);
+    const whole = (name) => Number(data.get(name));
+    const choice = {
+      name: data.get("name").trim(), circuit: data.get("circuit"), car: data.get("car"), laps: whole("laps"), cars: whole("cars"),
+      seat: Math.min(whole("seat"), whole("cars")), opponents: data.getAll("opponent").map(Number),
+      aids: Object.fromEntries(AIDS.map(([name]) => [name, data.has(`aid-${name}`)])),
+    };
+    kept.write("choice", choice);
+    onGo(choice);
+  };
+}
+
+// Asks for each control in turn.
+function calibration(inputs, onDone) {
+  const dialog = document.getElementById("calibrate");
+  const id = inputs.device;
+  const pad = () => pads().find((one) => one.id === id);
+  if (!pad()) return;
+  const steps = newCalibration(pad());
+  const words = h("p", {}, steps.words);
+  const next = h("button", { class: "first", onclick: () => {
+    if (!pad() || !steps.moves(pad())) return;
+    const made = steps.press(pad());
+    words.textContent = steps.words;
+    if (!made) return;
+    kept.write(`calibration of ${id}`, made);
+    dialog.close();
+    onDone();
+  } }, "Noted");
+  dialog.replaceChildren(h("h2", {}, "Calibrate"), h("p", {}, id), words, h("div", { class: "buttons" }, next, h("button", { onclick: () => dialog.close() }, "Cancel")));
+  dialog.showModal();
+}
+
+function pauseDialog({ aids, onGoOn, onRestart, onLeave, onAids }) {
+  const dialog = document.getElementById("pause");
+  const boxes = AIDS.map(([name, label]) =>
+    h("label", { class: "check" }, h("input", { type: "checkbox", checked: aids[name], onchange: (event) => {
+      aids[name] = event.target.checked;
+      onAids(aids);
+    } }), h("span", {}, label)));
+  const button = (text, what, kind) => h("button", { class: kind, onclick: () => { dialog.close(); what(); } }, text);
+  dialog.replaceChildren(h("h2", {}, "Pause"), ...boxes, h("p", { class: "keys" }, HELP),
+    h("div", { class: "buttons" }, button("Go on", onGoOn, "first"), button("Restart", onRestart), button("Leave", onLeave)));
+  dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); onGoOn(); };
+  if (!dialog.open) dialog.showModal();
+}
+
+function resultDialog({ rows, car, recording, inputs }, { onRestart, onLeave }) {
+  const dialog = document.getElementById("result");
+  const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
+  const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
+    [row.place, row.name, row.race_time_s === null ? row.ending.replace("_", " ") : lapTime(row.race_time_s), row.best_lap_s === null ? "–" : lapTime(row.best_lap_s), row.penalties, row.contacts].map((value) => h("td", {}, String(value)))));
+  const button = (text, what, kind) => h("button", { class: kind, onclick: () => { dialog.close(); what(); } }, text);
+  const own = rows.find((row) => row.car === car);
+  dialog.replaceChildren(
+    h("h2", {}, own.ending === "finished" ? `You came ${own.place}. of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
+    h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
+    h("p", { class: "keys" }, "Look at it again: ", h("code", {}, `nathlon replay ${recording}`)),
+    h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
+    h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave)));
+  dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); onLeave(); };
+  dialog.showModal();
+}
