@@ -8,21 +8,27 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from nathlon.driving.aids import AidedCar, Aids, Controls
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.runner import Observer, run_match
+from nathlon.driving.aids import RETURN_S, STEER_S, AidedCar, Aids, Controls, pressed
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.knowledge import along, clip
+from nathlon.policies.policy import Policy
+from nathlon.policies.sources.human import Person
 from nathlon.sim.car import load_car
 from nathlon.sim.track import load_track
-from nathlon.sim.world import DYNAMICS_DT, DYNAMICS_HZ
+from nathlon.sim.world import DYNAMICS_DT, DYNAMICS_HZ, World
 
 KEY_PRESS = 5
 """Dynamics steps between two decisions on keys: nobody taps faster than some ten times a second."""
 LAG_S = 0.14
 """From the command to the lateral acceleration."""
+UNDERSTEER_RAD = 0.01
+"""Steering beyond that of the bend's geometry, at the most side force."""
 FORCE = 0.9
 """Share of the grip that the front tyres give at the most."""
 
@@ -35,16 +41,46 @@ class Style(NamedTuple):
         late_s: from what happens to when they see it.
         pace: share of the built-in driver's speed.
         stiffness: rad/s, how fast they correct what is off the line.
+        aids: whether they have the steering aid; without it, they turn the wheels themselves.
     """
 
     keys: bool
     late_s: float
     pace: float
     stiffness: float
+    aids: bool = True
 
 
 KEYS = Style(True, 0.25, 0.875, 2.0)
 WHEEL = Style(False, 0.2, 0.96, 1.6)
+UNAIDED = Style(False, 0.2, 0.8, 1.8, aids=False)
+
+
+def drive_alone(circuit: str, car: str, style: Style, laps: int = 1) -> dict[str, Any]:
+    """A scripted person alone from a standing start: the row of RESULTS."""
+    driver = ScriptedDriver(circuit, car, style)
+    aided = AidedCar(load_car(car), Aids(steering=style.aids, pedals=style.aids))
+    worlds: list[World] = []
+
+    def hands(step: int) -> tuple[float, float]:
+        own = worlds[0].state[0, 0]
+        return aided.act(driver.act(own), own)
+
+    def look(world: World) -> None:
+        worlds[:] = [world]
+
+    return _alone(Person(hands, "scripted"), circuit, car, laps, look)
+
+
+def built_in_driver_alone(circuit: str, car: str, laps: int = 1) -> dict[str, Any]:
+    """The built-in driver in the same race: the row of RESULTS."""
+    return _alone(Driver(circuit, car), circuit, car, laps, lambda world: None)
+
+
+def _alone(policy: Policy, circuit: str, car: str, laps: int, observer: Observer) -> dict[str, Any]:
+    scenario = f"drive:laps={laps},cars=1,person=1"
+    match = Match("race", "drive", scenario, circuit, car, ("alone",), ("",), (Race(1, (Seat(0),)),))
+    return run_match(match, [policy], observer).row(0, named=True)
 
 
 class _Sight(NamedTuple):
@@ -67,12 +103,15 @@ class ScriptedDriver:
         self._style = style
         self._line = Driver(circuit, car).line
         self._spacing = load_track(circuit).spacing
-        self._car = AidedCar(load_car(car), Aids())
+        model = load_car(car)
+        self._car = AidedCar(model, Aids())
+        self._wheelbase_m = model.body.front_axle_m + model.body.rear_axle_m
+        self._full_lock = model.steering.full_lock_rad
         late = round(style.late_s * DYNAMICS_HZ)
         self._seen: deque[_Sight] = deque(maxlen=late + 1)
         self._done: deque[float] = deque([0.0] * late, maxlen=late)
         self._held = Controls(style.keys, 0.0, 0.0, 0.0)
-        self._position = 0.0
+        self._position = self._meant = 0.0
         self._step = 0
 
     def act(self, car: np.void) -> Controls:
@@ -121,6 +160,10 @@ class ScriptedDriver:
         if self._style.keys:
             return self._keys(command, too_fast)
         throttle, brake = clip(-0.35 * too_fast, 0.0, 1.0), clip(0.3 * too_fast, 0.0, 1.0)
+        if not self._style.aids:
+            self._meant = command
+            bend = command * FORCE * self._car.grip_m_s2(speed) / speed**2
+            command = clip((self._wheelbase_m * bend + UNDERSTEER_RAD * command) / self._full_lock, -1.0, 1.0)
         return Controls(False, command, throttle, brake)
 
     def _keys(self, command: float, too_fast: float) -> Controls:
@@ -133,13 +176,11 @@ class ScriptedDriver:
         return Controls(True, steering, float(too_fast < 0.0), float(too_fast > 1.5))
 
     def _remember(self) -> None:
-        from nathlon.driving.aids import RETURN_S, STEER_S, _towards
-
         if self._style.keys:
-            self._position = _towards(self._position, self._held.steering, STEER_S, RETURN_S)
+            self._position = pressed(self._position, self._held.steering, STEER_S, RETURN_S)
             self._done.append(self._position)
         else:
-            self._done.append(self._held.steering)
+            self._done.append(self._held.steering if self._style.aids else self._meant)
 
     def _force(self, command: float, speed: float) -> float:
         """Lateral acceleration, m/s^2, that a command gives in the end."""

@@ -99,9 +99,9 @@ class AidedCar:
         """
         steering, throttle, brake = controls[1:]
         if controls.keys:
-            steering = self._steering = _towards(self._steering, steering, STEER_S, RETURN_S)
-            throttle = self._throttle = _towards(self._throttle, throttle, THROTTLE_S, RELEASE_S)
-            brake = self._brake = _towards(self._brake, brake, BRAKE_S, RELEASE_S)
+            steering = self._steering = pressed(self._steering, steering, STEER_S, RETURN_S)
+            throttle = self._throttle = pressed(self._throttle, throttle, THROTTLE_S, RELEASE_S)
+            brake = self._brake = pressed(self._brake, brake, BRAKE_S, RELEASE_S)
         else:
             self._steering, self._throttle, self._brake = steering, throttle, brake
         if self.aids.pedals:
@@ -155,8 +155,8 @@ def _left(sliding: float, span: tuple[float, float]) -> float:
     return min(max((most - sliding) / (most - least), 0.0), 1.0)
 
 
-def _towards(now: float, wanted: float, there_s: float, back_s: float) -> float:
-    """A command on its way: to an end in `there_s`, back to the middle in `back_s`."""
+def pressed(now: float, wanted: float, there_s: float, back_s: float) -> float:
+    """A command a step later, on its way to what a key wants: out in `there_s`, back in `back_s`."""
     away = wanted * now >= 0.0 and abs(wanted) > abs(now)
     step = DYNAMICS_DT / (there_s if away else back_s)
     return now + min(max(wanted - now, -step), step)

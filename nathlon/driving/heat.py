@@ -80,9 +80,9 @@ class Heat:
         on_frame: Callable[[bytes], None],
         on_incident: Callable[[Incident], None],
         on_end: Callable[[Driven | None], None],
-        clock: Clock | None = None,
+        clock: Clock,
     ) -> None:
-        self.plan, self.clock = plan, clock or Clock()
+        self.plan, self.clock = plan, clock
         self.ages_s: list[float] = []
         self._desk, self._on_frame, self._on_incident, self._on_end = desk, on_frame, on_incident, on_end
         self._car = plan.choice.seat - 1
@@ -95,7 +95,7 @@ class Heat:
         track = load_track(plan.choice.circuit)
         rules = load_rules(load_scenario(plan.choice.scenario).rules)
         self._stewards, self._alarm = IncidentWatch(0, plan.grid, rules, track), Alarm([0])
-        self._thread = threading.Thread(target=self._run, name="race", daemon=True)
+        self._thread = threading.Thread(target=self.run, name="race", daemon=True)
 
     def start(self) -> None:
         """Put the cars on the grid, and start after a countdown."""
@@ -116,11 +116,17 @@ class Heat:
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join()
 
-    def set_aids(self, aids: Aids) -> None:
-        """Turn aids on and off."""
+    @property
+    def aids(self) -> Aids:
+        """Those that are on."""
+        return self._aided.aids
+
+    @aids.setter
+    def aids(self, aids: Aids) -> None:
         self._aided.aids = aids
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Drive the race on this thread, to its end."""
         driven: Driven | None = None
         try:
             driven = self._drive()

@@ -14,6 +14,7 @@ from typing import Any
 from nathlon.arena.race_log import Incident
 from nathlon.driving.aids import Aids
 from nathlon.driving.choice import MOST_LAPS, Choice, Offer, Plan, plan
+from nathlon.driving.clock import Clock
 from nathlon.driving.desk import Desk
 from nathlon.driving.heat import COUNTDOWN_S, Driven, Heat
 from nathlon.driving.keeping import Kept, keep
@@ -72,13 +73,14 @@ class Room:
     Args:
         offer: what there is to choose from.
         output: where drives are kept.
+        new_clock: makes the clock of each race.
     """
 
-    def __init__(self, offer: Offer, output: OutputFolder) -> None:
+    def __init__(self, offer: Offer, output: OutputFolder, new_clock: Callable[[], Clock] = Clock) -> None:
         self.desk = Desk()
         self.heat: Heat | None = None
         self.kept: list[Kept] = []
-        self._offer, self._output = offer, output
+        self._offer, self._output, self._new_clock = offer, output, new_clock
         self._letters: Letterbox | None = None
         self._told: list[Words] = []
         self._chosen: Choice | None = None
@@ -121,7 +123,7 @@ class Room:
                 self.heat.go_on()
                 self._tell({"type": "going on"})
             case {"type": "aids", "aids": aids} if self.heat is not None:
-                self.heat.set_aids(Aids.model_validate_json(json.dumps(aids)))
+                self.heat.aids = Aids.model_validate_json(json.dumps(aids))
             case {"type": "leave"}:
                 await self.leave()
             case _:
@@ -146,6 +148,7 @@ class Room:
             partial(self._on_loop, self._on_frame),
             partial(self._on_loop, self._on_incident),
             self._on_end,
+            self._new_clock(),
         )
         self.heat = heat
         heat.start()

@@ -27,6 +27,8 @@ MOST_FRAMES = 240
 """Frames that the page may send in a second: it sends 60."""
 GREETING_S = 5.0
 """In which a connection must give the token."""
+CLOSING_S = 1.0
+"""In which the other side must answer that a connection ends."""
 MOST_CONNECTIONS = 8
 SWITCH_S = 0.0005
 """After which a thread that holds Python's lock lets another one have it: a tick must not wait for long."""
@@ -65,6 +67,11 @@ class DriveServer:
         self._token = secrets.token_urlsafe(32)
         self._driver: ServerConnection | None = None
         self._connections = 0
+
+    @property
+    def driven_by_somebody(self) -> bool:
+        """Whether a page is there that has the token."""
+        return self._driver is not None
 
     def open_at(self, port: int) -> None:
         """Make the page for the port on which the server listens."""
@@ -188,6 +195,7 @@ async def listen(drive: DriveServer, port: int) -> Server:
             compression=None,
             max_size=LARGEST_FRAME,
             max_queue=32,
+            close_timeout=CLOSING_S,
             server_header=None,
         )
     except OSError as error:

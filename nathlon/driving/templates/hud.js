@@ -64,7 +64,7 @@ function newHud({ race, scene, reference }) {
     const car = frame.cars[own];
     speed.textContent = Math.round(car.speed * 3.6);
     gear.textContent = frame.gear;
-    rpm.setAttribute("width", 200 * Math.min(frame.rpm / scene.rpm, 1));
+    rpm.setAttribute("width", 200 * Math.min(Math.max(frame.rpm / scene.rpm, 0), 1));
     throttle.setAttribute("width", 200 * car.throttle);
     brake.setAttribute("width", 200 * car.brake);
     wheel.setAttribute("x", 98 - 98 * Math.min(Math.max(frame.steering, -1), 1));

@@ -1,0 +1,203 @@
+"""A race with a person in it: run again it is the same to the bit, and it is kept as any other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nathlon.api.racing import race
+from nathlon.api.twinning import twin
+from nathlon.arena.match_policies import match_policies
+from nathlon.arena.recorder import record_races
+from nathlon.arena.recording import read_recording, write_recording
+from nathlon.arena.store import Store
+from nathlon.driving.aids import Controls
+from nathlon.driving.choice import Choice, Offer, Opponent, plan
+from nathlon.driving.clock import FURTHEST_BEHIND_S
+from nathlon.driving.desk import INPUT, Desk
+from nathlon.driving.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
+from nathlon.driving.heat import Driven
+from nathlon.driving.keeping import Kept, keep
+from nathlon.publishing.output import OutputFolder
+from nathlon.publishing.recordings import stored_match
+from nathlon.sim.errors import InputError
+from nathlon.sim.world import DYNAMICS_DT
+from tests.drives import STOP, Hurry, choice, drive, inputs, offer, planned
+
+
+@pytest.fixture(scope="module")
+def driven() -> tuple[Driven, list[bytes]]:
+    return drive(planned())
+
+
+@pytest.fixture(scope="module")
+def kept(driven: tuple[Driven, list[bytes]], tmp_path_factory: pytest.TempPathFactory) -> Kept:
+    return keep(driven[0], OutputFolder(tmp_path_factory.mktemp("drive")))
+
+
+def test_the_person_acts_in_every_step_and_the_others_at_their_rate(
+    driven: tuple[Driven, list[bytes]],
+) -> None:
+    done = driven[0]
+    row = done.results.filter(done.results["car"] == 1).row(0, named=True)
+    assert row["ending"] == "stuck"
+    assert len(done.controls) == pytest.approx(60.0 * row["driven_s"], abs=1.5)
+    changes = (np.diff(done.controls, axis=0) != 0.0).any(axis=1).nonzero()[0] + 1
+    assert {int(step) % 6 for step in changes} == set(range(6))
+
+
+def test_a_race_run_again_from_its_inputs_is_the_same_to_the_bit(kept: Kept, tmp_path: Path) -> None:
+    root = kept.recording.parent.parent
+    with Store.open(root / "store.sqlite") as store:
+        [run] = store.runs()
+        entrants = store.table(run.name, "entrants")
+        match = stored_match(store, read_recording(kept.recording).match, entrants)
+        stored = store.results_of([match.key])
+    names = dict(entrants.select("entrant", "name").iter_rows())
+    again = record_races(match, match_policies(match), [0], [names[one] for one in match.entrants])
+    assert again.results.equals(stored)
+    write_recording(tmp_path / "again.mcap", again.logs[0])
+    assert (tmp_path / "again.mcap").read_bytes() == kept.recording.read_bytes()
+
+
+def test_a_race_with_other_inputs_is_another_one(driven: tuple[Driven, list[bytes]]) -> None:
+    other, _ = drive(driven[0].plan, seed=2)
+    assert not np.array_equal(other.controls[:STOP], driven[0].controls[:STOP])
+    assert not np.array_equal(other.log.samples["x_m"][:200], driven[0].log.samples["x_m"][:200])
+
+
+def test_a_recording_of_a_drive_has_a_twin(kept: Kept, tmp_path: Path) -> None:
+    """It is run again by the race runner's own processes, once with a driver in the person's place."""
+    result = twin(kept.recording, car=1, policy="driver:pace=0.95", at_s=2.0, out=tmp_path, progress=False)
+    assert result.parted_s == pytest.approx(2.0, abs=0.2)
+    assert result.outcomes["driver"].to_list() == ["human:Ada", "driver:pace=0.95 from 2 s"]
+
+
+def test_a_person_races_on_the_command_line_and_is_never_an_opponent(kept: Kept) -> None:
+    source = f"human:{kept.inputs}"
+    result = race([source, "driver:pace=0.9"], scenario="drive:laps=1,cars=2,person=1", circuit="lindenring")
+    assert set(result.results["name"]) == {"human:Ada", "driver:pace=0.9"}
+    with pytest.raises(InputError, match="is a person, expected a policy to race against"):
+        Opponent.of(source)
+
+
+def test_frames_tell_of_the_countdown_the_race_and_its_end(driven: tuple[Driven, list[bytes]]) -> None:
+    _, frames = driven
+    heads = np.array([np.frombuffer(frame, HEAD, 1)[0] for frame in frames])
+    phases = heads["phase"]
+    assert list(dict.fromkeys(phases.tolist())) == [COUNTDOWN, RACING, OVER]
+    racing = heads[phases == RACING]
+    assert np.array_equal(racing["tick"], np.arange(len(racing)))
+    cars = np.frombuffer(frames[-1], CAR, 3, HEAD.itemsize)
+    assert sorted(cars["place"].tolist()) == [1, 2, 3]
+    assert all(len(frame) == HEAD.itemsize + 3 * CAR.itemsize for frame in frames)
+
+
+def test_the_grid_is_filled_in_turn_around_the_person() -> None:
+    made = planned(cars=6, seat=3)
+    assert made.grid == (
+        "driver:pace=0.9",
+        "driver:pace=0.8",
+        "human:Ada",
+        "driver:pace=0.9",
+        "driver:pace=0.8",
+        "driver:pace=0.9",
+    )
+    assert Counter(planned(cars=1, seat=1, opponents=()).grid) == {"human:Ada": 1}
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"circuit": "nowhere"}, "the choice: circuit 'nowhere' is unknown, expected one of lindenring"),
+        ({"car": "bus"}, "the choice: car 'bus' is unknown, expected one of gt3"),
+        ({"opponents": (0, 99)}, r"opponents are \[0, 99\], expected numbers from 0 to"),
+    ],
+)
+def test_what_is_not_offered_is_refused(other: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        plan(choice(**other), offer())
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"seat": 4}, "seat is 4, expected a place from 1 to 3"),
+        ({"opponents": ()}, "3 cars and no opponent"),
+        ({"laps": 0}, "field laps is 0"),
+        ({"name": "a\nb"}, "field name"),
+        ({"laps": "1"}, "field laps is '1'"),
+        ({"more": 1}, "field more is unknown"),
+    ],
+)
+def test_a_choice_that_cannot_be_is_refused(other: dict[str, object], said: str) -> None:
+    facts = choice().model_dump(mode="json") | {
+        name: list(value) if isinstance(value, tuple) else value for name, value in other.items()
+    }
+    with pytest.raises(InputError, match=f"the choice: .*{said}"):
+        Choice.read(facts)
+
+
+def test_only_who_can_drive_there_is_offered_there() -> None:
+    made = Opponent("a.safetensors", "a", "lindenring", "gt3")
+    assert made.drives("lindenring", "gt3")
+    assert not made.drives("lindenring", "coupe")
+    offered = Offer.of([made._replace(circuit="porto-sereno")])
+    assert offered.circuits[0] == "porto-sereno"
+    with pytest.raises(InputError, match="circuit 'nowhere' is unknown"):
+        Offer.of([], circuit="nowhere")
+
+
+def test_late_inputs_never_take_the_place_of_later_ones() -> None:
+    desk = Desk()
+    desk.put(inputs(2, steering=0.5, throttle=3.0))
+    desk.put(inputs(1, steering=-0.5))
+    assert desk.latest.controls == Controls(False, 0.5, 1.0, 0.0)
+    for frame in (b"", inputs(3) + b"x", INPUT.pack(3, False, float("nan"), 0.0, 0.0)):
+        with pytest.raises(ValueError, match="a frame of inputs"):
+            desk.put(frame)
+    assert desk.latest.number == 2
+
+
+def test_steps_are_due_by_absolute_deadlines() -> None:
+    hurry = Hurry()
+    clock = hurry.clock()
+    clock.start()
+    for _ in range(60):
+        clock.wait()
+        hurry.now_s += 0.5 * DYNAMICS_DT  # the step itself
+    assert hurry.now_s == pytest.approx(100.0 + 59.5 * DYNAMICS_DT)
+    assert max(clock.late_s) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_world_that_is_far_behind_loses_the_time_and_one_that_is_not_makes_up_for_it() -> None:
+    hurry = Hurry()
+    clock = hurry.clock()
+    clock.start()
+    clock.wait()
+    hurry.now_s += 2.0 * DYNAMICS_DT
+    clock.wait()
+    clock.wait()
+    assert clock.late_s[1:] == pytest.approx([DYNAMICS_DT, 0.0], abs=1e-9)
+    hurry.now_s += 5.0 * FURTHEST_BEHIND_S
+    clock.wait()
+    clock.wait()
+    assert clock.late_s[-2] > FURTHEST_BEHIND_S
+    assert clock.late_s[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_drives_of_one_person_lie_beside_each_other(driven: tuple[Driven, list[bytes]], kept: Kept) -> None:
+    output = OutputFolder(kept.recording.parent.parent)
+    done = driven[0]
+    controls = done.controls.copy()
+    controls[0] = 0.5
+    other = keep(done._replace(controls=controls), output)
+    assert other.inputs != kept.inputs
+    assert other.inputs.parent == kept.inputs.parent
+    with Store.open(output.store) as store:
+        assert len(store.runs()) == 2
+        assert not any(len(store.table(run.name, "ranking")) for run in store.runs())
+        assert store.verify() == []

@@ -1,0 +1,194 @@
+"""The page of a test drive in a browser: driven by its own keys and by a gamepad, and looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page
+
+from nathlon.driving.room import Room
+from nathlon.driving.server import DriveServer
+from tests.drives import served
+from tests.opened_page import SCREENSHOTS, overhear
+
+PAD = """
+window.pad = { id: "Wheel (Vendor: 046d)", index: 0, connected: true, mapping: MAPPING, axes: AXES,
+  buttons: Array.from({ length: 8 }, () => ({ value: 0, pressed: false })) };
+navigator.getGamepads = () => [window.pad];
+"""
+
+
+class Drive:
+    """A page that drives, the server's side of it, and what it complains of."""
+
+    def __init__(self, browser: Browser, server: DriveServer, room: Room, script: str = "") -> None:
+        self.room, self.url = room, server.url
+        self.page: Page = browser.new_page(viewport={"width": 1280, "height": 720})
+        if script:
+            self.page.add_init_script(script)
+        self.requests, self.complaints = overhear(self.page)
+        self.page.goto(self.url)
+        self.until("document.querySelector('#choice button.first')")
+
+    def until(self, condition: str) -> None:
+        wait = "await new Promise(done => setTimeout(done, 20))"
+        self.page.evaluate(f"async () => {{ while (!({condition})) {wait}; }}")
+
+    def go(self, **fields: str) -> None:
+        for name, value in fields.items():
+            self.page.fill(f"[name={name}]", value)
+        self.page.click("#choice button.first")
+        self.until("!document.getElementById('track').hidden")
+        self.until("document.getElementById('lights').textContent === 'GO'")
+
+    def speed(self) -> float:
+        return float(self.page.locator("#car b").inner_text())
+
+    def faster_than(self, km_h: float) -> None:
+        self.until(f"Number(document.querySelector('#car b').textContent) > {km_h}")
+
+    def picture(self, name: str) -> None:
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SCREENSHOTS / f"drive-{name}.png")
+
+    def done(self) -> Any:
+        """What the server has heard last."""
+        return self.room.desk.latest.controls
+
+    def close(self) -> None:
+        # Drivers of graphics cards talk about themselves.
+        faults = [text for text in self.complaints if "GL Driver Message" not in text]
+        assert faults == []
+        assert {url for url in self.requests if not url.startswith("data:")} == {self.url}
+        self.page.close()
+
+
+@pytest.fixture
+def drives(tmp_path: Path) -> Iterator[tuple[DriveServer, Room]]:
+    with served(tmp_path, pace=3.0) as both:
+        yield both
+
+
+def serious(page: Page) -> list[str]:
+    found = Axe().run(page).response["violations"]
+    return [one["id"] for one in found if one["impact"] in ("serious", "critical")]
+
+
+def test_a_race_is_driven_with_keys(browser: Browser, drives: tuple[DriveServer, Room]) -> None:
+    drive = Drive(browser, *drives)
+    assert serious(drive.page) == []
+    drive.picture("menu")
+    drive.go(name="Ada", laps="1", cars="4", seat="2")
+    keyboard = drive.page.keyboard
+    keyboard.down("ArrowUp")
+    drive.faster_than(40.0)
+    assert drive.done() == (True, 0.0, 1.0, 0.0)
+    drive.picture("chase")
+    keyboard.down("KeyA")
+    drive.until("Number(document.querySelector('#car svg rect:last-child').getAttribute('x')) < 96")
+    assert drive.done() == (True, 1.0, 1.0, 0.0)
+    keyboard.up("KeyA")
+    keyboard.up("ArrowUp")
+    for name in ("cockpit", "map"):
+        keyboard.press("c")
+        drive.page.wait_for_timeout(200)
+        drive.picture(name)
+    assert drive.page.locator("#map").is_visible()
+    keyboard.press("p")
+    drive.until("document.getElementById('pause').open")
+    assert serious(drive.page) == []
+    drive.picture("pause")
+    heat = drive.room.heat
+    assert heat is not None
+    drive.page.click("#pause >> text=Steering aid")
+    drive.page.click("#pause >> text=Go on")
+    drive.until("!document.getElementById('pause').open")
+    assert not heat.aids.steering
+    assert heat.aids.pedals
+    keyboard.down("ArrowDown")
+    drive.until("Number(document.querySelector('#car b').textContent) < 5")
+    keyboard.up("ArrowDown")
+    # Out as stuck, and the race goes to its end without the person.
+    drive.until("document.getElementById('result').open")
+    drive.picture("result")
+    assert drive.page.locator("#result h2").inner_text() == "Your race ended: stuck"
+    assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "human:Ada"
+    assert drive.room.kept[-1].recording.exists()
+    assert Path(drive.page.locator("#result code").nth(1).inner_text()).exists()
+    drive.page.click("#result >> text=Another race")
+    drive.until("!document.getElementById('menu').hidden")
+    drive.close()
+
+
+def test_a_race_is_driven_with_a_standard_gamepad(browser: Browser, drives: tuple[DriveServer, Room]) -> None:
+    pad = PAD.replace("MAPPING", '"standard"').replace("AXES", "[0, 0, 0, 0]")
+    drive = Drive(browser, *drives, script=pad)
+    drive.page.select_option("[name=device]", "Wheel (Vendor: 046d)")
+    drive.go(cars="1", seat="1")
+    drive.page.evaluate("() => { pad.buttons[7].value = 1; pad.axes[0] = -0.03; }")
+    drive.faster_than(30.0)
+    assert drive.done() == (False, 0.0, 1.0, 0.0)
+    drive.page.evaluate("() => { pad.buttons[7].value = 0.25; pad.axes[0] = -1; }")
+    drive.until("Number(document.querySelector('#car svg rect:last-child').getAttribute('x')) < 96")
+    assert drive.done() == (False, 1.0, 0.25, 0.0)
+    drive.page.keyboard.press("r")
+    drive.until("Number(document.querySelector('#car b').textContent) < 1")
+    drive.close()
+
+
+def test_a_wheel_is_calibrated_once_and_known_again(
+    browser: Browser, drives: tuple[DriveServer, Room]
+) -> None:
+    """Pedals of a wheel rest at +1, and its axes have any order."""
+    pad = PAD.replace("MAPPING", '""').replace("AXES", "[1, 0, 1]")
+    drive = Drive(browser, *drives, script=pad)
+    drive.page.select_option("[name=device]", "Wheel (Vendor: 046d)")
+    drive.page.click("text=Calibrate")
+    for axes in ("[1, -0.9, 1]", "[1, 0.9, 1]", "[1, 0, -1]", "[-1, 0, 1]"):
+        drive.page.evaluate(f"() => {{ pad.axes = {axes}; }}")
+        drive.page.click("text=Noted")
+    drive.until("!document.getElementById('calibrate').open")
+    drive.page.reload()
+    drive.until("document.querySelector('#choice button.first')")
+    read = "([x, y, z]) => { pad.axes = [x, y, z]; return newInputs(() => {}).read(); }"
+    assert drive.page.evaluate(read, [1, -0.9, 1])["steering"] == pytest.approx(1.0)
+    assert drive.page.evaluate(read, [1, 0.45, 1])["steering"] == pytest.approx(-0.5)
+    assert drive.page.evaluate(read, [1, 0, 0])["throttle"] == pytest.approx(0.5)
+    assert drive.page.evaluate(read, [-0.5, 0, 1])["brake"] == pytest.approx(0.75)
+    drive.close()
+
+
+def test_what_is_drawn_lies_between_frames(browser: Browser, drives: tuple[DriveServer, Room]) -> None:
+    """With clocks of the test's own: frames come unevenly, and are drawn two and a half ticks late."""
+    drive = Drive(browser, *drives)
+    drawn = drive.page.evaluate(
+        """() => {
+      const playback = newPlayback();
+      const car = (x, yaw) => ({ x, y: 0, z: 0, yaw, pitch: 0, roll: 0, speed: 60, progress: x });
+      const late = [0, 0.004, 0, 0.012, 0, 0, 0.009];
+      const seen = [];
+      let sent = 0;
+      for (let now = 100; now < 101; now += 0.004) {
+        while (100 + sent / 60 + late[sent % 7] <= now) {
+          const yaw = Math.PI - 0.05 + 0.01 * sent;
+          const cars = [car(sent, yaw > Math.PI ? yaw - 2 * Math.PI : yaw)];
+          playback.take({ time: sent / 60, phase: "racing", steering: 0, rpm: 0, cars }, now);
+          sent += 1;
+        }
+        const frame = playback.at(now);
+        seen.push([now - 100, frame.cars[0].x / 60, frame.cars[0].yaw]);
+      }
+      return seen;
+    }"""
+    )
+    late = [now - shown for now, shown, _ in drawn if now > 0.1]
+    assert max(late) - min(late) < 0.006
+    assert sum(late) / len(late) == pytest.approx(2.5 / 60, abs=0.005)
+    assert all(b[1] >= a[1] for a, b in pairwise(drawn))
+    assert all(abs(yaw) > 2.5 or now > 0.9 for now, _, yaw in drawn)
+    drive.close()
