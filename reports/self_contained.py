@@ -23,7 +23,13 @@ def template_text(*names: str) -> str:
 
 
 def render_page(
-    template: str, style: str, scripts: Sequence[str] = (), *, films: bool = False, **context: Any
+    template: str,
+    style: str,
+    scripts: Sequence[str] = (),
+    *,
+    films: bool = False,
+    connect: str = "",
+    **context: Any,
 ) -> str:
     """A page's HTML. Its policy admits only this style and these scripts, by their hashes.
 
@@ -32,6 +38,7 @@ def render_page(
         style: what stands in its style element.
         scripts: what stands in its script elements, in their order.
         films: whether videos beside the page may be played.
+        connect: address to which the page may connect; none by default.
         **context: what else the template needs.
     """
     environment = Environment(
@@ -45,6 +52,7 @@ def render_page(
     if scripts:
         policy.append(f"script-src {' '.join(map(_digest, scripts))}")
     policy += ["img-src data:", *(["media-src 'self'"] if films else [])]
+    policy += [f"connect-src {connect}"] if connect else []
     return environment.get_template(template).render(
         policy="; ".join([*policy, "base-uri 'none'", "form-action 'none'"]),
         style=Markup(style),
