@@ -57,6 +57,7 @@ class DriveServer:
 
     Attributes:
         port: on which it listens.
+        token: by which it knows its own page.
 
     Args:
         room: in which the person drives.
@@ -64,7 +65,7 @@ class DriveServer:
 
     def __init__(self, room: Room) -> None:
         self._room = room
-        self._token = secrets.token_urlsafe(32)
+        self.token = secrets.token_urlsafe(32)
         self._driver: ServerConnection | None = None
         self._connections = 0
 
@@ -76,7 +77,7 @@ class DriveServer:
     def open_at(self, port: int) -> None:
         """Make the page for the port on which the server listens."""
         self.port = port
-        self._page = drive_page(f"ws://{LOOPBACK}:{port}", self._token).encode()
+        self._page = drive_page(f"ws://{LOOPBACK}:{port}", self.token).encode()
 
     @property
     def url(self) -> str:
@@ -135,7 +136,7 @@ class DriveServer:
                 first = await connection.recv()
         except TimeoutError:
             return False
-        return isinstance(first, str) and secrets.compare_digest(first.encode(), self._token.encode())
+        return isinstance(first, str) and secrets.compare_digest(first.encode(), self.token.encode())
 
     async def _listen(self, connection: ServerConnection, letters: Letterbox) -> None:
         rate = _Rate()
