@@ -7,8 +7,8 @@ and reads all frames. An input works from when the first frame comes that it sha
 
 Figures: `tick_p99_ms`, lateness of a tick of 20 cars; `input_age_p99_ms`, from sending to that frame;
 `frames_per_s` that came; `cpu_share_20` and `cpu_share`, cores that the server used with 20 cars and with 9;
-`drivers`, laps of scripted people over those of the built-in driver, by circuit: with keys and eyes 250 ms late,
-with a wheel and 200 ms, and with that wheel and no aids.
+`drivers`, laps of scripted people over those of the built-in driver, by circuit: with keys and eyes 250 ms
+late, with a wheel and 200 ms, and with that wheel and no aids.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ class Style(NamedTuple):
 
 
 KEYS = Style(True, 0.25, 0.875, 2.0)
-WHEEL = Style(False, 0.2, 0.96, 1.6)
+WHEEL = Style(False, 0.2, 0.97, 1.8)
 UNAIDED = Style(False, 0.2, 0.8, 1.8, aids=False)
 
 

@@ -68,7 +68,7 @@ def race(
     """Run one race. The entrants fill the grid in turn; two of them race as teams.
 
     Args:
-        entrants: checkpoints, `driver:pace=0.95`, `plugin:NAME` or objects, from pole in turn.
+        entrants: checkpoints, `driver:pace=0.95`, `plugin:NAME`, `human:FILE` or objects, from pole in turn.
         scenario, circuit, car: shipped names or paths.
         seed: of all randomness.
         qualify: order the entrants by a flying lap first.
@@ -77,7 +77,7 @@ def race(
     Raises:
         InputError: if one cannot drive, a name is unknown, or there are more entrants than places.
     """
-    sources = named_sources(entrants)
+    sources = named_sources(entrants, people=True)
     with Pool(1) as pool:
         entered = enter_all(pool, sources, circuit, car)
         timed = drive_qualifying(pool, entered, circuit, car, seed) if qualify else None

@@ -192,8 +192,12 @@ def _ignored(_: Summary) -> None:
     """Nobody wants to be told."""
 
 
-def named_sources(candidates: Candidates) -> list[str]:
+def named_sources(candidates: Candidates, people: bool = False) -> list[str]:
     """The sources of candidates; objects are handed over, under the names given or those of their classes.
+
+    Args:
+        candidates: what a program has given.
+        people: whether what a person did is one of them.
 
     Raises:
         InputError: if one is no policy.
@@ -207,7 +211,7 @@ def named_sources(candidates: Candidates) -> list[str]:
     sources: list[str] = []
     for name, candidate in named:
         if isinstance(candidate, str | Path):
-            sources += find_sources([candidate])
+            sources += find_sources([candidate], people)
         else:
             sources.append(hand_over(candidate, name))
     return sources

@@ -139,7 +139,7 @@ def _enter(pool: Pool, policy: Candidate, log: RaceLog) -> Entrant:
 
 
 def _one_source(policy: Candidate, name: str | None = None) -> str:
-    sources = named_sources(policy if name is None else {name: policy})
+    sources = named_sources(policy if name is None else {name: policy}, people=True)
     if len(sources) != 1:
         raise InputError(f"{policy}: holds {len(sources)} checkpoints, expected one policy")
     return sources[0]

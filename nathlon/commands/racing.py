@@ -39,7 +39,7 @@ def race(
     """
     from nathlon.sim.data_file import DATA, find_data
 
-    sources = find_sources(entrants)
+    sources = find_sources(entrants, people=True)
     for kind, name in (("scenario", scenario), ("circuit", circuit), ("car", car)):
         find_data(name, kind, DATA / f"{kind}s")
     import nathlon

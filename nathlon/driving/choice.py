@@ -51,12 +51,9 @@ class Opponent(NamedTuple):
         """The opponent that a source gives.
 
         Raises:
-            InputError: if its file cannot be read, or it is a person.
+            InputError: if its file cannot be read.
         """
-        kind = source.partition(":")[0]
-        if kind == HUMAN:
-            raise InputError(f"{source}: is a person, expected a policy to race against")
-        if kind in (DRIVER, PLUGIN, OBJECT) or source.endswith(COMPOSITE):
+        if source.partition(":")[0] in (DRIVER, PLUGIN, OBJECT) or source.endswith(COMPOSITE):
             return cls(source, name or source, None, None)
         return cls(source, name or Path(source).stem, *home(Path(source)))
 

@@ -104,8 +104,12 @@ def checkpoints_below(folder: Path) -> list[Path]:
     return sorted([*found, *closed])
 
 
-def find_sources(given: Iterable[str | Path]) -> list[str]:
+def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]:
     """The sources among what a user has given; a folder stands for all checkpoints below it.
+
+    Args:
+        given: paths and names.
+        people: whether what a person did is one of them.
 
     Raises:
         InputError: if there is no such policy, or a folder holds none.
@@ -119,5 +123,7 @@ def find_sources(given: Iterable[str | Path]) -> list[str]:
             found.extend(map(str, inside))
         else:
             check_source(one)
+            if one.startswith(f"{HUMAN}:") and not people:
+                raise InputError(f"{printable(one)}: is a person, expected a policy")
             found.append(one)
     return found

@@ -21,6 +21,7 @@ from nathlon.driving.desk import INPUT, Desk
 from nathlon.driving.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
 from nathlon.driving.heat import Driven
 from nathlon.driving.keeping import Kept, keep
+from nathlon.policies.sources import find_sources
 from nathlon.publishing.output import OutputFolder
 from nathlon.publishing.recordings import stored_match
 from nathlon.sim.errors import InputError
@@ -76,12 +77,12 @@ def test_a_recording_of_a_drive_has_a_twin(kept: Kept, tmp_path: Path) -> None:
     assert result.outcomes["driver"].to_list() == ["human:Ada", "driver:pace=0.95 from 2 s"]
 
 
-def test_a_person_races_on_the_command_line_and_is_never_an_opponent(kept: Kept) -> None:
+def test_a_person_races_again_by_name_but_is_never_selected_among(kept: Kept) -> None:
     source = f"human:{kept.inputs}"
     result = race([source, "driver:pace=0.9"], scenario="drive:laps=1,cars=2,person=1", circuit="lindenring")
     assert set(result.results["name"]) == {"human:Ada", "driver:pace=0.9"}
-    with pytest.raises(InputError, match="is a person, expected a policy to race against"):
-        Opponent.of(source)
+    with pytest.raises(InputError, match="is a person, expected a policy"):
+        find_sources([source])
 
 
 def test_frames_tell_of_the_countdown_the_race_and_its_end(driven: tuple[Driven, list[bytes]]) -> None:

@@ -386,6 +386,15 @@ def test_compound_and_delay_in_the_name_are_those_of_all_cars() -> None:
     assert str(soft) == str(same)
 
 
+def test_a_person_in_the_name_acts_in_every_step_and_the_others_as_before() -> None:
+    race, driven = load_scenario("race"), load_scenario("race:cars=3,person=2")
+    assert driven.cars == 3
+    assert driven.reaction.period.tolist() == [6, 1, 6]
+    assert driven.reaction.tick == 1
+    assert driven.time_s == race.time_s
+    assert load_scenario("race:person=8").reaction.period.tolist() == [*7 * [6], 1]
+
+
 def test_grip_in_the_name_is_that_of_all_surfaces() -> None:
     dry, wet = (load_scenario(name).world(TRACK, CARS[0], 1).parameters for name in ("race", "race:grip=0.6"))
     for friction in ("friction_x", "friction_y", "friction_x_slope", "friction_y_slope"):
@@ -407,7 +416,11 @@ def test_grip_in_the_name_is_that_of_all_surfaces() -> None:
         ("race:compound=chewing-gum", "compound 'chewing-gum' is unknown, expected one of comfort-hard"),
         ("race:delay=0.4", "delay is '0.4', expected seconds from 0 to 0.3"),
         ("race:delay=nan", "delay is 'nan', expected seconds"),
-        ("race:laps=3,weather=wet", "unknown setting 'weather', expected one of laps, compound, delay, grip"),
+        ("race:laps=3,weather=wet", "unknown setting 'weather', expected one of laps, cars, person, comp"),
+        ("race:cars=21", "cars is '21', expected a number from 1 to 20"),
+        ("race:person=9", "person is '9', expected a number from 1 to 8"),
+        ("race:cars=4,person=5", "person is '5', expected a number from 1 to 4"),
+        ("race:person=2,cars=4", "says of each car what it does, expected no setting cars"),
         ("race:grip=0", "grip is '0', expected a multiple from 0.05 to 1.5"),
         ("race:grip=wet", "grip is 'wet', expected a multiple"),
     ],
