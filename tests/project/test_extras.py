@@ -13,7 +13,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from tests.checkpoints import BUNDLED
 
-ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av")
+ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "websockets")
 WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({ABSENT}))\n"
 
 
@@ -77,6 +77,13 @@ def test_a_zip_of_stable_baselines_says_what_to_install(tmp_path: Path) -> None:
         f"load_file(Path({str(path)!r}))"
     )
     assert f"{path}: a .zip of Stable-Baselines3 needs torch, which the extra sb3 installs" in done.stderr
+
+
+def test_a_test_drive_says_what_to_install(tmp_path: Path) -> None:
+    done = command("drive", "driver", "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert done.stderr.startswith("nathlon: a test drive needs websockets, which the extra drive installs: ")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_driver_of_the_database_is_asked_for() -> None:

@@ -119,6 +119,11 @@ function start() {
     kept.write("view", settings);
   });
 
+  // Nobody drives what they cannot see.
+  document.addEventListener("visibilitychange", () => {
+    if (document.hidden && driving) link.say({ type: "pause" });
+  });
+
   function paint() {
     requestAnimationFrame(paint);
     const frame = driving && playback.at(seconds());

@@ -153,7 +153,7 @@ function carMesh(length, width) {
     mesh.quad([-h, y * s, 0.95], [-0.84 * h, y * s, 0.95], [-0.84 * h, y * s, 1.2], [-h, y * s, 1.2], [30, 33, 38]);
     const lamp = (x, z, from, to, colour) => mesh.quad([x, y * from * s, z], [x, y * to * s, z], [x, y * to * s, z + 0.12], [x, y * from * s, z + 0.12], colour);
     lamp(-1.005 * h, 0.55, 0.45, 0.82, [190, 32, 30]);
-    lamp(0.93 * h, 0.48, 0.42, 0.68, [250, 246, 220]);
+    lamp(0.985 * h, 0.38, 0.42, 0.68, [250, 246, 220]);
   }
   const cabin = mesh.count;
   hull([[-0.62, 0.78, 0.82], [-0.36, 1.16, 0.64], [0.02, 1.18, 0.62], [0.36, 0.75, 0.8]], [28, 34, 42], 0);
