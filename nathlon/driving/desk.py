@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import struct
 import threading
-import time
 from typing import NamedTuple
 
 from nathlon.driving.aids import IDLE, Controls
@@ -20,12 +19,10 @@ class Noted(NamedTuple):
     Attributes:
         number: in the page's count; later ones are greater.
         controls: what the person did.
-        at_s: when they arrived, on the monotonic clock.
     """
 
     number: int
     controls: Controls
-    at_s: float
 
 
 class Desk:
@@ -38,7 +35,7 @@ class Desk:
     def clear(self) -> None:
         """Forget what has come: the page counts anew."""
         with self._lock:
-            self._latest = Noted(0, IDLE, time.monotonic())
+            self._latest = Noted(0, IDLE)
 
     def put(self, frame: bytes) -> None:
         """Note a frame of inputs, unless a later one has come before.
@@ -60,7 +57,7 @@ class Desk:
         )
         with self._lock:
             if number > self._latest.number:
-                self._latest = Noted(number, controls, time.monotonic())
+                self._latest = Noted(number, controls)
 
     @property
     def latest(self) -> Noted:

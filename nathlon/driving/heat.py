@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -62,7 +61,6 @@ class Heat:
 
     Attributes:
         clock: of the world.
-        ages_s: how old inputs were when they first worked, s.
 
     Args:
         plan: the race.
@@ -83,7 +81,6 @@ class Heat:
         clock: Clock,
     ) -> None:
         self.plan, self.clock = plan, clock
-        self.ages_s: list[float] = []
         self._desk, self._on_frame, self._on_incident, self._on_end = desk, on_frame, on_incident, on_end
         self._car = plan.choice.seat - 1
         self._aided = AidedCar(load_car(plan.choice.car), plan.choice.aids)
@@ -148,9 +145,7 @@ class Heat:
         """What the person does now, as the race runner asks; see `nathlon.policies.sources.human`."""
         assert self._world is not None, "it is looked at before anybody acts"
         noted = self._desk.latest
-        if noted.number != self._number:
-            self.ages_s.append(time.monotonic() - noted.at_s)
-            self._number = noted.number
+        self._number = noted.number
         done = self._aided.act(noted.controls, self._world.state[0, self._car])
         self._controls.append(done)
         return done

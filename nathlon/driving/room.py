@@ -27,6 +27,7 @@ log = logging.getLogger(__name__)
 
 Words = dict[str, Any]
 """A message to or from the page."""
+PAUSED: Words = {"type": "paused"}
 COLOURS = ("#f2b134", "#6fb7ff", "#f06a6a", "#79d28a", "#c99cf0", "#f0956a", "#6fe0e0", "#f08ac0", "#cfd466")
 """Of the person's car, and of the others by who drives them."""
 
@@ -87,9 +88,10 @@ class Room:
         self._loop = asyncio.get_running_loop()
 
     def enter(self) -> Letterbox:
-        """A page has come, in place of any that was there; what it is to be told."""
-        self._letters = letters = Letterbox()
+        """A page has come, in place of any that was there; what it is to be told. A race waits for it."""
         self.desk.clear()
+        self._pause()
+        letters = self._letters = Letterbox()
         letters.say(self._choices())
         if self.heat is not None:
             for words in self._told:
@@ -101,9 +103,7 @@ class Room:
         if self._letters is letters:
             self._letters = None
             self.desk.clear()
-            if self.heat is not None:
-                self.heat.pause()
-                self._tell({"type": "paused"})
+            self._pause()
 
     async def hear(self, words: Words) -> None:
         """Do what the page asks.
@@ -117,8 +117,7 @@ class Room:
             case {"type": "restart"} if self._chosen is not None:
                 await self._begin(self._chosen)
             case {"type": "pause"} if self.heat is not None:
-                self.heat.pause()
-                self._tell({"type": "paused"})
+                self._pause()
             case {"type": "go on"} if self.heat is not None:
                 self.heat.go_on()
                 self._tell({"type": "going on"})
@@ -128,6 +127,11 @@ class Room:
                 await self.leave()
             case _:
                 raise InputError("the page asks for what there is not, expected a page of this version")
+
+    def _pause(self) -> None:
+        if self.heat is not None and self._told[-1] != PAUSED:
+            self.heat.pause()
+            self._tell(PAUSED)
 
     async def leave(self) -> None:
         """End the race, if there is one; nothing of it is kept."""
@@ -153,7 +157,7 @@ class Room:
         self.heat = heat
         heat.start()
         if self._letters is None:
-            heat.pause()
+            self._pause()
 
     def _on_loop(self, what: Callable[[Any], None], told: Any) -> None:
         # It ends before a race that is under way.

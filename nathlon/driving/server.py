@@ -69,11 +69,6 @@ class DriveServer:
         self._driver: ServerConnection | None = None
         self._connections = 0
 
-    @property
-    def driven_by_somebody(self) -> bool:
-        """Whether a page is there that has the token."""
-        return self._driver is not None
-
     def open_at(self, port: int) -> None:
         """Make the page for the port on which the server listens."""
         self.port = port

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import socket
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from html import unescape
@@ -190,8 +189,6 @@ def test_a_page_that_goes_away_finds_the_race_where_it_was(drive: tuple[DriveSer
         while (frame := see(connection))["number"] != 1:
             pass
         tick = int(frame["tick"])
-    while server.driven_by_somebody:
-        time.sleep(0.01)
     with enter(server) as connection:
         assert hear(connection, "race")["choice"]["circuit"] == "lindenring"
         hear(connection, "paused")

@@ -129,7 +129,7 @@ function start() {
     const frame = driving && playback.at(seconds());
     if (!frame || frame.cars.length <= driving.own) return;
     const map = settings.kind === "map";
-    if (frame.phase === "racing" && !driving.started) [driving.started, driving.begins] = [true, seconds() - frame.time];
+    if (frame.phase !== "countdown" && !driving.started) [driving.started, driving.begins] = [true, seconds() - frame.time];
     driving.hud.light(driving.begins - seconds());
     if (frame.phase === "over") notice("The others finish …");
     el("scene").hidden = map;
