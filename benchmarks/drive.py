@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from benchmarks.result import write_result
 from benchmarks.scripted_drivers import KEYS, UNAIDED, WHEEL, built_in_driver_alone, drive_alone
@@ -64,7 +65,8 @@ class Seen(NamedTuple):
 
 def page(url: str, token: str, choice: dict[str, Any], seconds: float, told: Connection) -> None:
     """Drive as a browser's page does, and tell when the measurement begins and what was seen."""
-    with connect(url, origin=url.replace("ws:", "http:"), compression=None, max_size=None) as socket:  # type: ignore[arg-type]
+    origin = Origin(url.replace("ws:", "http:"))
+    with connect(url, origin=origin, compression=None, max_size=None) as socket:
         socket.send(token)
         socket.send(json.dumps({"type": "race", "choice": choice}))
         sent, ages = dict[int, float](), list[float]()
