@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import Out
+from nathlon.commands.options import AsJson, Out
 from nathlon.policies.sources import find_sources
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
-from nathlon.terminal import say, warn
+from nathlon.terminal import tell, warn
 
 if TYPE_CHECKING:
     from nathlon.driving.server import DriveServer
@@ -32,6 +33,7 @@ def drive(
     port: Annotated[int, typer.Option(min=0, max=65535, help="To listen on; 0 for any.")] = 0,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
     out: Out = Path("runs/drive"),
+    as_json: AsJson = False,
 ) -> None:
     """Race policies yourself in a browser on this machine, with keys, gamepad or wheel.
 
@@ -52,8 +54,9 @@ def drive(
     output = OutputFolder(out)
 
     def on_open(server: DriveServer) -> None:
-        say(f"Drive at     {server.url}")
-        say(f"Kept in      {out}")
+        tell({"page": server.url, "drives": out}, as_json)
+        # Whoever reads it through a pipe waits for it.
+        sys.stdout.flush()
         warn("Ctrl-C ends it.")
         if show:
             webbrowser.open(server.url)

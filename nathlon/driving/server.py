@@ -215,6 +215,7 @@ async def serve_drives(
     Raises:
         InputError: if the port cannot be had.
     """
+    before_s = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_S)
     room = make_room()
     drive = DriveServer(room)
@@ -224,3 +225,4 @@ async def serve_drives(
             await asyncio.get_running_loop().create_future()
         finally:
             await room.leave()
+            sys.setswitchinterval(before_s)
