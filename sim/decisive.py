@@ -30,6 +30,7 @@ DECISIVE = (
     "sim/reaction.py",
     "sim/rules.py",
     "sim/scenario.py",
+    "sim/scenario_start.py",
     "sim/state.py",
     "sim/steward.py",
     "sim/timing.py",

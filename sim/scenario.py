@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_validator
@@ -14,6 +14,15 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.physics.course import DRY, GRIP, Multiple, SurfaceGrip
 from nathlon.sim.reaction import Reaction
 from nathlon.sim.rules import load_rules
+from nathlon.sim.scenario_start import (
+    MOST_CARS,
+    AbreastStart,
+    AnywhereStart,
+    FormationStart,
+    FrozenStart,
+    GridStart,
+    RollingStart,
+)
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
 from nathlon.sim.world import AGENT_HZ, DYNAMICS_HZ, Conditions, Start, World
 
@@ -24,101 +33,10 @@ LENGTH_M, WIDTH_M = 5.2, 2.2
 """Room that a car takes when it is put beside the road."""
 
 
-MOST_CARS = 20
 MOST_LAPS = 1000
 LONGEST_S = 21_600.0
 """Six hours, most of a minute to simulate."""
-Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
-Speed = Annotated[float, Field(ge=-120, le=120)]
-"""m/s; beyond it the driver knows no car."""
-Angle = Annotated[float, Field(ge=-7, le=7)]
 Rate = Annotated[float, Field(ge=0, le=1e4)]
-
-
-def _rising(span: tuple[float, float]) -> tuple[float, float]:
-    if span[0] > span[1]:
-        raise ValueError("expected the smaller number first")
-    return span
-
-
-Span = Annotated[tuple[Metres, Metres], AfterValidator(_rising)]
-Speeds = Annotated[tuple[Speed, Speed], AfterValidator(_rising)]
-Angles = Annotated[tuple[Angle, Angle], AfterValidator(_rising)]
-
-
-class GridStart(Section):
-    """A standing start from the circuit's grid, with a little disorder in the places."""
-
-    kind: Literal["grid"]
-    jitter_m: Annotated[float, Field(ge=0, le=100)] = 0.3
-
-
-class StoppedCar(Section):
-    """The first car of a column stands on the road; every quantity is drawn evenly from its span."""
-
-    gap_m: Span  # to the next car, in place of that of the column
-    lateral_m: Span
-    heading_rad: Angles  # relative to the road, + is to the left
-
-
-class RollingStart(Section):
-    """A column of cars on the move; every quantity is drawn evenly from its span."""
-
-    kind: Literal["rolling"]
-    leader_m: Span  # first car, from the scenario's origin
-    gap_m: Span  # from each car to the next, between centres
-    lateral_m: Span
-    speed_m_s: Speeds  # one for all cars
-    closing_m_s: Speeds | None = None  # by which each car is faster than the one before it
-    stopped: StoppedCar | None = None
-
-
-class FormationStart(Section):
-    """A rolling start: the grid on the move, two by two, towards the line."""
-
-    kind: Literal["formation"]
-    leader_m: Metres  # progress of the first car
-    gap_m: Annotated[float, Field(gt=0, le=1e6)]  # from each car to the next, along the road
-    speed_m_s: Annotated[float, Field(gt=0, le=120)]
-
-
-class AbreastStart(Section):
-    """Cars side by side on the move, before the end of the origin; quantities are drawn evenly from spans."""
-
-    kind: Literal["abreast"]
-    before_end_m: Span  # from the first car to the end of the origin
-    behind_m: Span  # from each car to the next
-    apart_m: Annotated[float, Field(gt=0, le=100)]  # across the road; leftmost or rightmost is first, by lot
-    speed_m_s: Speeds  # one for all cars
-
-
-class AnywhereStart(Section):
-    """Anywhere on the lap, at any speed from rest to what the road ahead allows, a column of cars."""
-
-    kind: Literal["anywhere"]
-    gap_m: Span
-    beside_share: Annotated[float, Field(ge=0, le=1)]  # of starts with the first car beside the road
-    spun_share: Annotated[float, Field(ge=0, le=1)] = 0.0  # of starts with it at rest, facing anywhere
-
-
-class FrozenCar(Section):
-    """A car as it was at some moment of a race."""
-
-    progress_m: Metres
-    lateral_m: Metres
-    heading_rad: Angle  # relative to the road, + is to the left
-    speed_m_s: Speed  # along the heading
-    side_speed_m_s: Speed = 0.0  # to its left
-    yaw_rate_rad_s: Annotated[float, Field(ge=-20, le=20)] = 0.0
-
-
-class FrozenStart(Section):
-    """Cars as they were at some moment of a race, with a little disorder."""
-
-    kind: Literal["frozen"]
-    jitter_m: Annotated[float, Field(ge=0, le=10)] = 0.1  # along and across the road
-    jitter_m_s: Annotated[float, Field(ge=0, le=10)] = 0.1  # along the heading
-    car: Annotated[tuple[FrozenCar, ...], Field(min_length=1, max_length=MOST_CARS)]
 
 
 def _whole_period(hertz: float) -> float:

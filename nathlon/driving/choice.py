@@ -21,7 +21,7 @@ from nathlon.sim.car import load_car
 from nathlon.sim.data_file import DATA, Name
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import proper_name
-from nathlon.sim.scenario import MOST_CARS
+from nathlon.sim.scenario_start import MOST_CARS
 from nathlon.sim.track import load_track
 from nathlon.sim.validation import first_fault
 

@@ -21,7 +21,7 @@ from nathlon.driving.keeping import Kept, keep
 from nathlon.driving.scenery import scenery
 from nathlon.publishing.output import OutputFolder
 from nathlon.sim.errors import InputError
-from nathlon.sim.scenario import MOST_CARS
+from nathlon.sim.scenario_start import MOST_CARS
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from nathlon.arena.race_log import Incident, RaceLog, origin, progress
 from nathlon.n_athlon.skill import Gains, Passed, Skill
 from nathlon.sim.errors import InputError
-from nathlon.sim.scenario import FrozenCar, FrozenStart, Scenario, load_scenario
+from nathlon.sim.scenario import Scenario, load_scenario
+from nathlon.sim.scenario_start import FrozenCar, FrozenStart
 from nathlon.sim.track import TANGENT_X, TANGENT_Y, Track, X, Y, load_track
 
 NEAR_S = 2.0
