@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from nathlon.arena import _car_state_pb2 as pb
 from nathlon.arena.foxglove_scene import scene
 from nathlon.arena.mcap_file import FAULTS, checksums_match, is_schema_of, read_content, records
+from nathlon.arena.protobuf_rows import Rows, encode
 from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
 from nathlon.arena.recorded_race import check_race
 from nathlon.sim.errors import InputError
@@ -38,6 +39,7 @@ FACTS = ("circuit", "car", "scenario", "seed", "match", "race", "version", "car_
 
 CHUNK_BYTES = 256 * 1024
 """Of messages, before they are packed: what a damaged file loses at most, some ten seconds of a race."""
+NANO = 1_000_000_000
 SMALLEST_TURN = 2.0**-22
 """To which frames are rounded, which only viewers use: unrounded ones would make files a quarter larger."""
 MOST_MESSAGES = 1_000_000
@@ -118,24 +120,27 @@ def _write_messages(writer: Writer, log: RaceLog) -> None:
     writer.start(library="nathlon")
     channels: dict[str, int] = {}
 
-    def add(topic: str, message: Message, time_s: float) -> None:
+    def write(topic: str, kind: type[Message], content: bytes, time_s: float) -> None:
         if topic not in channels:
-            schema_id = register_schema(writer, type(message))
+            schema_id = register_schema(writer, kind)
             channels[topic] = writer.register_channel(topic, MessageEncoding.Protobuf, schema_id)
-        time_ns = round(time_s * 1e9)
-        writer.add_message(channels[topic], time_ns, message.SerializeToString(), time_ns)
+        time_ns = round(time_s * NANO)
+        writer.add_message(channels[topic], time_ns, content, time_ns)
+
+    def add(topic: str, message: Message, time_s: float) -> None:
+        write(topic, type(message), message.SerializeToString(), time_s)
 
     start_s = float(log.time_s[0]) if len(log.time_s) else 0.0
     add("/race", _race_message(log), start_s)
     add("/scene", scene(log), start_s)
     incidents = list(log.incidents)
-    for time_s, states, transforms in _ticks(log):
+    for time_s, states, transforms in zip(log.time_s.tolist(), _states(log), _transforms(log), strict=True):
         while incidents and incidents[0].time_s <= time_s:
             incident = incidents.pop(0)
             add("/incidents", _incident_message(incident), incident.time_s)
             add("/log", _log_message(incident), incident.time_s)
-        add("/cars", states, time_s)
-        add("/transforms", transforms, time_s)
+        write("/cars", pb.CarStates, states.tobytes(), time_s)
+        write("/transforms", FrameTransforms, transforms.tobytes(), time_s)
     for incident in incidents:
         add("/incidents", _incident_message(incident), incident.time_s)
         add("/log", _log_message(incident), incident.time_s)
@@ -164,42 +169,36 @@ def _incident_message(incident: Incident) -> pb.Incident:
 def _log_message(incident: Incident) -> Log:
     level = Log.Level.INFO if incident.kind in NOTICES else Log.Level.WARNING
     message = Log(level=level, name=incident.kind, message=incident.text)
-    message.timestamp.FromNanoseconds(round(incident.time_s * 1e9))
+    message.timestamp.FromNanoseconds(round(incident.time_s * NANO))
     return message
 
 
-def _ticks(log: RaceLog) -> Iterator[tuple[float, pb.CarStates, FrameTransforms]]:
-    """Time, states and frames of each tick. The messages are filled anew each time: building them is slow."""
-    cars = len(log.names)
-    states = pb.CarStates(cars=[pb.CarState() for _ in range(cars)])
-    transforms = FrameTransforms()
-    for i in range(cars):
-        transforms.transforms.add(parent_frame_id="world", child_frame_id=f"car_{i}")
+def _states(log: RaceLog) -> Rows:
+    """What `/cars` says at each tick."""
+    cars = [
+        {name: log.samples[name][:, car] for name in CAR_SAMPLE.names or ()} for car in range(len(log.names))
+    ]
+    return encode(pb.CarStates.DESCRIPTOR, {"time_s": log.time_s, "cars": cars}, len(log.time_s))
+
+
+def _transforms(log: RaceLog) -> Rows:
+    """What `/transforms` says at each tick."""
     samples = log.samples
-    columns = [(name, samples[name].tolist(), _changes(samples[name])) for name in CAR_SAMPLE.names or ()]
     exact = orientation(samples["yaw_rad"], samples["pitch_rad"], samples["roll_rad"])
-    turns = (np.round(exact / SMALLEST_TURN) * SMALLEST_TURN).tolist()
-    # What a message gives out is made anew each time that it is asked.
-    rows = list(states.cars)
-    frames = [(frame.timestamp, frame.translation, frame.rotation) for frame in transforms.transforms]
-    for tick, time_s in enumerate(log.time_s.tolist()):
-        states.time_s = time_s
-        for field, values, changes in columns:
-            if changes[tick]:
-                for state, value in zip(rows, values[tick], strict=True):
-                    setattr(state, field, value)
-        seconds, nanos = divmod(round(time_s * 1e9), 1_000_000_000)
-        for state, (stamp, at, turn), quaternion in zip(rows, frames, turns[tick], strict=True):
-            stamp.seconds, stamp.nanos = seconds, nanos
-            at.x, at.y, at.z = state.x_m, state.y_m, state.z_m
-            turn.x, turn.y, turn.z, turn.w = quaternion
-        yield time_s, states, transforms
-
-
-def _changes(values: NDArray[np.generic]) -> list[bool]:
-    """Whether a field of (T, C) samples is another one than in the sample before, to the bit, for any car."""
-    bits = np.ascontiguousarray(values).view(f"u{values.itemsize}")
-    return [True, *(bits[1:] != bits[:-1]).any(axis=1).tolist()]
+    turns = np.round(exact / SMALLEST_TURN) * SMALLEST_TURN
+    nanos = np.rint(log.time_s * NANO).astype(np.int64)
+    timestamp = {"seconds": nanos // NANO, "nanos": nanos % NANO}
+    frames = [
+        {
+            "timestamp": timestamp,
+            "parent_frame_id": "world",
+            "child_frame_id": f"car_{car}",
+            "translation": {axis: samples[f"{axis}_m"][:, car] for axis in "xyz"},
+            "rotation": {axis: turns[:, car, index] for index, axis in enumerate("xyzw")},
+        }
+        for car in range(len(log.names))
+    ]
+    return encode(FrameTransforms.DESCRIPTOR, {"transforms": frames}, len(log.time_s))
 
 
 def _messages(content: bytes) -> Iterator[Message | None]:
