@@ -18,6 +18,7 @@ from nathlon.arena.grouping import GROUPS_A_WORKER, fill, group, longest_first
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Feed, Pool
+from nathlon.arena.processor import processor
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.store import Finished, Store
 from nathlon.sim.errors import InputError
@@ -80,7 +81,7 @@ def _stored(
     store: Store, ended: Sequence[tuple[Match, pl.DataFrame | InputError]]
 ) -> dict[str, InputError | None]:
     finished = [
-        Finished(match.key, match.stage, match.spec(), answer)
+        Finished(match.key, match.stage, match.spec(), answer, processor())
         for match, answer in ended
         if not isinstance(answer, InputError)
     ]

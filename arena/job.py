@@ -32,6 +32,7 @@ class Wanted(NamedTuple):
         results: RESULTS that it came to when it was first run; None if it was not.
         folder: where the worker leaves the recordings, instead of sending the logs; None if it sends them.
         seen_by: a car of the first of these races; what its drivers see is sent as well.
+        processor: kind of processor that ran it first, if that is known.
     """
 
     match: Match
@@ -40,6 +41,7 @@ class Wanted(NamedTuple):
     results: pl.DataFrame | None
     folder: Path | None = None
     seen_by: int | None = None
+    processor: str | None = None
 
 
 @dataclass(frozen=True)

@@ -145,9 +145,10 @@ class Pool:
         with closing(self._work(_once([[Racing(each.match, each)] for each in wanted]))) as rounds:
             for racing, answer in chain.from_iterable(rounds):
                 assert isinstance(racing, Racing)
+                assert racing.wanted is not None, "all are to be recorded"
                 if isinstance(answer, Recorded):
                     void = answer.results["ending"].is_in(VOID_ENDINGS).all()
-                    yield racing.match, came_otherwise(racing.match) if void else answer
+                    yield racing.match, came_otherwise(racing.wanted) if void else answer
                 else:
                     yield racing.match, answer
 

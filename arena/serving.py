@@ -12,9 +12,9 @@ from multiprocessing import connection, parent_process
 from typing import Any
 
 from nathlon.arena.job import Answer, Job, Opening, Racing, Wanted
-from nathlon.arena.match import Match
 from nathlon.arena.match_policies import match_policy
 from nathlon.arena.output_log import print_into
+from nathlon.arena.processor import processor
 from nathlon.arena.recorder import Recorded, record_races
 from nathlon.arena.recording import recording_name, write_recording
 from nathlon.arena.results import came_out_alike
@@ -122,7 +122,7 @@ def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -
         return film_episodes(wanted, policies, watch)
     recorded = record_races(wanted.match, policies, wanted.races, wanted.names, watch, wanted.seen_by)
     if wanted.results is not None and not came_out_alike(recorded.results, wanted.results):
-        return came_otherwise(wanted.match)
+        return came_otherwise(wanted)
     if wanted.folder is None:
         return recorded
     watch.rest()
@@ -134,9 +134,11 @@ def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -
     return recorded._replace(logs=[])
 
 
-def came_otherwise(match: Match) -> InputError:
+def came_otherwise(wanted: Wanted) -> InputError:
     """Its policies or this machine do not compute the same as then, so that it is not what was seen then."""
-    return InputError(f"match {match.key[:10]}: {OTHERWISE}")
+    here, then = processor(), wanted.processor
+    why = "" if then in (None, here) else f" (they are of a processor {then}, and this one is {here})"
+    return InputError(f"match {wanted.match.key[:10]}: {OTHERWISE}{why}")
 
 
 def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Any | Absent:

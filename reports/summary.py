@@ -194,6 +194,7 @@ class Summary(Part):
         replays: races to look at, the deciding one first.
         recording, replay: of the deciding race; paths from the report's folder.
         log: of what policies have printed, likewise; None where they have printed nothing.
+        processors: kinds of processors that ran matches, and how many; see `nathlon.arena.processor`.
     """
 
     version: int = VERSION
@@ -223,6 +224,7 @@ class Summary(Part):
     recording: str | None = None
     replay: str | None = None
     log: str | None = None
+    processors: dict[str, int] = Field(default_factory=dict)
 
     @property
     def an_episode(self) -> str:

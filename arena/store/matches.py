@@ -62,12 +62,14 @@ class Finished(NamedTuple):
         stage: for which it was run.
         spec: what decides its outcome, plain JSON values.
         results: RESULTS.
+        processor: kind of processor that ran it, see `nathlon.arena.processor`; None where that is not known.
     """
 
     key: str
     stage: str
     spec: dict[str, Any]
     results: pl.DataFrame
+    processor: str | None = None
 
 
 def check(match: Finished) -> None:
@@ -110,7 +112,19 @@ def _row(match: Finished, results: pl.DataFrame) -> dict[str, Any]:
         "spec": spec,
         "rows": results.height,
         "digest": found,
+        "processor": match.processor,
     }
+
+
+def processors(connection: sa.Connection, keys: Collection[str]) -> dict[str, str | None]:
+    """The kind of processor on which each of these matches was run; KeyError where one is not stored."""
+    require(connection, keys)
+    match = schema.match.c
+    found: dict[str, str | None] = {}
+    for chunk in schema.chunks(keys):
+        rows = connection.execute(sa.select(match.key, match.processor).where(match.key.in_(chunk)))
+        found |= {row.key: row.processor for row in rows}
+    return found
 
 
 def spec(connection: sa.Connection, key: str) -> dict[str, Any]:

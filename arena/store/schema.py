@@ -42,6 +42,7 @@ match = sa.Table(
     sa.Column("spec", sa.Text, nullable=False),  # JSON
     sa.Column("rows", sa.BigInteger, nullable=False),
     sa.Column("digest", sa.Text, nullable=False),
+    sa.Column("processor", sa.Text),
 )
 result = sa.Table(
     "result",

@@ -115,6 +115,10 @@ class Store:
         """What decides the outcome of a match."""
         return self._database.read(matches.spec, key)
 
+    def processors(self, keys: Iterable[str]) -> dict[str, str | None]:
+        """The kind of processor on which each of these matches was run; None where that is not known."""
+        return self._database.read(matches.processors, list(dict.fromkeys(keys)))
+
     def results(self, stage: str | None = None) -> pl.DataFrame:
         """RESULTS of all matches, or of one stage's, ordered by stage, match, race and car."""
         return self._database.read(matches.results, stage)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import polars as pl
@@ -44,7 +45,9 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
         else:
             replays = record_films(store, results, tables, summary.episode, output, pool, on_match)
         log = f"../{POLICY_LOG}" if (output.root / POLICY_LOG).exists() else None
-        summary = summary.model_copy(update=replays.facts | {"log": log})
+        summary = summary.model_copy(
+            update=replays.facts | {"log": log, "processors": _processors(store, results)}
+        )
         selection = Selection(
             " · ".join(filter(None, [run, summary.circuit or summary.world, summary.car])),
             tables,
@@ -62,6 +65,12 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
         write_tables(selection, output.report / "tables")
         write_summary(output.root / SUMMARY, summary)
     return selection
+
+
+def _processors(store: Store, results: pl.DataFrame) -> dict[str, int]:
+    """How many matches each kind of processor has run, the most first."""
+    ran_on = store.processors(results["match"].unique().to_list()).values()
+    return dict(Counter(kind or "unknown" for kind in ran_on).most_common())
 
 
 def _summary(

@@ -72,6 +72,7 @@ def run_again(
         a match's key and the logs of its races, or an InputError where its policies cannot be loaded, the
         simulator has changed, it ended otherwise, or a recording cannot be written.
     """
+    ran_on = store.processors(races)
     names = dict(entrants.select("entrant", "name").iter_rows())
     wanted = []
     for key, numbers in races.items():
@@ -82,7 +83,8 @@ def run_again(
             yield key, error
             continue
         called = tuple(names.get(entrant, entrant) for entrant in match.entrants)
-        wanted.append(Wanted(match, tuple(numbers), called, store.results_of([key]), folder))
+        results = store.results_of([key])
+        wanted.append(Wanted(match, tuple(numbers), called, results, folder, processor=ran_on[key]))
     for match, answer in pool.record(wanted):
         yield match.key, answer if isinstance(answer, InputError) else answer.logs
 

@@ -14,10 +14,11 @@ from nathlon.arena.entrant import enter, entrants_table
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
+from nathlon.arena.processor import processor
 from nathlon.arena.recording import read_recording, recording_name, write_recording
 from nathlon.arena.results import RANKING, RESULTS
 from nathlon.arena.runner import run_match
-from nathlon.arena.store import Store
+from nathlon.arena.store import Finished, Store
 from nathlon.commands.replay import replay
 from nathlon.publishing.decider import Notable, deciding_race, notable_races
 from nathlon.publishing.output import OutputFolder
@@ -208,10 +209,11 @@ def test_a_race_that_ends_otherwise_is_not_shown_for_the_one_that_was_run(
     with Store(tmp_path / "store.sqlite") as store, Pool(1) as pool:
         store.begin_run("night-0001", {})
         store.put_table("night-0001", "entrants", tables["entrants"])
-        store.add_match(match.key, "tournament", match.spec(), other)
+        store.add_matches([Finished(match.key, "tournament", match.spec(), other, "cray-0000")])
         races, logs = record_replays(store, other, tables, OutputFolder(tmp_path / "out"), pool)
         assert logs == ()
         assert "ended otherwise" in str(races[0].missing)
+        assert f"they are of a processor cray-0000, and this one is {processor()}" in str(races[0].missing)
         with pytest.raises(InputError, match="ended otherwise when it was run again"):
             record_stored_race(store, f"{match.key}:0", tmp_path)
 

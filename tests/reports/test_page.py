@@ -73,6 +73,15 @@ def test_leaderboard_shows_the_tables_and_keeps_its_state(
     opened.assert_quiet()
 
 
+def test_a_mixed_cluster_is_told(browser: Browser, tmp_path: Path) -> None:
+    selection = build(np.random.default_rng(5))
+    kinds = {"znver4-1f3a": 120, "haswell-0476": 3}
+    summary = selection.summary.model_copy(update={"processors": kinds})
+    opened = Opened(browser, replace(selection, summary=summary), tmp_path, "#/tonight")
+    assert "znver4-1f3a 120 matches, haswell-0476 3 matches" in opened.page.locator("main").inner_text()
+    opened.assert_quiet()
+
+
 def test_absent_numbers_sort_last_either_way(browser: Browser, tmp_path: Path) -> None:
     rows = [ranked(card(i, "")["entrant"], i + 1, 20.0 - i) for i in range(3)]
     rows[1] |= {"contacts_per_km": None, "contacts_low": None, "contacts_high": float("nan")}
@@ -234,7 +243,7 @@ def test_without_scripts_the_verdict_is_there(browser: Browser, tmp_path: Path, 
     opened = Opened(browser, full, tmp_path, java_script_enabled=False)
     assert opened.page.locator("h1").inner_text().startswith("Send coast-")
     assert "ranking.xlsx" in opened.page.locator("main").inner_text()
-    opened.page.close()
+    opened.assert_quiet()
 
 
 def test_same_selection_same_bytes_and_small_enough() -> None:

@@ -48,6 +48,7 @@ function health() {
   const of = (names) => names.filter((name) => endings.get(name)).map((name) => `${plain(name)} ${number(endings.get(name))}`).join(", ");
   const worst = [...faulty].sort((a, b) => b[1] - a[1]).slice(0, 5);
   const set = Object.entries(summary.tests_set_aside);
+  const kinds = Object.entries(summary.processors);
   const aside = Object.entries(summary.stages_set_aside);
   return [
     facts([
@@ -55,6 +56,7 @@ function health() {
       ["Ended by a policy's fault", [number(summary.faults), h("small", {}, of(["policy_raised", "illegal_action", "timed_out"]))]],
       ["Void", [number(summary.void), h("small", {}, of(["simulator_fault", "interrupted"]))], `ended by a fault of the simulator; the ${EPISODE} does not count`],
       ["Files set aside", number(summary.excluded.length)],
+      kinds.length > 0 && [kinds.length > 1 ? "Kinds of processors" : "Processor", kinds.map(([kind, matches]) => (kinds.length > 1 ? `${kind} ${number(matches)} matches` : kind)).join(", "), "what ran on one can differ in the last digits on another"],
       met && ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), `the more negative, the more ${EPISODES} mirroring saves`],
     ]),
     worst.length > 0 && h("p", {}, "Most faults: ", worst.map(([entrant, faults], i) => [i > 0 && ", ", entrantLink(entrant), ` ${number(faults)}`])),
