@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Protocol
 
 from nathlon.arena.match import Match
-from nathlon.arena.store import Store
 from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, RANDOM, SUFFIXES
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
@@ -37,8 +38,56 @@ def _label(source: str, shared: bool) -> str | None:
     return Path(source).suffix if shared else str(Path(source).absolute())
 
 
-def send(store: Store, matches: Iterable[Match]) -> None:
-    """Put the files of matches into the store, those that are not there.
+class Files(Protocol):
+    """Where files lie by the SHA-256 of their contents: a store, or a parcel."""
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        ...
+
+    def files(self, digests: Iterable[str]) -> set[str]:
+        """Which of them are there."""
+        ...
+
+    def put_file(self, digest: str, content: bytes) -> None:
+        """Put a file there."""
+        ...
+
+    def file(self, digest: str) -> bytes:
+        """A file's contents, or a KeyError."""
+        ...
+
+
+@dataclass
+class Parcel:
+    """`Files` that are sent to somebody who has some already.
+
+    Attributes:
+        name: of whom they are sent to.
+        contents: by digest.
+        there: digests of what need not be sent.
+    """
+
+    name: str
+    contents: dict[str, bytes] = field(default_factory=dict)
+    there: Set[str] = frozenset()
+
+    def files(self, digests: Iterable[str]) -> set[str]:
+        """As of `Files`."""
+        return set(digests) & (self.there | self.contents.keys())
+
+    def put_file(self, digest: str, content: bytes) -> None:
+        """As of `Files`."""
+        self.contents[digest] = content
+
+    def file(self, digest: str) -> bytes:
+        """As of `Files`."""
+        return self.contents[digest]
+
+
+def send(store: Files, matches: Iterable[Match]) -> None:
+    """Put the files of matches into a store, those that are not there.
 
     One that has changed since it was entered, or is gone, stays away: whoever races it says so.
     """
@@ -58,9 +107,9 @@ def send(store: Store, matches: Iterable[Match]) -> None:
 
 
 class Arrivals:
-    """Files that have come from a store, in a folder that goes with this object."""
+    """Files that have come from somewhere, in a folder that goes with this object."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Files) -> None:
         self._store = store
         self._folder = TemporaryDirectory(prefix="nathlon-", ignore_cleanup_errors=True)
 

@@ -9,6 +9,7 @@ from contextlib import suppress
 from itertools import count
 from types import TracebackType
 
+from nathlon.arena.crew import Crew
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import HOST, has_ended, start_of
@@ -58,14 +59,14 @@ class Claimant:
         lease_s: how long a claim lasts unless it is renewed, s.
     """
 
-    def __init__(self, store: Store, processes: int, lease_s: float) -> None:
+    def __init__(self, store: Store, crew: Crew, lease_s: float) -> None:
         self.owner, self.lease_s = owner_name(), lease_s
-        self._store, self._processes = store, processes
+        self._store, self._crew = store, crew
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._renew, daemon=True)
 
     def __enter__(self) -> Claimant:
-        self._store.attend(self.owner, self._processes, self.lease_s)
+        self._store.attend(self.owner, self._crew.workers, self.lease_s)
         self._thread.start()
         return self
 
@@ -84,7 +85,7 @@ class Claimant:
     def _renew(self) -> None:
         while not self._over.wait(self.lease_s / RENEWALS):
             try:
-                self._store.attend(self.owner, self._processes, self.lease_s)
+                self._store.attend(self.owner, self._crew.workers, self.lease_s)
             except InputError as error:
                 # What it claimed may be another's by now, which costs time and no result.
                 log.warning("%s; claims could not be renewed", error)

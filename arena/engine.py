@@ -14,10 +14,10 @@ from typing import NamedTuple, Protocol
 import polars as pl
 
 from nathlon.arena.claimant import LEASE_S, Claimant
+from nathlon.arena.crew import Crew, Feed
 from nathlon.arena.grouping import GROUPS_A_WORKER, fill, group, longest_first
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
-from nathlon.arena.pool import Feed, Pool
 from nathlon.arena.processor import processor
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.store import Finished, Store
@@ -44,8 +44,23 @@ class Ended(NamedTuple):
     here: bool
 
 
-class Engine(Protocol):
-    """Has matches run, where is its affair: results go into the store, and only keys come back."""
+class Records(Protocol):
+    """Runs matches once more to look at them: an engine, or a crew by itself."""
+
+    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+        """As of `Crew`."""
+        ...
+
+
+class Engine(Records, Protocol):
+    """Has matches run, where is its affair: results go into the store, and only keys come back.
+
+    Attributes:
+        workers: processes that it starts, at most.
+    """
+
+    @property
+    def workers(self) -> int: ...
 
     def run(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
         """Have matches run that the store does not hold, and yield each, once, as soon as it does.
@@ -55,12 +70,8 @@ class Engine(Protocol):
         """
         ...
 
-    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
-        """Run matches again and yield each with what was recorded of it; see `Pool.record`."""
-        ...
 
-
-def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[dict[str, InputError | None], None, None]:
+def race_into(store: Store, crew: Crew, feed: Feed) -> Generator[dict[str, InputError | None], None, None]:
     """Run what a feed gives, and store together what ends within a moment.
 
     Yields:
@@ -68,7 +79,7 @@ def race_into(store: Store, pool: Pool, feed: Feed) -> Generator[dict[str, Input
     """
     ended: list[tuple[Match, pl.DataFrame | InputError]] = []
     due = 0.0
-    with closing(pool.race(feed)) as rounds:
+    with closing(crew.race(feed)) as rounds:
         for each in rounds:
             ended += each
             if ended and time.monotonic() >= due:
@@ -98,9 +109,9 @@ class Work:
         refused: why others cannot be run here, by key.
     """
 
-    def __init__(self, store: Store, pool: Pool, claimant: Claimant, matches: Sequence[Match]) -> None:
+    def __init__(self, store: Store, crew: Crew, claimant: Claimant, matches: Sequence[Match]) -> None:
         self.left = {match.key: match for match in matches}
-        self._store, self._pool, self._claimant = store, pool, claimant
+        self._store, self._crew, self._claimant = store, crew, claimant
         self.refused: dict[str, InputError] = {}
         self._next_look = 0.0
 
@@ -128,7 +139,7 @@ class Work:
             raise next(iter(self.refused.values()))
 
     def _run(self, feed: Feed) -> Generator[Ended, None, None]:
-        with closing(race_into(self._store, self._pool, feed)) as rounds:
+        with closing(race_into(self._store, self._crew, feed)) as rounds:
             for ended in rounds:
                 ours = [key for key, error in ended.items() if self.left.pop(key, None) and not error]
                 for key, error in ended.items():
@@ -139,6 +150,8 @@ class Work:
                     yield Ended(key, here=True)
                 if time.monotonic() > self._next_look:
                     yield from self._stored_by_others()
+                if not self.left:
+                    return
 
     def _stored_by_others(self) -> Generator[Ended, None, None]:
         began = time.monotonic()
@@ -150,16 +163,21 @@ class Work:
 
 
 class LocalEngine:
-    """The processes of a pool, which share matches by claims with others that want the same ones."""
+    """A crew's processes, which share matches by claims with others that want the same ones."""
 
-    def __init__(self, store: Store, pool: Pool, lease_s: float = LEASE_S) -> None:
+    def __init__(self, store: Store, crew: Crew, lease_s: float = LEASE_S) -> None:
         """An engine for a store; see `Claimant` for the lease."""
-        self._store, self._pool, self._lease_s = store, pool, lease_s
+        self._store, self._crew, self._lease_s = store, crew, lease_s
+
+    @property
+    def workers(self) -> int:
+        """As of `Engine`."""
+        return self._crew.workers
 
     def run(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
         """As of `Engine`."""
-        with Claimant(self._store, self._pool.workers, self._lease_s) as claimant:
-            work = Work(self._store, self._pool, claimant, matches)
+        with Claimant(self._store, self._crew, self._lease_s) as claimant:
+            work = Work(self._store, self._crew, claimant, matches)
             ordered, claimed = longest_first(matches), set[str]()
 
             def feed(idle: int) -> list[list[Match]]:
@@ -175,7 +193,7 @@ class LocalEngine:
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """As of `Engine`."""
-        return self._pool.record(wanted)
+        return self._crew.record(wanted)
 
 
 def share(left: int, idle: int, at_work: int, full: int) -> int:

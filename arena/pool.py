@@ -10,23 +10,20 @@ from dataclasses import replace
 from itertools import chain
 from multiprocessing import connection
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
 import polars as pl
 
+from nathlon.arena.crew import Crew, Round, once
 from nathlon.arena.grouping import group
-from nathlon.arena.job import Answer, Job, Loss, Opening, Racing, Wanted, again
+from nathlon.arena.job import Answer, Job, Loss, Opening, again
 from nathlon.arena.match import Match
-from nathlon.arena.recorder import Recorded
-from nathlon.arena.results import VOID_ENDINGS
-from nathlon.arena.serving import came_otherwise, do, serve
+from nathlon.arena.serving import do, serve
 from nathlon.arena.watch import LOOK_S, MATCH_S, Watch
 from nathlon.arena.workers import Worker, new_output_log
 from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.sources import OBJECT
 from nathlon.sim.errors import InputError
-
-JobT = TypeVar("JobT")
 
 LOOKS = 5
 """How often a policy is looked at within its time for an answer."""
@@ -34,17 +31,12 @@ MOST_OPENINGS = 16
 """Of those that a worker is given at once."""
 
 
-Round = list[tuple[Job, Answer]]
-"""Jobs that have ended since the last look, with their answers."""
-Feed = Callable[[int], list[list[Match]]]
-"""Gives so many idle processes groups of matches; none if there is nothing to do now."""
+class Pool(Crew):
+    """Processes of this machine that open policies and run matches.
 
-
-class Pool:
-    """Processes that open policies and run matches; they start when needed and stay until it is closed.
-
-    To be used in a `with` statement. Results do not depend on the number of processes, nor on which
-    matches share one. Matches with a policy that was handed over as an object run in this process.
+    To be used in a `with` statement: they start when needed and stay until it is closed. Results do not
+    depend on the number of processes, nor on which matches share one. Matches with a policy that was handed
+    over as an object run in this process.
 
     Attributes:
         workers: how many processes there are at most.
@@ -92,7 +84,7 @@ class Pool:
             list(openings[begin : begin + size]) for begin in range(0, len(openings), size)
         ]
         answers: dict[Opening, Any] = {}
-        with closing(self._work(_once(groups))) as rounds:
+        with closing(self.work(once(groups))) as rounds:
             for opening, answer in chain.from_iterable(rounds):
                 assert isinstance(opening, Opening)
                 answers[replace(opening, alone=False)] = answer
@@ -108,7 +100,7 @@ class Pool:
             InputError: when all others have run, if a policy cannot be loaded or is another one by now.
         """
         refused: list[InputError] = []
-        with closing(self.race(_once(group(matches, self.workers)))) as rounds:
+        with closing(self.race(once(group(matches, self.workers)))) as rounds:
             for match, answer in chain.from_iterable(rounds):
                 if isinstance(answer, InputError):
                     refused.append(answer)
@@ -117,42 +109,8 @@ class Pool:
         if refused:
             raise refused[0]
 
-    def race(self, feed: Feed) -> Generator[list[tuple[Match, pl.DataFrame | InputError]], None, None]:
-        """Run matches as in `run`, asking for more whenever processes have nothing to do.
-
-        It ends when all are idle and there is nothing to do now. At every look those matches come that have
-        ended since the last one. In place of the results there is an InputError where a policy cannot be
-        loaded, or is another one by now.
-        """
-
-        def jobs(idle: int) -> list[list[Job]]:
-            return [[Racing(match) for match in those] for those in feed(idle)]
-
-        with closing(self._work(jobs)) as rounds:
-            for ended in rounds:
-                yield [
-                    (job.match, answer if isinstance(answer, InputError) else answer.results)
-                    for job, answer in ended
-                    if isinstance(job, Racing)
-                ]
-
-    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
-        """Run matches again, watched as in `run`, and yield each with what was recorded of it.
-
-        In its place there is an InputError where a policy cannot be loaded or is another one by now,
-        where the match came out otherwise, and where a recording cannot be written.
-        """
-        with closing(self._work(_once([[Racing(each.match, each)] for each in wanted]))) as rounds:
-            for racing, answer in chain.from_iterable(rounds):
-                assert isinstance(racing, Racing)
-                assert racing.wanted is not None, "all are to be recorded"
-                if isinstance(answer, Recorded):
-                    void = answer.results["ending"].is_in(VOID_ENDINGS).all()
-                    yield racing.match, came_otherwise(racing.wanted) if void else answer
-                else:
-                    yield racing.match, answer
-
-    def _work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
+    def work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
+        """As of `Crew`."""
         queue: deque[list[Job]] = deque()
         ended: Round = []
         try:
@@ -227,12 +185,6 @@ class Pool:
 def _lives_here(job: Job) -> bool:
     """Whether a policy takes part that only this process has."""
     return any(source.partition(":")[0] == OBJECT for source in job.sources)
-
-
-def _once(groups: list[list[JobT]]) -> Callable[[int], list[list[JobT]]]:
-    """A feed that gives everything at once."""
-    left = [groups]
-    return lambda idle: left.pop() if left else []
 
 
 def run_matches(matches: Sequence[Match], workers: int) -> Iterator[tuple[Match, pl.DataFrame]]:

@@ -23,7 +23,8 @@ log = logging.getLogger(__name__)
 
 OWN = ("stage", "test", "entrants", "races")
 """What a match's spec says that its surroundings do not."""
-
+Where = tuple[str, str, str, str]
+"""World, circuit, car and scenario."""
 
 AT_ONCE = 500
 """Matches that are put into the queue with their files before the next ones: others begin with them."""
@@ -40,7 +41,7 @@ def post(store: Store, matches: Collection[Match]) -> set[str]:
         the digests of their surroundings.
     """
     ordered = longest_first(matches)
-    shared = {where: _facts(*where) for where in {_where(match) for match in ordered}}
+    shared = {where: facts_of(*where) for where in {where_of(match) for match in ordered}}
     digests = {
         where: hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
         for where, facts in shared.items()
@@ -50,18 +51,19 @@ def post(store: Store, matches: Collection[Match]) -> set[str]:
         if store.shared:
             send(store, some)
         entries = [
-            Queued(match.key, digests[_where(match)], _own(match), labels(match, store.shared) or [])
+            Queued(match.key, digests[where_of(match)], _own(match), labels(match, store.shared) or [])
             for match in some
         ]
-        store.enqueue(entries, {digests[where]: shared[where] for where in {_where(each) for each in some}})
+        store.enqueue(entries, {digests[where]: shared[where] for where in {where_of(each) for each in some}})
     return set(digests.values())
 
 
-def _where(match: Match) -> tuple[str, str, str, str]:
+def where_of(match: Match) -> Where:
+    """What is the same for all matches that can share a world."""
     return match.world, match.circuit, match.car, match.scenario
 
 
-def _facts(world: str, circuit: str, car: str, scenario: str) -> dict[str, Any]:
+def facts_of(world: str, circuit: str, car: str, scenario: str) -> dict[str, Any]:
     """What a match's spec says beside `OWN`."""
     named = {"world": world, "circuit": circuit, "car": car, "scenario": scenario}
     return named | load_world(world, circuit, car).facts(scenario)

@@ -32,6 +32,11 @@ class QueueEngine:
         self._store, self._pool, self._lease_s = store, pool, lease_s
         self._local = LocalEngine(store, pool, lease_s)
 
+    @property
+    def workers(self) -> int:
+        """As of `Engine`."""
+        return self._pool.workers
+
     def run(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
         """As of `Engine`."""
         leaving = [match for match in matches if labels(match, self._store.shared) is not None]
@@ -47,7 +52,7 @@ class QueueEngine:
 
     def _share(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
         known, posted = {match.key: match for match in matches}, set[str]()
-        with Claimant(self._store, self._pool.workers, self._lease_s) as claimant:
+        with Claimant(self._store, self._pool, self._lease_s) as claimant:
             work = Work(self._store, self._pool, claimant, matches)
             taker = Taker(self._store, claimant, posted.__contains__, known, work.refused)
             next_post = -math.inf

@@ -60,7 +60,7 @@ def work(
         InputError: if matches waited and none of them could be run here.
     """
     abilities, refused, ran = Abilities(store, pool, worlds), dict[str, InputError](), 0
-    with Claimant(store, pool.workers, lease_s) as claimant:
+    with Claimant(store, pool, lease_s) as claimant:
         taker = Taker(store, claimant, abilities.known, {}, refused)
         until = time.monotonic() + wait_s
         while True:

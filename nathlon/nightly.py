@@ -23,6 +23,7 @@ from nathlon.publishing.recordings import record_tournament
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Summary
 from nathlon.selection.config import Config
+from nathlon.selection.engines import engine_of
 from nathlon.selection.field import Exclusion, Field, newcomers, unjudged
 from nathlon.selection.pipeline import select
 from nathlon.selection.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
@@ -72,7 +73,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         on_match: told about progress.
 
     Raises:
-        InputError: if a watched folder or the store cannot be used.
+        InputError: if a watched folder, the store or the engine cannot be used.
     """
     with Store(config.store) as store, Pool(workers) as pool:
         check_world(pool, config.world)
@@ -89,16 +90,17 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             return Night(None, DONE, OK, "Nothing is new.", None)
         field = _field(night.config)
         number = [record.name for record in _nights(store)].index(night.name)
-        run = Run(store, night.name, (config.seed, number), pool, on_match)
         output = OutputFolder(Path(config.out) / night.name)
         pool.log.keep_in(output.root / POLICY_LOG)
-        if select(run, field, config) is None:
-            store.end_run(night.name, WAITING)
-            return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
-        run.keep({"pool": _pool(store, night, run)})
-        selection = publish(store, night.name, output, pool, on_match)
-        if config.recordings == "all":
-            record_tournament(store, night.name, output, pool, on_match)
+        with engine_of(config, store, pool) as engine:
+            run = Run(store, night.name, (config.seed, number), pool, on_match, other_engine=engine)
+            if select(run, field, config) is None:
+                store.end_run(night.name, WAITING)
+                return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
+            run.keep({"pool": _pool(store, night, run)})
+            selection = publish(store, night.name, output, pool, on_match)
+            if config.recordings == "all":
+                record_tournament(store, night.name, output, engine, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
         store.end_run(night.name, DONE)

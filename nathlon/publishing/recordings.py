@@ -9,9 +9,9 @@ from typing import Literal
 
 import polars as pl
 
+from nathlon.arena.engine import Records
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
-from nathlon.arena.pool import Pool
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import recording_name
 from nathlon.arena.store import Store
@@ -25,7 +25,9 @@ Kept = Literal["notable", "all"]
 """Which races of a tournament leave a recording: those to look at, or every one."""
 
 
-def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: OnMatch) -> None:
+def record_tournament(
+    store: Store, run: str, output: OutputFolder, recorder: Records, on_match: OnMatch
+) -> None:
     """Leave a recording of every race of a run's tournament; those that are there are not run again.
 
     In another world there is nothing that could be recorded. Why one cannot be recorded is logged.
@@ -34,7 +36,7 @@ def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, 
         store: that holds the run.
         run: its name.
         output: where the recordings go.
-        pool: runs the matches.
+        recorder: runs the matches.
         on_match: told about progress.
     """
     entrants = store.table(run, "entrants")
@@ -46,7 +48,7 @@ def record_tournament(store: Store, run: str, output: OutputFolder, pool: Pool, 
         if not (output.races / recording_name(match, race)).exists():
             wanted.setdefault(match, []).append(race)
     on_match(RECORDINGS, 0, len(wanted))
-    for done, (_, answer) in enumerate(run_again(store, wanted, entrants, pool, output.races), 1):
+    for done, (_, answer) in enumerate(run_again(store, wanted, entrants, recorder, output.races), 1):
         if isinstance(answer, InputError):
             log.warning("%s", answer)
         on_match(RECORDINGS, done, len(wanted))
@@ -56,7 +58,7 @@ def run_again(
     store: Store,
     races: Mapping[str, Sequence[int]],
     entrants: pl.DataFrame,
-    pool: Pool,
+    recorder: Records,
     folder: Path | None = None,
 ) -> Iterator[tuple[str, list[RaceLog] | InputError]]:
     """Run stored matches once more, and keep some of their races if they end as they are stored.
@@ -65,8 +67,8 @@ def run_again(
         store: that holds the matches.
         races: by match, which of its races are to be kept.
         entrants: schema ENTRANTS, of all that race in them.
-        pool: runs the matches.
-        folder: where the pool leaves the recordings instead of giving the logs back.
+        recorder: runs the matches.
+        folder: where it leaves the recordings instead of giving the logs back.
 
     Yields:
         a match's key and the logs of its races, or an InputError where its policies cannot be loaded, the
@@ -85,7 +87,7 @@ def run_again(
         called = tuple(names.get(entrant, entrant) for entrant in match.entrants)
         results = store.results_of([key])
         wanted.append(Wanted(match, tuple(numbers), called, results, folder, processor=ran_on[key]))
-    for match, answer in pool.record(wanted):
+    for match, answer in recorder.record(wanted):
         yield match.key, answer if isinstance(answer, InputError) else answer.logs
 
 

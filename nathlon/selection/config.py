@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
@@ -61,6 +61,8 @@ class Config(Section):
         out: folder for the reports.
         seed: of all randomness.
         workers: processes; one for each core if it is not given.
+        engine: who runs the matches: this machine, or the nodes of a Ray cluster.
+        engine_address: of the cluster; `auto` for the one that this machine is part of.
         recordings: which races of the tournament leave one.
     """
 
@@ -72,6 +74,8 @@ class Config(Section):
     out: str = "nights"
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
     workers: Annotated[int, Field(ge=1, le=MOST_WORKERS)] | None = None
+    engine: Literal["local", "ray"] = "local"
+    engine_address: str = "auto"
     recordings: Kept = "all"
     pareto: FilterSettings = FilterSettings()
     battery: BatterySettings = BatterySettings()
@@ -88,7 +92,8 @@ class Config(Section):
         Raises:
             InputError: if a file is missing or wrong.
         """
-        elsewhere = {"out", "workers", "store", "checkpoints", "recordings", "gate", "matrix"}
+        elsewhere = {"out", "workers", "engine", "engine_address", "store", "checkpoints", "recordings"}
+        elsewhere |= {"gate", "matrix"}
         decisive = self.model_dump(mode="json", exclude=elsewhere)
         return hashlib.sha256(json.dumps([decisive, self._contents()]).encode()).hexdigest()
 

@@ -53,7 +53,7 @@ def evaluate(
         on_verdict(verdict)
         selection = publish(run.store, run.name, output, run.pool, on_match)
         if config.recordings == "all":
-            record_tournament(run.store, run.name, output, run.pool, on_match)
+            record_tournament(run.store, run.name, output, run.engine, on_match)
         return selection
 
 

@@ -92,7 +92,7 @@ def _expected(run: Run, field: Field, config: Config) -> Forecast:
         return Forecast.model_validate(kept)
     counts = len(field.newcomers), len(field.incumbents), len(field.anchors)
     habits = habits_of(earlier(run.store, config, run.name), config)
-    expected = forecast(config, *counts, habits, run.pool.workers)
+    expected = forecast(config, *counts, habits, run.engine.workers)
     run.store.put_fact(run.name, "forecast", expected.model_dump(mode="json"))
     return expected
 

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from functools import partial
 
 import numpy as np
@@ -65,7 +65,7 @@ class Run:
         seeds_from: what all its randomness comes from.
         pool: where policies are opened and races recorded.
         on_match: told about progress.
-        engine: has matches run: in the pool, and by whoever works on the same store.
+        engine: has matches run: by default in the pool, and by whoever works on the same store.
         stages: counts of the stages that have ended.
         status: as what it ends.
     """
@@ -77,12 +77,13 @@ class Run:
     on_match: OnMatch
     stages: list[Stage] = field(default_factory=list)
     status: str = DONE
+    other_engine: InitVar[Engine | None] = None
     engine: Engine = field(init=False)
     _noted: float = field(default=-math.inf, init=False)
     _ran: int = field(default=0, init=False)
 
-    def __post_init__(self) -> None:
-        self.engine = QueueEngine(self.store, self.pool)
+    def __post_init__(self, other_engine: Engine | None) -> None:
+        self.engine = other_engine or QueueEngine(self.store, self.pool)
 
     def seeds(self, stage: str) -> np.random.SeedSequence:
         """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
@@ -141,7 +142,7 @@ class Run:
                 races=races,
                 wall_s=round(wall_s + before.wall_s, 2),
                 ran=self._ran + before.ran,
-                core_s=round(wall_s * self.pool.workers + before.core_s, 2),
+                core_s=round(wall_s * self.engine.workers + before.core_s, 2),
             )
         )
         self._ran = 0

@@ -13,6 +13,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.publishing.output import POLICY_LOG
 from nathlon.selection.config import Config
+from nathlon.selection.engines import engine_of
 from nathlon.selection.run import OnMatch, Run
 
 
@@ -40,13 +41,14 @@ def single_run(
         folder: where what policies print is kept; that of the file by default.
 
     Raises:
-        InputError: if the store cannot be used, or the configuration names a file that is wrong.
+        InputError: if the store or the engine cannot be used, or the configuration names a file that is
+            wrong.
     """
     plan = {"config": config.digest, "entrants": [entrant.id for entrant in entrants]}
     name = f"{kind}-{hashlib.sha256(json.dumps(plan).encode()).hexdigest()[:12]}"
-    with Store(store) as opened:
+    with Store(store) as opened, engine_of(config, opened, pool) as engine:
         opened.begin_run(name, plan)
         pool.log.keep_in((folder or Path(store).parent) / POLICY_LOG)
-        run = Run(opened, name, (config.seed,), pool, on_match)
+        run = Run(opened, name, (config.seed,), pool, on_match, other_engine=engine)
         yield run
         opened.end_run(name, run.status)

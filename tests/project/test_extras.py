@@ -13,7 +13,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from tests.checkpoints import BUNDLED
 
-ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "websockets")
+ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "websockets", "ray")
 WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({ABSENT}))\n"
 
 
@@ -89,3 +89,8 @@ def test_a_test_drive_says_what_to_install(tmp_path: Path) -> None:
 def test_a_driver_of_the_database_is_asked_for() -> None:
     done = bare("from nathlon.arena.store import Store\nStore('postgresql+psycopg://me@localhost/there')")
     assert "PostgreSQL needs psycopg, which the extra postgres installs" in done.stderr
+
+
+def test_a_cluster_asks_for_ray() -> None:
+    done = bare("from nathlon.arena.on_ray.cluster import joined\nwith joined('auto'): pass")
+    assert "engine 'ray' needs ray, which the extra ray installs" in done.stderr

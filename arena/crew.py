@@ -1,0 +1,80 @@
+"""Who runs matches: processes, on this machine or on others, that are given groups of jobs."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from itertools import chain
+from typing import TypeVar
+
+import polars as pl
+
+from nathlon.arena.job import Answer, Job, Racing, Wanted
+from nathlon.arena.match import Match
+from nathlon.arena.recorder import Recorded
+from nathlon.arena.results import VOID_ENDINGS
+from nathlon.arena.serving import came_otherwise
+from nathlon.sim.errors import InputError
+
+JobT = TypeVar("JobT")
+
+Round = list[tuple[Job, Answer]]
+"""Jobs that have ended since the last look, with their answers."""
+Feed = Callable[[int], list[list[Match]]]
+"""Gives so many idle processes groups of matches; none if there is nothing to do now."""
+
+
+class Crew(ABC):
+    """Processes that run matches.
+
+    Attributes:
+        workers: how many there are at most.
+    """
+
+    workers: int
+
+    @abstractmethod
+    def work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
+        """Do jobs, asking for more whenever processes have nothing to do; see `race`."""
+
+    def race(self, feed: Feed) -> Generator[list[tuple[Match, pl.DataFrame | InputError]], None, None]:
+        """Run matches side by side, asking for more whenever processes have nothing to do.
+
+        It ends when all are idle and there is nothing to do now. At every look those matches come that have
+        ended since the last one. In place of the results there is an InputError where a policy cannot be
+        loaded, or is another one by now.
+        """
+
+        def jobs(idle: int) -> list[list[Job]]:
+            return [[Racing(match) for match in those] for those in feed(idle)]
+
+        with closing(self.work(jobs)) as rounds:
+            for ended in rounds:
+                yield [
+                    (job.match, answer if isinstance(answer, InputError) else answer.results)
+                    for job, answer in ended
+                    if isinstance(job, Racing)
+                ]
+
+    def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
+        """Run matches again, watched as when they raced, and yield each with what was recorded of it.
+
+        In its place there is an InputError where a policy cannot be loaded or is another one by now,
+        where the match came out otherwise, and where a recording cannot be written.
+        """
+        with closing(self.work(once([[Racing(each.match, each)] for each in wanted]))) as rounds:
+            for racing, answer in chain.from_iterable(rounds):
+                assert isinstance(racing, Racing)
+                assert racing.wanted is not None, "all are to be recorded"
+                if isinstance(answer, Recorded):
+                    void = answer.results["ending"].is_in(VOID_ENDINGS).all()
+                    yield racing.match, came_otherwise(racing.wanted) if void else answer
+                else:
+                    yield racing.match, answer
+
+
+def once(groups: list[list[JobT]]) -> Callable[[int], list[list[JobT]]]:
+    """A feed that gives everything at once."""
+    left = [groups]
+    return lambda idle: left.pop() if left else []

@@ -1,0 +1,80 @@
+"""Joining a Ray cluster, and the nodes that it has now."""
+
+from __future__ import annotations
+
+import logging
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
+
+AUTO = "auto"
+"""Address of the cluster that this machine is part of."""
+CONNECT_S = 5.0
+"""For somebody to answer at an address."""
+
+
+class Place(NamedTuple):
+    """A node that may have an actor.
+
+    Attributes:
+        id: that Ray knows it by.
+        name: for people.
+        processors: how many Ray may use there.
+    """
+
+    id: str
+    name: str
+    processors: int
+
+
+@contextmanager
+def joined(address: str) -> Iterator[None]:
+    """Take part in a Ray cluster; a process that does already stays in its own.
+
+    Raises:
+        InputError: if Ray is not installed, nobody answers at the address, or versions differ.
+    """
+    need("ray", "ray", "engine 'ray'")
+    import ray
+
+    if ray.is_initialized():
+        yield
+        return
+    try:
+        _knock(address)
+        # Never one of its own, which could outlive this process.
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = str(error).strip().splitlines()[0].rstrip(".:")
+        raise InputError(
+            f"engine_address is {address!r}: {reason}; expected a Ray cluster with the Ray "
+            f"{ray.__version__} and the Python of this machine"
+        ) from None
+    try:
+        yield
+    finally:
+        ray.shutdown()
+
+
+def _knock(address: str) -> None:
+    """See that somebody answers: Ray tries for minutes, and says much meanwhile."""
+    host, _, port = address.rpartition("/")[2].rpartition(":")
+    if host and port.isdigit():
+        socket.create_connection((host, int(port)), CONNECT_S).close()
+
+
+def places() -> dict[str, Place]:
+    """The nodes that are there and have processors, by their ids."""
+    import ray
+
+    told: Any = ray.nodes  # it has no types
+    there = [node for node in told() if node["Alive"]]
+    found = [
+        Place(node["NodeID"], node["NodeManagerHostname"], int(node["Resources"].get("CPU", 0)))
+        for node in there
+    ]
+    return {place.id: place for place in found if place.processors}

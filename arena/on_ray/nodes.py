@@ -1,0 +1,252 @@
+"""The crew of a Ray cluster: an actor a node, fed from here, and done without when its node is gone."""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import Any
+
+from nathlon.arena.baggage import Parcel, labels, send
+from nathlon.arena.crew import Crew, Round
+from nathlon.arena.grouping import group
+from nathlon.arena.job import Answer, Job, Racing
+from nathlon.arena.on_ray.cluster import Place, places
+from nathlon.arena.on_ray.node import Ended, Load, Node
+from nathlon.arena.queue import Where, facts_of, where_of
+from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import whole_file
+
+log = logging.getLogger(__name__)
+
+MEET_S, NEWS_S = 2.0, 1.0
+"""Between two looks at which nodes there are, and at what they have to tell."""
+WAIT_S = 300.0
+"""For a node that takes matches, where there is none."""
+LIVES = 3
+"""Actors that a node may lose before it gets no other."""
+
+_actors = count(1)
+
+
+@dataclass(eq=False)
+class _Hand:
+    """A node that works for us.
+
+    Attributes:
+        actor: on the node.
+        call: under way; None while it waits for something to do.
+        given: what it has not told the end of, by number.
+        held: what it is given as soon as it is prepared.
+        idle: processes that had nothing to do when it told the last time.
+        prepared: for which surroundings.
+        there: digests of the files that it has.
+        ready: whether its actor has ever answered.
+    """
+
+    place: Place
+    actor: Any
+    call: Any
+    given: dict[int, Racing] = field(default_factory=dict)
+    held: list[dict[int, Racing]] = field(default_factory=list)
+    idle: int = 0
+    prepared: set[Where] = field(default_factory=set)
+    there: set[str] = field(default_factory=set)
+    ready: bool = False
+
+
+class Nodes(Crew):
+    """The nodes of the Ray cluster that this process has joined; they may come and go.
+
+    To be used in a `with` statement.
+    """
+
+    def __init__(self) -> None:
+        """Nodes whose actors begin to start."""
+        self._hands: list[_Hand] = []
+        self._losses: dict[str, int] = defaultdict(int)
+        self._unfit: dict[str, str] = {}
+        self._there: dict[str, Place] = {}
+        self._numbers = count()
+        self._next_meeting = 0.0
+        self.workers = 0
+        self._meet()
+
+    def __enter__(self) -> Nodes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for hand in list(self._hands):
+            self._dismiss(hand)
+
+    def work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
+        """As of `Crew`, of jobs whose policies can leave this machine; see `nathlon.arena.baggage.labels`.
+
+        Raises:
+            InputError: if no node can do them.
+        """
+        queue: deque[list[Racing]] = deque()
+        patient_until = time.monotonic() + WAIT_S
+        try:
+            while True:
+                self._meet()
+                free = [hand for hand in self._hands if hand.call is None]
+                if any(hand.ready for hand in self._hands):
+                    patient_until = time.monotonic() + WAIT_S
+                self._check(patient_until)
+                idle = sum(hand.idle for hand in free)
+                if idle and not queue:
+                    queue.extend([job for job in jobs if isinstance(job, Racing)] for jobs in feed(idle))
+                for hand in free:
+                    self._give(hand, [queue.popleft() for _ in range(min(hand.idle, len(queue)))])
+                if free and not queue and not any(hand.given for hand in self._hands):
+                    break
+                yield list(self._news(queue))
+        finally:
+            # Only those that are at work when the run is given up.
+            for hand in [hand for hand in self._hands if hand.given]:
+                self._dismiss(hand)
+
+    def _meet(self) -> None:
+        """Have an actor started on each node that has joined, and forget those that have left."""
+        if time.monotonic() < self._next_meeting:
+            return
+        self._there = places()
+        for hand in [hand for hand in self._hands if hand.call is None and not hand.given]:
+            if hand.place.id not in self._there:
+                self._dismiss(hand)
+        met = {hand.place.id for hand in self._hands} | self._unfit.keys()
+        self._hands += [self._start(place) for id, place in self._there.items() if id not in met]
+        self.workers = sum(hand.place.processors for hand in self._hands)
+        self._next_meeting = time.monotonic() + MEET_S
+
+    def _start(self, place: Place) -> _Hand:
+        import ray
+        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+        # What runs is told by claims: Ray repeats nothing on its own.
+        actor: Any = (
+            ray.remote(Node)
+            .options(
+                name=f"nathlon {place.name} {next(_actors)}",
+                num_cpus=place.processors,
+                max_restarts=0,
+                max_task_retries=0,
+                scheduling_strategy=NodeAffinitySchedulingStrategy(place.id, soft=False),
+            )
+            .remote(f"node {place.name}", place.processors)
+        )
+        return _Hand(place, actor, actor.prepare.remote([]), idle=place.processors)
+
+    def _check(self, patient_until: float) -> None:
+        reasons = [reason for id, reason in self._unfit.items() if id in self._there]
+        if reasons and not self._hands:
+            raise InputError(f"engine 'ray': {reasons[0]}")
+        if time.monotonic() > patient_until:
+            raise InputError(
+                f"engine 'ray': no node of the cluster had free processors for {WAIT_S:.0f} s, expected some"
+            )
+
+    def _give(self, hand: _Hand, groups: Sequence[list[Racing]]) -> None:
+        """Give a node more to do, if it has nothing else to be called for; and let it go on."""
+        hand.held = [{next(self._numbers): job for job in jobs} for jobs in groups]
+        for jobs in hand.held:
+            hand.given |= jobs
+        new = {where_of(job.match) for jobs in groups for job in jobs} - hand.prepared
+        if new:
+            hand.call = hand.actor.prepare.remote([json.dumps(facts_of(*where)) for where in sorted(new)])
+            hand.prepared |= new
+        elif hand.given:
+            self._go_on(hand)
+
+    def _go_on(self, hand: _Hand) -> None:
+        parcel = Parcel(hand.place.name, there=hand.there)
+        send(parcel, [job.match for jobs in hand.held for job in jobs.values()])
+        groups = [{number: _packed(job) for number, job in jobs.items()} for jobs in hand.held]
+        hand.call = hand.actor.work.remote(Load(groups, parcel.contents))
+        hand.there |= parcel.contents.keys()
+        hand.held = []
+
+    def _news(self, queue: deque[list[Racing]]) -> Iterator[tuple[Job, Answer]]:
+        """Wait for news; results as they come, and into the queue what a lost node leaves."""
+        import ray
+
+        called = {hand.call: hand for hand in self._hands if hand.call is not None}
+        if not called:
+            time.sleep(NEWS_S)
+            return
+        ray.wait(list(called), timeout=NEWS_S)
+        ready, _ = ray.wait(list(called), num_returns=len(called), timeout=0)
+        for call in ready:
+            hand = called[call]
+            try:
+                answer = ray.get(call)
+            except ray.exceptions.RayTaskError as error:
+                # Our own error is for the user to see, a full disk only for who is there.
+                if not isinstance(error, OSError):
+                    raise
+                self._lose(hand, queue, f"{error.cause}", for_good=True)
+            except ray.exceptions.RayError as error:
+                self._lose(hand, queue, _reason(error, hand.ready), for_good=not hand.ready)
+            else:
+                hand.call, hand.ready = None, True
+                if isinstance(answer, str):
+                    self._lose(hand, queue, answer, for_good=True)
+                elif answer is None and hand.held:
+                    self._go_on(hand)
+                elif answer is not None:
+                    hand.idle = answer.idle
+                    for ended in answer.ended:
+                        yield _received(hand.given.pop(ended.number), ended)
+
+    def _lose(self, hand: _Hand, queue: deque[list[Racing]], reason: str, for_good: bool) -> None:
+        """Put what a node leaves before all else that waits; it may get another actor, unless for good."""
+        self._dismiss(hand)
+        self._losses[hand.place.id] += 1
+        if for_good or self._losses[hand.place.id] == LIVES:
+            self._unfit[hand.place.id] = f"node {hand.place.name} {reason}"
+        raced = {job.match.key: job for job in hand.given.values() if not job.wanted}
+        again = [[job] for job in hand.given.values() if job.wanted]
+        if raced:
+            matches = [job.match for job in raced.values()]
+            again += [
+                [raced[match.key] for match in those] for those in group(matches, hand.place.processors)
+            ]
+        queue.extendleft(reversed(again))
+        log.warning("node %s %s; others run its %d matches", hand.place.name, reason, len(hand.given))
+        self._next_meeting = 0.0
+
+    def _dismiss(self, hand: _Hand) -> None:
+        import ray
+
+        self._hands.remove(hand)
+        ray.kill(hand.actor)
+
+
+def _packed(job: Racing) -> Racing:
+    """A job as it travels: its policies by their labels."""
+    match = replace(job.match, sources=tuple(labels(job.match, shared=True) or ()))
+    return replace(job, match=match, wanted=job.wanted and job.wanted._replace(match=match))
+
+
+def _received(job: Racing, ended: Ended) -> tuple[Racing, Answer]:
+    """A job and its answer, with its recordings where they are wanted."""
+    folder = job.wanted and job.wanted.folder
+    if folder is None:
+        return job, ended.answer
+    try:
+        for name, content in ended.files.items():
+            with whole_file(folder / name) as partial:
+                partial.write_bytes(content)
+    except OSError as error:
+        return job, InputError(f"{folder}: the recording cannot be written: {error.strerror}")
+    return job, ended.answer
+
+
+def _reason(error: Exception, ready: bool) -> str:
+    """What became of an actor, as a clause of a sentence about its node."""
+    return "has left" if ready else f"cannot begin: {str(error).strip().splitlines()[-1]}"
