@@ -49,6 +49,11 @@ class OutputLog:
         with self._lock:
             return self._kept.decode("utf-8", "replace")
 
+    def add(self, text: str) -> None:
+        """Add what was printed on another machine."""
+        with self._lock:
+            self._add(text.encode())
+
     def close(self) -> None:
         """Read the rest; what processes print that those of ours have left behind is not waited for."""
         self.sink.close()

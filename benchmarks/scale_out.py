@@ -1,11 +1,14 @@
-"""What it costs to share matches among processes by the queue of a store.
+"""What it costs to share matches among processes by the queue of a store, or by a Ray cluster.
 
-`python -m benchmarks.scale_out [--database URL] [--matches N] [--workers N ...] [--json PATH]` has matches of
-a world run that sleeps for 10 ms a match: by the processes of one pool (`local`), and by workers of one
-process each that share nothing but the store (`queue`). Who sleeps needs no core: with more than there are
-cores, what is left is what claims and the store cost. Time counts from when all are ready.
+`python -m benchmarks.scale_out [--database URL] [--matches N] [--workers N ...] [--engines NAME ...]
+[--busy] [--json PATH]` has matches of a world run that sleeps for 10 ms a match, or computes for as long
+(`--busy`): by the processes of one pool (`local`), by workers of one process each that share nothing but the
+store (`queue`), and by nodes of one processor each of a cluster on this machine (`ray`). Who sleeps needs no
+core: with more than there are cores, what is left is what claims and the store cost. Time counts from when
+all are ready.
 
-Figures: for every run `engine`, `store`, `workers`, `matches`, `wall_s`; `efficiency`, the share of the
+Figures: for every run `engine`, `store`, `workers`, `matches`, `wall_s`; `speed_up`, over the first run of
+the engine on the store; `efficiency`, the share of the
 workers' time in which they ran matches; `overhead_s_per_match`, the rest of it; `lost`, matches that have no
 result; `twice`, matches that were run more than once.
 """
@@ -41,19 +44,24 @@ from nathlon.arena.worlds.contract import LineUp, Measure, Setup
 
 NAP_S = 0.01
 """That a match takes."""
-NAME = "benchmarks.scale_out:sleeper"
+NAME, BUSY = "benchmarks.scale_out:sleeper", "benchmarks.scale_out:computer"
 NOTES = "NATHLON_SCALE_OUT_NOTES"
 """Names the folder where processes note which matches they have run."""
 LOOK_S = 0.05
+OBJECTS_BYTES = 100 << 20
+"""Of memory for a node's objects: Ray takes a third of the machine's otherwise."""
 
 
 class Sleeper:
     """A world in which nothing happens, for as long as a match takes."""
 
-    name = NAME
     scenarios: tuple[str, ...] = ("nap",)
     measures: Mapping[str, Measure] = {}
     baseline = "random"
+
+    def __init__(self, busy: bool) -> None:
+        """A world; if it is `busy` it computes meanwhile."""
+        self._busy, self.name = busy, BUSY if busy else NAME
 
     def setup(self, scenario: str) -> Setup:
         return Setup(("bed",), ((0,),), time_s=1.0)
@@ -65,7 +73,7 @@ class Sleeper:
         return {"nap_s": NAP_S}
 
     def enter(self, source: str) -> Entrant:
-        return Entrant(source, source, source, "none", "", "", None, None, NAME)
+        return Entrant(source, source, source, "none", "", "", None, None, self.name)
 
     def policy(self, source: str) -> Any:
         return source
@@ -74,23 +82,36 @@ class Sleeper:
         with (Path(os.environ[NOTES]) / str(os.getpid())).open("a") as notes:
             for number, (match, _) in line_ups.items():
                 watch.work()
-                time.sleep(NAP_S)
+                self._pass()
                 row = {"place": 1, "points": 0.0, "ending": "finished", "score": 0.0}
                 notes.write(f"{match.key}\n")
                 yield number, pl.DataFrame([match.seat_facts(0, 0) | row], schema=RESULTS)
 
+    def _pass(self) -> None:
+        if not self._busy:
+            time.sleep(NAP_S)
+            return
+        until = time.process_time() + NAP_S
+        while time.process_time() < until:
+            pass
+
 
 def sleeper() -> Sleeper:
     """The world."""
-    return Sleeper()
+    return Sleeper(busy=False)
 
 
-def naps(count: int, first: int) -> list[Match]:
+def computer() -> Sleeper:
+    """The busy world."""
+    return Sleeper(busy=True)
+
+
+def naps(count: int, first: int, world: str = NAME) -> list[Match]:
     """Matches with seeds of their own."""
     return [
         Match(
             "pareto", "nap", "nap", "", "", ("random",), ("random",),
-            (Race(first + number, (Seat(0, 0),)),), NAME,
+            (Race(first + number, (Seat(0, 0),)),), world,
         )
         for number in range(count)
     ]  # fmt: skip
@@ -100,15 +121,44 @@ def local(target: str, workers: int, matches: Sequence[Match]) -> float:
     """Seconds that the processes of a pool take."""
     with Store(target) as store, Pool(workers) as pool:
         engine: Engine = QueueEngine(store, pool)
-        list(engine.run(naps(4 * workers, -4 * workers)))
-        began = time.perf_counter()
-        list(engine.run(matches))
-        return time.perf_counter() - began
+        return _warm_seconds(engine, workers, matches)
+
+
+def _warm_seconds(engine: Engine, workers: int, matches: Sequence[Match]) -> float:
+    list(engine.run(naps(200 * workers, -200 * workers, matches[0].world)))
+    began = time.perf_counter()
+    list(engine.run(matches))
+    return time.perf_counter() - began
+
+
+def ray(target: str, workers: int, matches: Sequence[Match]) -> float:
+    """Seconds that nodes of one processor each take, on this machine."""
+    from ray.cluster_utils import Cluster
+
+    from nathlon.arena.on_ray.cluster import joined
+    from nathlon.arena.on_ray.engine import RayEngine
+    from nathlon.arena.on_ray.nodes import Nodes
+
+    memory = {"object_store_memory": OBJECTS_BYTES}
+    head = {"num_cpus": 0, "include_dashboard": False, **memory}
+    cluster = Cluster(initialize_head=True, head_node_args=head)
+    try:
+        for _ in range(workers):
+            cluster.add_node(num_cpus=1, **memory)
+        with (
+            Store(target) as store,
+            Pool(1) as pool,
+            joined(cluster.address),
+            Nodes(pool.log) as nodes,
+        ):
+            return _warm_seconds(RayEngine(store, pool, nodes), workers, matches)
+    finally:
+        cluster.shutdown()
 
 
 def _help(target: str) -> None:
     with Store(target) as store, Pool(1) as pool:
-        work(store, pool, [NAME], wait_s=5.0)
+        work(store, pool, [NAME, BUSY], wait_s=5.0)
 
 
 def queue(target: str, workers: int, matches: Sequence[Match]) -> float:
@@ -118,7 +168,7 @@ def queue(target: str, workers: int, matches: Sequence[Match]) -> float:
         helpers = [spawn.Process(target=_help, args=(target,)) for _ in range(workers)]
         for helper in helpers:
             helper.start()
-        warm = naps(200 * workers, -200 * workers)
+        warm = naps(200 * workers, -200 * workers, matches[0].world)
         post(store, warm)
         while len(store.at_work()) < workers or store.waiting():
             time.sleep(LOOK_S)
@@ -132,7 +182,7 @@ def queue(target: str, workers: int, matches: Sequence[Match]) -> float:
     return wall_s
 
 
-ENGINES = {"local": local, "queue": queue}
+ENGINES = {"local": local, "queue": queue, "ray": ray}
 
 
 def measure(engine: str, target: str, workers: int, matches: Sequence[Match]) -> dict[str, Any]:
@@ -158,23 +208,32 @@ def measure(engine: str, target: str, workers: int, matches: Sequence[Match]) ->
     }
 
 
+def _alike(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    return all(one[name] == other[name] for name in ("engine", "store"))
+
+
 def main() -> None:
     """Measure, print, and keep the figures."""
     parser = argparse.ArgumentParser(prog="benchmarks.scale_out", description="Workers on one store")
     parser.add_argument("--database", help="URL of an empty one, measured beside a new SQLite file")
     parser.add_argument("--matches", type=int, default=10_000)
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 8])
-    parser.add_argument("--engines", nargs="+", choices=ENGINES, default=list(ENGINES))
+    parser.add_argument("--engines", nargs="+", choices=ENGINES, default=["local", "queue"])
+    parser.add_argument("--busy", action="store_true", help="compute in place of sleeping")
     parser.add_argument("--json", type=Path, help="where to write the figures")
     asked = parser.parse_args()
-    figures = []
+    figures: list[dict[str, Any]] = []
+    world = BUSY if asked.busy else NAME
     with TemporaryDirectory() as folder, TemporaryDirectory() as notes:
         os.environ[NOTES] = notes
         for number, (database, engine, workers) in enumerate(
             product(dict.fromkeys([None, asked.database]), asked.engines, asked.workers)
         ):
             target = database or f"{folder}/{number}.sqlite"
-            figures.append(measure(engine, target, workers, naps(asked.matches, number * asked.matches)))
+            matches = naps(asked.matches, number * asked.matches, world)
+            figure = measure(engine, target, workers, matches)
+            alone = next((one for one in figures if _alike(one, figure)), figure)
+            figures.append(figure | {"speed_up": round(alone["wall_s"] / figure["wall_s"], 2)})
             print(figures[-1], file=sys.stderr)
     if asked.json:
         write_result(asked.json, figures)

@@ -62,10 +62,12 @@ class Told(NamedTuple):
     Attributes:
         ended: since it told the last time.
         idle: processes that have nothing to do.
+        printed: by policies since then.
     """
 
     ended: list[Ended]
     idle: int
+    printed: str
 
 
 class Node:
@@ -81,7 +83,7 @@ class Node:
         self._backlog: deque[list[Job]] = deque()
         self._numbers: dict[int, int] = {}
         self._compiled = set[tuple[str, str, str]]()
-        self._idle = workers
+        self._idle, self._printed = workers, 0
         self._rounds: Generator[Round, None, None] | None = None
 
     def prepare(self, surroundings: Sequence[str]) -> str | None:
@@ -120,7 +122,9 @@ class Node:
             now = time.monotonic()
             if now >= over or (ended and (self._idle or now >= gathered)):
                 break
-        return Told(ended, self._idle)
+        printed = self._pool.log.text
+        news, self._printed = printed[self._printed :], len(printed)
+        return Told(ended, self._idle, news)
 
     def _take(self, load: Load) -> list[Ended]:
         """Put jobs into the backlog; those that end by that."""

@@ -17,6 +17,7 @@ from nathlon.arena.grouping import group
 from nathlon.arena.job import Answer, Job, Racing
 from nathlon.arena.on_ray.cluster import Place, places
 from nathlon.arena.on_ray.node import Ended, Load, Node
+from nathlon.arena.output_log import OutputLog
 from nathlon.arena.queue import Where, facts_of, where_of
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
@@ -65,8 +66,9 @@ class Nodes(Crew):
     To be used in a `with` statement.
     """
 
-    def __init__(self) -> None:
-        """Nodes whose actors begin to start."""
+    def __init__(self, log: OutputLog) -> None:
+        """Nodes whose actors begin to start; what policies print there goes into a log."""
+        self._log = log
         self._hands: list[_Hand] = []
         self._losses: dict[str, int] = defaultdict(int)
         self._unfit: dict[str, str] = {}
@@ -189,9 +191,9 @@ class Nodes(Crew):
                 # Our own error is for the user to see, a full disk only for who is there.
                 if not isinstance(error, OSError):
                     raise
-                self._lose(hand, queue, f"{error.cause}", for_good=True)
+                self._lose(hand, queue, f"cannot go on ({error.cause})", for_good=True)
             except ray.exceptions.RayError as error:
-                self._lose(hand, queue, _reason(error, hand.ready), for_good=not hand.ready)
+                self._lose(hand, queue, self._reason(hand, error), for_good=not hand.ready)
             else:
                 hand.call, hand.ready = None, True
                 if isinstance(answer, str):
@@ -200,6 +202,7 @@ class Nodes(Crew):
                     self._go_on(hand)
                 elif answer is not None:
                     hand.idle = answer.idle
+                    self._log.add(answer.printed)
                     for ended in answer.ended:
                         yield _received(hand.given.pop(ended.number), ended)
 
@@ -219,6 +222,14 @@ class Nodes(Crew):
         queue.extendleft(reversed(again))
         log.warning("node %s %s; others run its %d matches", hand.place.name, reason, len(hand.given))
         self._next_meeting = 0.0
+
+    def _reason(self, hand: _Hand, error: Exception) -> str:
+        """What became of a node whose actor is lost, as a clause."""
+        if hand.place.id not in places():
+            return "has left"
+        if hand.ready:
+            return "has lost its actor"
+        return f"cannot begin ({str(error).strip().splitlines()[-1]})"
 
     def _dismiss(self, hand: _Hand) -> None:
         import ray
@@ -245,8 +256,3 @@ def _received(job: Racing, ended: Ended) -> tuple[Racing, Answer]:
     except OSError as error:
         return job, InputError(f"{folder}: the recording cannot be written: {error.strerror}")
     return job, ended.answer
-
-
-def _reason(error: Exception, ready: bool) -> str:
-    """What became of an actor, as a clause of a sentence about its node."""
-    return "has left" if ready else f"cannot begin: {str(error).strip().splitlines()[-1]}"

@@ -28,5 +28,5 @@ def engine_of(config: Config, store: Store, pool: Pool) -> Iterator[Engine]:
         from nathlon.arena.on_ray.engine import RayEngine
         from nathlon.arena.on_ray.nodes import Nodes
 
-        with Nodes() as nodes:
+        with Nodes(pool.log) as nodes:
             yield RayEngine(store, pool, nodes)
