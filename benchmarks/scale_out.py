@@ -139,12 +139,11 @@ def ray(target: str, workers: int, matches: Sequence[Match]) -> float:
     from nathlon.arena.on_ray.engine import RayEngine
     from nathlon.arena.on_ray.nodes import Nodes
 
-    memory = {"object_store_memory": OBJECTS_BYTES}
-    head = {"num_cpus": 0, "include_dashboard": False, **memory}
+    head = {"num_cpus": 0, "include_dashboard": False, "object_store_memory": OBJECTS_BYTES}
     cluster = Cluster(initialize_head=True, head_node_args=head)
     try:
         for _ in range(workers):
-            cluster.add_node(num_cpus=1, **memory)
+            cluster.add_node(num_cpus=1, object_store_memory=OBJECTS_BYTES)
         with (
             Store(target) as store,
             Pool(1) as pool,

@@ -6,7 +6,7 @@ import logging
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
@@ -49,7 +49,8 @@ def joined(address: str) -> Iterator[None]:
         # Never one of its own, which could outlive this process.
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (OSError, RuntimeError, ValueError) as error:
-        reason = str(error).strip().splitlines()[0].rstrip(".:")
+        # What it asks for is not how it is said here.
+        reason = " ".join(str(error).partition("Please")[0].split()).rstrip(".")
         raise InputError(
             f"engine_address is {address!r}: {reason}; expected a Ray cluster with the Ray "
             f"{ray.__version__} and the Python of this machine"
@@ -71,10 +72,9 @@ def places() -> dict[str, Place]:
     """The nodes that are there and have processors, by their ids."""
     import ray
 
-    told: Any = ray.nodes  # it has no types
-    there = [node for node in told() if node["Alive"]]
     found = [
         Place(node["NodeID"], node["NodeManagerHostname"], int(node["Resources"].get("CPU", 0)))
-        for node in there
+        for node in ray.nodes()
+        if node["Alive"]
     ]
     return {place.id: place for place in found if place.processors}

@@ -26,8 +26,8 @@ log = logging.getLogger(__name__)
 
 MEET_S, NEWS_S = 2.0, 1.0
 """Between two looks at which nodes there are, and at what they have to tell."""
-WAIT_S = 300.0
-"""For a node that takes matches, where there is none."""
+WARN_S, WAIT_S = 20.0, 300.0
+"""For a node that takes matches, where there is none: until that is said, and until it is given up."""
 LIVES = 3
 """Actors that a node may lose before it gets no other."""
 
@@ -92,14 +92,18 @@ class Nodes(Crew):
             InputError: if no node can do them.
         """
         queue: deque[list[Racing]] = deque()
-        patient_until = time.monotonic() + WAIT_S
+        began, warned = time.monotonic(), False
         try:
             while True:
                 self._meet()
                 free = [hand for hand in self._hands if hand.call is None]
                 if any(hand.ready for hand in self._hands):
-                    patient_until = time.monotonic() + WAIT_S
-                self._check(patient_until)
+                    began, warned = time.monotonic(), False
+                waited_s = time.monotonic() - began
+                self._check(waited_s)
+                if waited_s > WARN_S and not warned:
+                    log.warning("engine 'ray': no node has free processors; waiting for one")
+                    warned = True
                 idle = sum(hand.idle for hand in free)
                 if idle and not queue:
                     queue.extend([job for job in jobs if isinstance(job, Racing)] for jobs in feed(idle))
@@ -144,11 +148,12 @@ class Nodes(Crew):
         )
         return _Hand(place, actor, actor.prepare.remote([]), idle=place.processors)
 
-    def _check(self, patient_until: float) -> None:
+    def _check(self, waited_s: float) -> None:
+        """See that there is a node to hope for."""
         reasons = [reason for id, reason in self._unfit.items() if id in self._there]
         if reasons and not self._hands:
             raise InputError(f"engine 'ray': {reasons[0]}")
-        if time.monotonic() > patient_until:
+        if waited_s > WAIT_S:
             raise InputError(
                 f"engine 'ray': no node of the cluster had free processors for {WAIT_S:.0f} s, expected some"
             )

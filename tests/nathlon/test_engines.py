@@ -1,0 +1,38 @@
+"""Every way to select asks for the engine that its configuration names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import nathlon, refused
+from tests.games import player, world_of
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nightly"],
+        ["evaluate", "here/3.onnx", "here/1.onnx", "--out", "out"],
+        ["gate", "here/3.onnx", "here/1.onnx", "--out", "out"],
+        ["matrix", "here/3.onnx", "--baseline", "here/1.onnx", "--out", "out"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_cluster_that_is_not_there_is_refused(arguments: list[str], tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    for right in (1, 3):
+        player(tmp_path / "here" / f"{right}.onnx", right)
+    world = world_of(tmp_path, 'PettingZooWorld({"duel": envs["duel"]})')
+    (tmp_path / "nathlon.toml").write_text(
+        f'world = "{world}"\ncheckpoints = ["here"]\nengine = "ray"\nengine_address = "127.0.0.1:9"\n'
+    )
+    done = nathlon(*arguments, "--config", "nathlon.toml", cwd=tmp_path)
+    refused(done, "engine_address is '127.0.0.1:9'", "Connection refused", "expected a Ray cluster")
+
+
+def test_an_engine_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "nathlon.toml").write_text('engine = "spark"\n')
+    done = nathlon("nightly", "--config", "nathlon.toml", cwd=tmp_path)
+    refused(done, "nathlon.toml", "engine", "'local' or 'ray'")
