@@ -15,7 +15,7 @@ from tests.games import player, world_of
     [
         ["nightly"],
         ["evaluate", "here/3.onnx", "here/1.onnx", "--out", "out"],
-        ["gate", "here/3.onnx", "here/1.onnx", "--out", "out"],
+        ["gate", "here/3.onnx", "--champion", "here/1.onnx", "--out", "out"],
         ["matrix", "here/3.onnx", "--baseline", "here/1.onnx", "--out", "out"],
     ],
     ids=lambda arguments: arguments[0],
