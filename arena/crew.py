@@ -8,8 +8,6 @@ from contextlib import closing
 from itertools import chain
 from typing import TypeVar
 
-import polars as pl
-
 from nathlon.arena.job import Answer, Job, Racing, Wanted
 from nathlon.arena.match import Match
 from nathlon.arena.recorder import Recorded
@@ -38,12 +36,12 @@ class Crew(ABC):
     def work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
         """Do jobs, asking for more whenever processes have nothing to do; see `race`."""
 
-    def race(self, feed: Feed) -> Generator[list[tuple[Match, pl.DataFrame | InputError]], None, None]:
+    def race(self, feed: Feed) -> Generator[list[tuple[Match, Recorded | InputError]], None, None]:
         """Run matches side by side, asking for more whenever processes have nothing to do.
 
         It ends when all are idle and there is nothing to do now. At every look those matches come that have
-        ended since the last one. In place of the results there is an InputError where a policy cannot be
-        loaded, or is another one by now.
+        ended since the last one, without logs; in place of one there is an InputError where a policy cannot
+        be loaded, or is another one by now.
         """
 
         def jobs(idle: int) -> list[list[Job]]:
@@ -51,11 +49,7 @@ class Crew(ABC):
 
         with closing(self.work(jobs)) as rounds:
             for ended in rounds:
-                yield [
-                    (job.match, answer if isinstance(answer, InputError) else answer.results)
-                    for job, answer in ended
-                    if isinstance(job, Racing)
-                ]
+                yield [(job.match, answer) for job, answer in ended if isinstance(job, Racing)]
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """Run matches again, watched as when they raced, and yield each with what was recorded of it.

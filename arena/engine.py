@@ -11,8 +11,6 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import NamedTuple, Protocol
 
-import polars as pl
-
 from nathlon.arena.claimant import LEASE_S, Claimant
 from nathlon.arena.crew import Crew, Feed
 from nathlon.arena.grouping import GROUPS_A_WORKER, fill, group, longest_first
@@ -77,7 +75,7 @@ def race_into(store: Store, crew: Crew, feed: Feed) -> Generator[dict[str, Input
     Yields:
         the keys that have ended, each with why it could not be run, if it could not.
     """
-    ended: list[tuple[Match, pl.DataFrame | InputError]] = []
+    ended: list[tuple[Match, Recorded | InputError]] = []
     due = 0.0
     with closing(crew.race(feed)) as rounds:
         for each in rounds:
@@ -89,10 +87,10 @@ def race_into(store: Store, crew: Crew, feed: Feed) -> Generator[dict[str, Input
 
 
 def _stored(
-    store: Store, ended: Sequence[tuple[Match, pl.DataFrame | InputError]]
+    store: Store, ended: Sequence[tuple[Match, Recorded | InputError]]
 ) -> dict[str, InputError | None]:
     finished = [
-        Finished(match.key, match.stage, match.spec(), answer, processor())
+        Finished(match.key, match.stage, match.spec(), answer.results, answer.processor or processor())
         for match, answer in ended
         if not isinstance(answer, InputError)
     ]

@@ -105,7 +105,7 @@ class Pool(Crew):
                 if isinstance(answer, InputError):
                     refused.append(answer)
                 else:
-                    yield match, answer
+                    yield match, answer.results
         if refused:
             raise refused[0]
 

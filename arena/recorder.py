@@ -76,11 +76,13 @@ class Recorded(NamedTuple):
         results: schema RESULTS.
         logs: of the races that were kept.
         seen: by the drivers of the car that was asked for, in turn.
+        processor: kind of processor that ran it, if it was not this machine; see `nathlon.arena.processor`.
     """
 
     results: pl.DataFrame
     logs: list[RaceLog]
     seen: tuple[Seen, ...] = ()
+    processor: str | None = None
 
 
 class _Moment(NamedTuple):

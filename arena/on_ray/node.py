@@ -20,6 +20,7 @@ from nathlon.arena.entrance import check_world
 from nathlon.arena.job import Answer, Job, Racing
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
+from nathlon.arena.processor import processor
 from nathlon.arena.queue import difference
 from nathlon.sim.errors import InputError
 
@@ -63,11 +64,13 @@ class Told(NamedTuple):
         ended: since it told the last time.
         idle: processes that have nothing to do.
         printed: by policies since then.
+        processor: kind of processor of the node.
     """
 
     ended: list[Ended]
     idle: int
     printed: str
+    processor: str
 
 
 class Node:
@@ -124,7 +127,7 @@ class Node:
                 break
         printed = self._pool.log.text
         news, self._printed = printed[self._printed :], len(printed)
-        return Told(ended, self._idle, news)
+        return Told(ended, self._idle, news, processor())
 
     def _take(self, load: Load) -> list[Ended]:
         """Put jobs into the backlog; those that end by that."""

@@ -19,6 +19,7 @@ from nathlon.arena.on_ray.cluster import Place, places
 from nathlon.arena.on_ray.node import Ended, Load, Node
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.queue import Where, facts_of, where_of
+from nathlon.arena.recorder import Recorded
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 
@@ -209,7 +210,7 @@ class Nodes(Crew):
                     hand.idle = answer.idle
                     self._log.add(answer.printed)
                     for ended in answer.ended:
-                        yield _received(hand.given.pop(ended.number), ended)
+                        yield _received(hand.given.pop(ended.number), ended, answer.processor)
 
     def _lose(self, hand: _Hand, queue: deque[list[Racing]], reason: str, for_good: bool) -> None:
         """Put what a node leaves before all else that waits; it may get another actor, unless for good."""
@@ -249,15 +250,18 @@ def _packed(job: Racing) -> Racing:
     return replace(job, match=match, wanted=job.wanted and job.wanted._replace(match=match))
 
 
-def _received(job: Racing, ended: Ended) -> tuple[Racing, Answer]:
+def _received(job: Racing, ended: Ended, processor: str) -> tuple[Racing, Answer]:
     """A job and its answer, with its recordings where they are wanted."""
+    answer = ended.answer
+    if isinstance(answer, Recorded):
+        answer = answer._replace(processor=processor)
     folder = job.wanted and job.wanted.folder
     if folder is None:
-        return job, ended.answer
+        return job, answer
     try:
         for name, content in ended.files.items():
             with whole_file(folder / name) as partial:
                 partial.write_bytes(content)
     except OSError as error:
         return job, InputError(f"{folder}: the recording cannot be written: {error.strerror}")
-    return job, ended.answer
+    return job, answer

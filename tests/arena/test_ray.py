@@ -27,6 +27,7 @@ from nathlon.arena.on_ray.cluster import joined
 from nathlon.arena.on_ray.engine import RayEngine
 from nathlon.arena.on_ray.nodes import Nodes
 from nathlon.arena.pool import Pool
+from nathlon.arena.processor import processor
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.load import load_policy
@@ -148,6 +149,7 @@ def test_nodes_have_the_results_of_this_machine(
         assert sorted(key for key, _ in ended) == sorted(match.key for match in matches)
         assert all(here for _, here in ended)
         assert store.results_of(match.key for match in matches).equals(results_of(matches, pool))
+        assert set(store.processors(match.key for match in matches).values()) == {processor()}
         assert store.owners() == []
         assert store.verify() == []
 
