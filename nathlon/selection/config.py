@@ -95,7 +95,9 @@ class Config(Section):
         elsewhere = {"out", "workers", "engine", "engine_address", "store", "checkpoints", "recordings"}
         elsewhere |= {"gate", "matrix"}
         decisive = self.model_dump(mode="json", exclude=elsewhere)
-        return hashlib.sha256(json.dumps([decisive, self._contents()]).encode()).hexdigest()
+        # Sorted: the files of a world come in another order in every process.
+        text = json.dumps([decisive, self._contents()], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def _contents(self) -> list[Any]:
         """What the files say that the configuration names, and the ids of the filter's opponents."""
