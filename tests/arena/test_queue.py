@@ -25,6 +25,7 @@ from nathlon.arena.engine import CLAIM_LEAST, LocalEngine, share
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
+from nathlon.arena.processor import processor
 from nathlon.arena.queue import post
 from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.queue_worker import Shift, work
@@ -255,12 +256,15 @@ def test_an_older_store_gets_its_queue_in_place(target: str, world: str, tmp_pat
         assert work_through(store, pool, world) == Shift(1, 0)
     for table in ("queue", "surroundings", "file", "worker"):
         change(target, sa.text(f"DROP TABLE {table}"))
+    change(target, sa.text("ALTER TABLE match DROP COLUMN processor"))
     change(target, sa.text("UPDATE nathlon_version SET version_num = '0003'"))
     with Store(target) as store:
         assert store.has(first.key)
         post(store, [first, *others])
         assert work_through(store, pool, world) == Shift(2, 0)
         assert store.verify() == []
+        ran_on = store.processors([match.key for match in (first, *others)])
+        assert list(ran_on.values()) == [None, processor(), processor()]
 
 
 def test_matches_that_others_hold_are_waited_for_and_run_when_their_leases_end(
