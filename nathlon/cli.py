@@ -25,7 +25,7 @@ from nathlon.commands.recipes import recipes
 from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.store import copy_store
-from nathlon.commands.track import generate_track, import_track, show_track
+from nathlon.commands.track import generate_track, import_track, limit_track, show_track
 from nathlon.commands.training import polish, train
 from nathlon.commands.twin import twin
 from nathlon.commands.worker import worker
@@ -50,6 +50,7 @@ for command in (
 track = typer.Typer(help="Import circuits, make up new ones, and look at them.", no_args_is_help=True)
 track.command("import")(import_track)
 track.command("generate")(generate_track)
+track.command("limit")(limit_track)
 track.command("show")(show_track)
 app.add_typer(track, name="track")
 

@@ -31,8 +31,8 @@ from rich.progress import track as progress
 
 from benchmarks.lap_limit.flying import FlyingLaps, flying_laps
 from benchmarks.lap_limit.plots import plot
-from benchmarks.lap_limit.problem import Lap, fastest_lap
 from benchmarks.result import read_result, write_result
+from nathlon.policies.lap_limit.problem import Lap, fastest_lap
 from nathlon.sim.car import load_car
 from nathlon.sim.track import load_track
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.lap_limit.flying import FlyingLaps
-from benchmarks.lap_limit.problem import Lap
+from nathlon.policies.lap_limit.problem import Lap
 from nathlon.sim.track import Track
 
 matplotlib.use("Agg")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 
 from benchmarks.result import RESULTS, read_result
-from nathlon.publishing.laps import LIMITS, place_digests
+from nathlon.publishing.lap_limits import SHIPPED, place_digests
 from nathlon.sim.whole_file import whole_file
 
 
@@ -18,11 +18,11 @@ def main() -> None:
     result = read_result(RESULTS / "lap_limit.json")
     laps = [
         {name: lap[name] for name in ("circuit", "car", "limit_s")}
-        | place_digests(lap["circuit"], lap["car"])
+        | place_digests(lap["circuit"], lap["car"])._asdict()
         for lap in result.figures["laps"]
     ]
     source = f"minimum-time laps by optimal control, {result.date}: {result.command}"
-    with whole_file(LIMITS) as partial:
+    with whole_file(SHIPPED) as partial:
         partial.write_text(json.dumps({"source": source, "laps": laps}, indent=1) + "\n", "utf-8")
 
 

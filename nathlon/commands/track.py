@@ -1,4 +1,4 @@
-"""`nathlon track import`, `nathlon track generate` and `nathlon track show`."""
+"""`nathlon track import`, `generate`, `limit` and `show`."""
 
 from __future__ import annotations
 
@@ -57,6 +57,26 @@ def _tell(path: Path, as_json: bool) -> None:
     say(f"Circuit      {path}: {circuit.description}")
     say(f"Map          nathlon track show {path}")
     say(f"Race         nathlon race driver --circuit {path}")
+
+
+def limit_track(
+    name: Annotated[str, typer.Argument(help="Name or path of the circuit.")],
+    car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
+    as_json: AsJson = False,
+) -> None:
+    """Find the fastest lap that car and rules allow, by optimal control; reports then compare laps with it.
+
+    It takes minutes, and needs the extra `limit`.
+    """
+    from nathlon.publishing.lap_limits import compute_limit, known_limit
+
+    known = known_limit(name, car)
+    limit_s, solved = compute_limit(name, car) if known is None else (known, True)
+    if as_json:
+        print_json({"circuit": name, "car": car, "limit_s": limit_s, "solved": solved})
+        return
+    doubt = "" if solved else ": the solver is not content with it, so it is not kept"
+    say(f"Limit        {limit_s:.3f} s{doubt}")
 
 
 def show_track(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from operator import itemgetter
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -20,17 +18,13 @@ from nathlon.arena.store import Store
 from nathlon.arena.worlds.racing import surroundings
 from nathlon.pareto.objective import TIME_TRIAL
 from nathlon.policies.driver import Driver
-from nathlon.sim.car import load_car
+from nathlon.publishing.lap_limits import known_limit
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.course import DRY
 from nathlon.sim.track import LEFT, RIGHT, Track, load_track
 
 STEP_M = 8.0
 """Between two rows of a lap, about: the road is drawn true to half a metre in its tightest bends."""
-LIMITS = Path(__file__).parent.parent / "data" / "lap_limits.json"
-"""Limit lap times, which `python -m benchmarks.lap_limit.ship` writes from the benchmark's results."""
-TABLE_DIGITS = 6
-"""Of a circuit's table, m and the like: processors may differ in digits beyond."""
 
 
 def keep_laps(store: Store, run: str, pool: Pool) -> None:
@@ -86,8 +80,8 @@ def _best_trials(store: Store, run: str) -> pl.DataFrame:
 def lap_limit(store: Store, run: str) -> float | None:
     """The limit lap time of the run's time trials, s; None where it is not known.
 
-    It is the minimum-time lap by optimal control (`benchmarks/lap_limit`), with a full tank and new tyres of
-    the car's own compound. It is known for the shipped circuits and cars, as long as neither has changed.
+    It is the minimum-time lap by optimal control (`nathlon.policies.lap_limit`), with a full tank and new
+    tyres of the car's own compound; known for the shipped circuits and cars, and where it was computed.
     """
     trials = store.results_of_run(run, "pareto").filter(pl.col("test") == TIME_TRIAL)
     if trials.is_empty():
@@ -95,7 +89,7 @@ def lap_limit(store: Store, run: str) -> float | None:
     spec = store.spec(trials["match"][0])
     try:
         today = json.loads(json.dumps(surroundings(spec["scenario"], spec["circuit"], spec["car"])))
-        own = place_digests(spec["circuit"], spec["car"])
+        limit_s = known_limit(spec["circuit"], spec["car"])
     except InputError:
         return None
     scenario = spec["scenario_file"]
@@ -103,22 +97,7 @@ def lap_limit(store: Store, run: str) -> float | None:
     dry = scenario.get("grip", DRY.model_dump()) == DRY.model_dump()
     if not (as_raced and dry) or scenario["compound"] is not None or scenario["fuel_rate"] > 0.0:
         return None
-    limits = json.loads(LIMITS.read_text("utf-8"))["laps"]
-    return next((limit["limit_s"] for limit in limits if own.items() <= limit.items()), None)
-
-
-def place_digests(circuit: str, car: str) -> dict[str, str]:
-    """SHA-256 of a circuit's table, rounded to `TABLE_DIGITS`, and of a car's file: `track`, `car_file`.
-
-    Raises:
-        InputError: if one is unknown or its file is wrong.
-    """
-    table = load_track(circuit).table.round(TABLE_DIGITS) + 0.0  # no negative zeros
-    text = json.dumps(load_car(car).model_dump(), sort_keys=True)
-    return {
-        "track": hashlib.sha256(table.tobytes()).hexdigest(),
-        "car_file": hashlib.sha256(text.encode()).hexdigest(),
-    }
+    return limit_s
 
 
 def lap_of(log: RaceLog, lap_s: float) -> pl.DataFrame:

@@ -21,14 +21,13 @@ from nathlon.arena.runner import run_match
 from nathlon.arena.store import Store
 from nathlon.policies.driver import Driver
 from nathlon.policies.load import load_policy
+from nathlon.publishing.lap_limits import SHIPPED, keep_limit, known_limit, place_digests
 from nathlon.publishing.laps import (
-    LIMITS,
     STEP_M,
     describe_course,
     keep_laps,
     lap_limit,
     lap_of,
-    place_digests,
 )
 from nathlon.selection.trials import against
 from nathlon.sim.data_file import DATA
@@ -121,13 +120,13 @@ def test_a_run_that_has_just_begun_has_no_laps(tmp_path: Path) -> None:
 def test_shipped_limits_are_the_benchmarks() -> None:
     """A circuit or a car that changes needs `python -m benchmarks.lap_limit` again, then `.ship`."""
     solved = read_result(RESULTS / "lap_limit.json").figures["laps"]
-    shipped = json.loads(LIMITS.read_text("utf-8"))["laps"]
+    shipped = json.loads(SHIPPED.read_text("utf-8"))["laps"]
     assert [lap["limit_s"] for lap in shipped] == [lap["limit_s"] for lap in solved]
     assert all(lap["solved"] for lap in solved)
     assert len(shipped) == 9
     for limit, lap in zip(shipped, solved, strict=True):
         named = {"circuit": lap["circuit"], "car": lap["car"]}
-        assert limit == {**named, "limit_s": lap["limit_s"], **place_digests(**named)}
+        assert limit == {**named, "limit_s": lap["limit_s"], **place_digests(**named)._asdict()}
 
 
 def limit_of(folder: Path, results: pl.DataFrame, spec: dict[str, Any]) -> float | None:
@@ -169,6 +168,23 @@ def test_a_changed_car_has_no_limit(tmp_path: Path, results: pl.DataFrame) -> No
     assert limit_of(tmp_path, results, match.spec()) is None
     car.unlink()
     assert limit_of(tmp_path, results, match.spec()) is None
+
+
+def test_a_computed_limit_is_kept_for_its_circuit_and_car(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    car = tmp_path / "heavy.toml"
+    text = (DATA / "cars" / "gt3.toml").read_text("utf-8")
+    car.write_text(re.sub(r"(?m)^mass_kg = .*$", "mass_kg = 1500.0", text, count=1), "utf-8")
+    assert known_limit("lindenring", str(car)) is None
+    keep_limit("lindenring", str(car), 109.0)
+    keep_limit("lindenring", str(car), 108.5)
+    assert known_limit("lindenring", str(car)) == 108.5
+    assert known_limit("porto-sereno", str(car)) is None
+    assert known_limit("lindenring", "gt3") == 103.287
+    (tmp_path / "nathlon" / "lap_limits.json").write_text("{")
+    assert known_limit("lindenring", str(car)) is None
 
 
 def test_a_run_without_time_trials_has_no_limit(tmp_path: Path) -> None:

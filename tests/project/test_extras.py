@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from tests.checkpoints import BUNDLED
 
-ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "websockets", "ray")
+ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "websockets", "ray", "casadi")
 WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({ABSENT}))\n"
 
 
@@ -84,6 +85,15 @@ def test_a_test_drive_says_what_to_install(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith("nathlon: a test drive needs websockets, which the extra drive installs: ")
     assert not (tmp_path / "out").exists()
+
+
+def test_the_limit_of_another_car_says_what_to_install(tmp_path: Path) -> None:
+    text = (DATA / "cars" / "gt3.toml").read_text("utf-8")
+    (tmp_path / "car.toml").write_text(text.replace("mass_kg = 1370.0", "mass_kg = 1380.0"), "utf-8")
+    done = command("track", "limit", "lindenring", "--car", str(tmp_path / "car.toml"))
+    assert done.returncode == 2
+    assert "the fastest lap by optimal control needs casadi, which the extra limit installs" in done.stderr
+    assert '"limit_s": 103.287' in command("track", "limit", "lindenring", "--json").stdout
 
 
 def test_a_driver_of_the_database_is_asked_for() -> None:

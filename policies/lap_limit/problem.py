@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from benchmarks.lap_limit.guess import follow, quasi_steady
-from benchmarks.lap_limit.model import CONTROLS, ROAD, STATES, point_of_lap
+from nathlon.policies.lap_limit.guess import follow, quasi_steady
+from nathlon.policies.lap_limit.model import CONTROLS, ROAD, STATES, point_of_lap
 from nathlon.sim.car import Car
 from nathlon.sim.physics.course import SURFACE_DRAG, SURFACE_GRIP
 from nathlon.sim.track import (

@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from benchmarks.lap_limit.guess import follow
-from benchmarks.lap_limit.model import CONTROLS, STATES, point_of_lap
-from benchmarks.lap_limit.problem import FIRST_BARRIER, Lap, solve
 from nathlon.policies.driver.speed_profile import Path, Profile
+from nathlon.policies.lap_limit.guess import follow
+from nathlon.policies.lap_limit.model import CONTROLS, STATES, point_of_lap
+from nathlon.policies.lap_limit.problem import FIRST_BARRIER, Lap, solve
 from nathlon.sim.car import Car, CarParameters, load_car, parameters
 from nathlon.sim.kernel import kernel
 from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY, Rates, advance
