@@ -94,6 +94,7 @@ class Decided(Part):
         waits_for: ballots of people that are missing.
         evidence: digest, rows and tables that the members were shown.
         said: events of the log that count, as plain values.
+        drives: test drives against candidates under letters, likewise.
         late: numbers of those that came too late for the result.
         ballots: cast.
         agreement: of the members, from -1 to 1; None with fewer than two.
@@ -111,6 +112,7 @@ class Decided(Part):
     ballots: int
     agreement: float | None
     standings: tuple[CandidateStanding, ...]
+    drives: tuple[dict[str, Any], ...] = ()
 
 
 class TestMarks(Part):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from nathlon.driving.aids import Aids
+from nathlon.driving.blind import BlindTest
 from nathlon.driving.choice import Choice, Offer, Opponent, Plan, plan
 from nathlon.driving.clock import Clock
 from nathlon.driving.desk import INPUT, Desk
@@ -78,7 +79,7 @@ def drive(made: Plan, seed: int = 1) -> tuple[Driven, list[bytes]]:
         elif len(frames) % 7 == 0:
             desk.put(inputs(len(frames), rng.uniform(-0.2, 0.2), rng.uniform(0.4, 1.0)))
 
-    heat = Heat(made, desk, on_frame, lambda incident: None, ended.append, Hurry().clock())
+    heat = Heat(made, desk, on_frame, lambda incident: None, lambda mark: None, ended.append, Hurry().clock())
     heat.run()
     [driven] = ended
     assert driven is not None
@@ -90,7 +91,9 @@ def planned(**other: Any) -> Plan:
 
 
 @contextmanager
-def served(folder: Path, pace: float = 1.0) -> Iterator[tuple[DriveServer, Room]]:
+def served(
+    folder: Path, pace: float = 1.0, blind: BlindTest | None = None
+) -> Iterator[tuple[DriveServer, Room]]:
     """A server on a free port, in a thread of its own, whose races run so many times as fast as time."""
     opened = threading.Event()
     made: dict[str, Any] = {}
@@ -99,7 +102,10 @@ def served(folder: Path, pace: float = 1.0) -> Iterator[tuple[DriveServer, Room]
         return Clock(lambda: pace * time.monotonic(), lambda seconds: time.sleep(seconds / pace))
 
     def make_room() -> Room:
-        made["room"] = Room(offer(), OutputFolder(folder), clock)
+        if blind is None:
+            made["room"] = Room(offer(), OutputFolder(folder), clock)
+        else:
+            made["room"] = Room(blind.offer, blind.output, clock, blind)
         return made["room"]
 
     def on_open(server: DriveServer) -> None:

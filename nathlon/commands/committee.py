@@ -12,7 +12,7 @@ from nathlon.commands.place import Place
 from nathlon.committee.ballots import Ballot
 from nathlon.committee.decision import Decision, describe
 from nathlon.committee.event_log import EventLog
-from nathlon.committee.events import Compared, Entry, Opened, Reopened, Voted
+from nathlon.committee.events import Compared, Drove, Entry, Opened, Reopened, Voted
 from nathlon.committee.rules import Question
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say
@@ -224,6 +224,10 @@ def _sentence(entry: Entry, names: Mapping[str, str]) -> str:
             return f"{member} approves {fit}{f', ranks {order}' if order else ''}: {reason}"
         case Compared(member=member, better=better, worse=worse, reason=reason):
             return f"{member} prefers {names[better]} to {names[worse]}: {reason}"
+        case Drove(member=member, answers=answers):
+            # By their letters: whoever still drives may read this.
+            letters = " and ".join(answer.letter for answer in answers)
+            return f"{member} raced {letters} without knowing who they are"
         case Reopened(reason=reason):
             return f"reopened: {reason}"
         case closed:

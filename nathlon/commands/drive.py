@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, Out
+from nathlon.commands.options import AsJson
 from nathlon.policies.sources import find_sources
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
@@ -28,11 +28,24 @@ def drive(
     run: Annotated[
         Path | None, typer.Option("--run", help="Race the finalists of the run in this folder.")
     ] = None,
+    blind: Annotated[
+        bool,
+        typer.Option("--blind", help="As a member of the committee: the finalists stand under letters."),
+    ] = False,
+    driver: Annotated[
+        str | None, typer.Option(help="Who drives, for --blind: a name of the committee's configuration.")
+    ] = None,
+    store: Annotated[
+        str | None, typer.Option(help="Store of the run, for --blind; the one in its folder by default.")
+    ] = None,
     circuit: Annotated[str | None, typer.Option(help="Name or path of the circuit to offer first.")] = None,
     car: Annotated[str | None, typer.Option(help="Name or path of the car to offer first.")] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="To listen on; 0 for any.")] = 0,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
-    out: Out = Path("runs/drive"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the drives: runs/drive, or drives in the run's folder for --blind."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Race policies yourself in a browser on this machine, with keys, gamepad or wheel.
@@ -41,20 +54,34 @@ def drive(
     """
     if entrants and run:
         raise InputError(f"--run {run}: expected either entrants or a run")
+    if blind:
+        for name, value in (("--circuit", circuit), ("--car", car), ("--out", out)):
+            if value is not None:
+                raise InputError(f"{name} {value}: expected what the run has raced, with --blind")
+        if run is None or driver is None:
+            raise InputError("--blind: expected --run FOLDER and --driver NAME too")
+    elif driver is not None or store is not None:
+        raise InputError("--driver, --store: expected with --blind alone")
     sources = find_sources(entrants or [])
     need("websockets", "drive", "a test drive")
+    from nathlon.driving.blind import BlindTest
     from nathlon.driving.choice import Offer, Opponent
     from nathlon.driving.finalists import champions, finalists
     from nathlon.driving.room import Room
     from nathlon.driving.server import serve_drives
     from nathlon.publishing.output import OutputFolder
 
-    opponents = [Opponent.of(source) for source in sources]
-    offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
-    output = OutputFolder(out)
+    test: BlindTest | None = None
+    if blind and run and driver:
+        test = BlindTest(run, store or run / "store.sqlite", driver)
+        offer, output = test.offer, test.output
+    else:
+        opponents = [Opponent.of(source) for source in sources]
+        offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
+        output = OutputFolder(out or Path("runs/drive"))
 
     def on_open(server: DriveServer) -> None:
-        tell({"page": server.url, "drives": out}, as_json)
+        tell({"page": server.url, "drives": output.root}, as_json)
         # Whoever reads it through a pipe waits for it.
         sys.stdout.flush()
         warn("Ctrl-C ends it.")
@@ -62,6 +89,6 @@ def drive(
             webbrowser.open(server.url)
 
     try:
-        asyncio.run(serve_drives(lambda: Room(offer, output), port, on_open))
+        asyncio.run(serve_drives(lambda: Room(offer, output, blind=test), port, on_open))
     except KeyboardInterrupt:
         warn("Stopped.")

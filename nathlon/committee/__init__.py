@@ -150,12 +150,17 @@ def reopen(event_log: EventLog, decision: Decision, reason: str) -> None:
 
 
 def _check(decision: Decision, member: str, reason: str) -> None:
+    check_may_vote(decision, member)
+    _check_reason(reason)
+
+
+def check_may_vote(decision: Decision, member: str) -> None:
+    """Raise InputError if the decision is closed, or the member unknown."""
     _check_open(decision)
     members = decision.opened.settings.members
     if member not in members:
         known = f"one of {', '.join(members)}" if members else "members in the configuration"
         raise InputError(f"{member!r} is not on the committee, expected {known}")
-    _check_reason(reason)
 
 
 def _check_open(decision: Decision) -> None:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from nathlon.committee.ballots import Ballot, Preferences, agreement, order, support
-from nathlon.committee.events import Closed, Compared, Entry, Opened, Reopened, Result, Standing, Voted
+from nathlon.committee.events import Closed, Compared, Drove, Entry, Opened, Reopened, Result, Standing, Voted
 from nathlon.reports.summary import CandidateStanding, Decided
 
 
@@ -19,12 +19,14 @@ class Decision:
 
     Attributes:
         said: what counts of each member: the last ballot and the comparisons after it.
+        drives: test drives of its members, which count through their ballots alone.
         result: None while the question is open.
         reopened: whether it has been put again.
     """
 
     opened: Opened
     said: dict[str, list[Entry]] = field(default_factory=dict)
+    drives: list[Entry] = field(default_factory=list)
     result: Result | None = None
     reopened: bool = False
 
@@ -54,10 +56,27 @@ class Decision:
                 self.said[member] = [entry]
             case Compared(decision=self.name, member=member):
                 self.said.setdefault(member, []).append(entry)
+            case Drove(decision=self.name):
+                self.drives.append(entry)
             case Closed(decision=self.name, result=result) if self.result is None:
                 self.result = result
             case Reopened(decision=self.name) if self.result is not None:
                 self.result, self.reopened = None, True
+
+    def drives_of(self, member: str) -> list[Drove]:
+        """A member's test drives, in their order."""
+        events = (entry.event for entry in self.drives)
+        return [event for event in events if isinstance(event, Drove) and event.member == member]
+
+    @property
+    def told_drives(self) -> list[Entry]:
+        """Test drives of which may be told: not of who still drives, and must not know who is who."""
+        ballots = self.ballots()
+        return [
+            entry
+            for entry in self.drives
+            if self.result is not None or (isinstance(entry.event, Drove) and entry.event.member in ballots)
+        ]
 
     def ballots(self) -> dict[str, Voted]:
         """The ballots that count, by member."""
@@ -125,6 +144,7 @@ def describe(decision: Decision) -> Decided:
         waits_for=decision.waits_for,
         evidence={"digest": evidence.digest, **evidence.model_dump(mode="json")},
         said=tuple(entry.describe() for said in decision.said.values() for entry in said),
+        drives=tuple(entry.describe() for entry in decision.told_drives),
         late=tuple(entry.id for entry in decision.late),
         ballots=result.ballots,
         agreement=result.agreement,

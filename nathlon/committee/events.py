@@ -66,6 +66,67 @@ class Compared(Section):
     evidence: str
 
 
+Score = Annotated[int, Field(ge=1, le=5)]
+"""An answer of a questionnaire: 1 is not at all, 5 is very much."""
+
+
+class Scores(Section):
+    """What a driver says of a candidate after a race against it.
+
+    Attributes:
+        again: would the driver race it again?
+        fair: was it fair in contact?
+        room: did it leave room?
+        beatable: was it beatable?
+    """
+
+    again: Score
+    fair: Score
+    room: Score
+    beatable: Score
+
+
+class Answers(Scores):
+    """Scores of a candidate, with the letter under which it raced."""
+
+    entrant: str
+    letter: str
+
+
+class Moment(Section):
+    """A moment that the driver marked.
+
+    Attributes:
+        time_s: since the start.
+        lap_m: where the driver's car was, along the lap.
+        nearest: the entrant nearest to it, and how far its car was; None where nobody drove.
+    """
+
+    time_s: float
+    lap_m: float
+    nearest: str | None
+    apart_m: float | None
+
+
+class Drove(Section):
+    """A member has raced candidates that stood under letters; it counts only through the ballot that follows.
+
+    Attributes:
+        better: the one that the member prefers; None where there was nothing to tell.
+        text: in the member's own words; may be empty.
+        recording: of the race, a path from the run's folder.
+    """
+
+    event: Literal["drove"] = "drove"
+    decision: str
+    member: str
+    answers: tuple[Answers, ...]
+    better: str | None
+    text: str
+    recording: str
+    moments: tuple[Moment, ...]
+
+
 class Standing(Section):
     """How a candidate stands.
 
@@ -120,7 +181,7 @@ class Reopened(Section):
     reason: str
 
 
-Event = Annotated[Opened | Voted | Compared | Closed | Reopened, Field(discriminator="event")]
+Event = Annotated[Opened | Voted | Compared | Drove | Closed | Reopened, Field(discriminator="event")]
 EVENT: TypeAdapter[Event] = TypeAdapter(Event)
 """Reads one from the plain values of a log entry."""
 

@@ -19,6 +19,7 @@ from nathlon.driving.choice import Plan
 from nathlon.driving.clock import Clock
 from nathlon.driving.desk import Desk
 from nathlon.driving.frames import COUNTDOWN, OVER, PAUSED, RACING, frame
+from nathlon.driving.mark import MOST_MARKS, Mark, mark
 from nathlon.policies.sources.human import Person
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules
@@ -42,12 +43,14 @@ class Driven(NamedTuple):
         controls: (steps, 2) float32, what the person's car was told in each.
         results: RESULTS of its match.
         log: of the race.
+        marks: moments that the person marked.
     """
 
     plan: Plan
     controls: NDArray[np.float32]
     results: pl.DataFrame
     log: RaceLog
+    marks: tuple[Mark, ...] = ()
 
 
 class _Left(Exception):
@@ -67,6 +70,7 @@ class Heat:
         desk: where the person's inputs arrive.
         on_frame: told how the race stands, as a binary frame; on the race's thread, as all of these.
         on_incident: told what the stewards note.
+        on_mark: told what the person marks.
         on_end: told of the race when it has ended; with None if the person has left it or it has failed.
         clock: of the world.
     """
@@ -77,20 +81,24 @@ class Heat:
         desk: Desk,
         on_frame: Callable[[bytes], None],
         on_incident: Callable[[Incident], None],
+        on_mark: Callable[[Mark], None],
         on_end: Callable[[Driven | None], None],
         clock: Clock,
     ) -> None:
         self.plan, self.clock = plan, clock
         self._desk, self._on_frame, self._on_incident, self._on_end = desk, on_frame, on_incident, on_end
+        self._on_mark = on_mark
         self._car = plan.choice.seat - 1
         self._aided = AidedCar(load_car(plan.choice.car), plan.choice.aids)
         self._controls: list[tuple[float, float]] = []
         self._number, self._over = 0, False
         self._world: World | None = None
-        self._running, self._left = threading.Event(), threading.Event()
+        self._marks: list[Mark] = []
+        self._running, self._left, self._marking = threading.Event(), threading.Event(), threading.Event()
         self._running.set()
         track = load_track(plan.choice.circuit)
         rules = load_rules(load_scenario(plan.choice.scenario).rules)
+        self._lap_m = track.length
         self._stewards, self._alarm = IncidentWatch(0, plan.grid, rules, track), Alarm([0])
         self._thread = threading.Thread(target=self.run, name="race", daemon=True)
 
@@ -105,6 +113,10 @@ class Heat:
     def go_on(self) -> None:
         """End a pause."""
         self._running.set()
+
+    def mark(self) -> None:
+        """Mark the moment after the next step."""
+        self._marking.set()
 
     def leave(self) -> None:
         """End the race here, and wait until it has; nothing of it is kept."""
@@ -139,7 +151,7 @@ class Heat:
         person = Person(self._hands, plan.choice.name)
         recorded = record_races(plan.match, [*plan.policies, person], [0], plan.names, observer=self._observe)
         controls = np.array(self._controls, np.float32).reshape(-1, 2)
-        return Driven(plan, controls, recorded.results, recorded.logs[0])
+        return Driven(plan, controls, recorded.results, recorded.logs[0], tuple(self._marks))
 
     def _hands(self, step: int) -> tuple[float, float]:
         """What the person does now, as the race runner asks; see `nathlon.policies.sources.human`."""
@@ -169,9 +181,17 @@ class Heat:
         if first:
             self._count_down()
         self._show(RACING)
+        if self._marking.is_set():
+            self._note_mark(world)
         if not self._running.is_set():
             self._stand_still()
         self.clock.wait()
+
+    def _note_mark(self, world: World) -> None:
+        self._marking.clear()
+        if len(self._marks) < MOST_MARKS:
+            self._marks.append(mark(world, self._car, self._lap_m))
+            self._on_mark(self._marks[-1])
 
     def _show(self, phase: int) -> None:
         assert self._world is not None, "there is nothing to show"

@@ -1,4 +1,4 @@
-"""What a test drive leaves: the person's inputs, the recording, and its match in a store of its own."""
+"""What a test drive leaves: the person's inputs, the recording, and match and marks in a store of its own."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import polars as pl
 from nathlon.arena.entrant import entrants_table
 from nathlon.arena.recording import recording_name, write_recording
 from nathlon.arena.store import Store
-from nathlon.driving.choice import UNDER_WAY
+from nathlon.driving.choice import UNDER_WAY, Plan
 from nathlon.driving.heat import Driven
+from nathlon.driving.mark import Mark
 from nathlon.policies.sources import HUMAN
 from nathlon.policies.sources.human import write_inputs
 from nathlon.policies.sources.policy_file import content_id
@@ -61,9 +62,16 @@ def keep(driven: Driven, output: OutputFolder) -> Kept:
         store.begin_run(run, {"choice": plan.choice.model_dump(mode="json")})
         store.add_match(match.key, match.stage, match.spec(), results)
         store.use(run, [match.key])
+        marks = [mark._asdict() | {"nearest": nearest(plan, mark)} for mark in driven.marks]
+        store.put_fact(run, "marks", marks)
         store.put_table(run, "entrants", entrants_table(entrants))
         store.end_run(run, "done")
     return Kept(recording, inputs, results)
+
+
+def nearest(plan: Plan, mark: Mark) -> str | None:
+    """Name of whoever drove the car nearest to the person's at a marked moment."""
+    return None if mark.nearest is None else plan.grid[mark.nearest]
 
 
 def _write_inputs(driven: Driven, folder: Path) -> Path:

@@ -6,7 +6,7 @@ from nathlon.reports.self_contained import render_page, script_data, template_te
 
 SHARED = ("element", "recording", "scene")
 """Scripts of the report's player that the page has too."""
-OWN = ("link", "inputs", "mesh", "view", "sound", "hud", "menu", "drive")
+OWN = ("link", "inputs", "mesh", "view", "sound", "hud", "menu", "blind", "drive")
 
 
 def drive_page(address: str, token: str) -> str:

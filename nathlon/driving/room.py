@@ -13,11 +13,13 @@ from typing import Any
 
 from nathlon.arena.race_log import Incident
 from nathlon.driving.aids import Aids
+from nathlon.driving.blind import BlindTest
 from nathlon.driving.choice import MOST_LAPS, Choice, Offer, Plan, plan
 from nathlon.driving.clock import Clock
 from nathlon.driving.desk import Desk
 from nathlon.driving.heat import COUNTDOWN_S, Driven, Heat
-from nathlon.driving.keeping import Kept, keep
+from nathlon.driving.keeping import Kept, keep, nearest
+from nathlon.driving.mark import Mark
 from nathlon.driving.scenery import scenery
 from nathlon.publishing.output import OutputFolder
 from nathlon.sim.errors import InputError
@@ -75,13 +77,21 @@ class Room:
         offer: what there is to choose from.
         output: where drives are kept.
         new_clock: makes the clock of each race.
+        blind: whose offer it is, where the opponents stand under letters.
     """
 
-    def __init__(self, offer: Offer, output: OutputFolder, new_clock: Callable[[], Clock] = Clock) -> None:
+    def __init__(
+        self,
+        offer: Offer,
+        output: OutputFolder,
+        new_clock: Callable[[], Clock] = Clock,
+        blind: BlindTest | None = None,
+    ) -> None:
         self.desk = Desk()
         self.heat: Heat | None = None
         self.kept: list[Kept] = []
         self._offer, self._output, self._new_clock = offer, output, new_clock
+        self._blind = blind
         self._letters: Letterbox | None = None
         self._told: list[Words] = []
         self._chosen: Choice | None = None
@@ -92,10 +102,15 @@ class Room:
         self.desk.clear()
         self._pause()
         letters = self._letters = Letterbox()
-        letters.say(self._choices())
+        try:
+            letters.say(self._choices())
+        except InputError as error:
+            letters.say({"type": "refused", "why": str(error)})
         if self.heat is not None:
             for words in self._told:
                 letters.say(words)
+        elif self._blind is not None and self._blind.questions is not None:
+            letters.say({"type": "questions", **self._blind.questions})
         return letters
 
     def go_away(self, letters: Letterbox) -> None:
@@ -121,6 +136,16 @@ class Room:
             case {"type": "go on"} if self.heat is not None:
                 self.heat.go_on()
                 self._tell({"type": "going on"})
+            case {"type": "mark"} if self.heat is not None:
+                self.heat.mark()
+            case {"type": "answers", "answers": answers} if self._blind is not None:
+                self._blind.answer(answers)
+                self._tell(self._choices())
+            case {"type": "drop"} if self._blind is not None:
+                self._blind.drop()
+            case {"type": "cast"} if self._blind is not None:
+                self._blind.cast()
+                self._tell(self._choices())
             case {"type": "aids", "aids": aids} if self.heat is not None:
                 self.heat.aids = Aids.model_validate_json(json.dumps(aids))
             case {"type": "leave"}:
@@ -141,8 +166,10 @@ class Room:
 
     async def _begin(self, choice: Choice) -> None:
         await self.leave()
+        if self._blind is not None:
+            choice = self._blind.check(choice)
         self._tell({"type": "preparing"})
-        made = await asyncio.to_thread(plan, choice, self._offer)
+        made = await asyncio.to_thread(self._planned, choice)
         scene = await asyncio.to_thread(scenery, choice.circuit, choice.car)
         self._chosen, self._told = choice, []
         self._tell({"type": "race", "scene": scene, **_race(made)})
@@ -151,6 +178,7 @@ class Room:
             self.desk,
             partial(self._on_loop, self._on_frame),
             partial(self._on_loop, self._on_incident),
+            partial(self._on_loop, partial(self._on_mark, made)),
             self._on_end,
             self._new_clock(),
         )
@@ -158,6 +186,9 @@ class Room:
         heat.start()
         if self._letters is None:
             self._pause()
+
+    def _planned(self, choice: Choice) -> Plan:
+        return plan(choice, self._offer) if self._blind is None else self._blind.plan(choice)
 
     def _on_loop(self, what: Callable[[Any], None], told: Any) -> None:
         # It ends before a race that is under way.
@@ -179,6 +210,9 @@ class Room:
             }
         )
 
+    def _on_mark(self, made: Plan, mark: Mark) -> None:
+        self._tell({"type": "marked", **mark._asdict(), "nearest": nearest(made, mark)})
+
     def _on_end(self, driven: Driven | None) -> None:
         """On the race's thread: it has ended."""
         kept: Kept | None = None
@@ -195,7 +229,9 @@ class Room:
         heat, self.heat = self.heat, None
         if kept is not None and driven is not None:
             self.kept.append(kept)
-            self._tell({"type": "result", **_result(driven, kept)})
+            if self._blind is not None:
+                self._blind.ended(driven, kept)
+            self._tell({"type": "result", **self._result(driven, kept)})
         elif heat is not None:
             self._tell({"type": "refused", "why": fault})
 
@@ -204,6 +240,12 @@ class Room:
         self._told.append(words)
         if self._letters is not None:
             self._letters.say(words)
+
+    def _result(self, driven: Driven, kept: Kept) -> Words:
+        result = {"rows": _rows(driven, kept), "car": driven.plan.choice.seat - 1}
+        if self._blind is not None:
+            return result | {"questions": self._blind.questions}
+        return result | {"recording": str(kept.recording), "inputs": str(kept.inputs)}
 
     def _choices(self) -> Words:
         return {
@@ -222,6 +264,7 @@ class Room:
                 }
                 for one in self._offer.opponents
             ],
+            "blind": None if self._blind is None else self._blind.standing(),
             "most_laps": MOST_LAPS,
             "most_cars": MOST_CARS,
         }
@@ -243,16 +286,11 @@ def _race(made: Plan) -> Words:
     }
 
 
-def _result(driven: Driven, kept: Kept) -> Words:
+def _rows(driven: Driven, kept: Kept) -> list[Words]:
     grid = driven.plan.grid
     columns = ("place", "car", "ending", "race_time_s", "best_lap_s", "penalties", "contacts")
     rows = kept.results.sort("place").select(columns).to_dicts()
-    return {
-        "rows": [{**row, "name": grid[row["car"]]} for row in rows],
-        "car": driven.plan.choice.seat - 1,
-        "recording": str(kept.recording),
-        "inputs": str(kept.inputs),
-    }
+    return [{**row, "name": grid[row["car"]]} for row in rows]
 
 
 def _plain(value: Any) -> Any:

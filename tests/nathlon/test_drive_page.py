@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
+from tests.driven_page import Drive, serious
 from tests.drives import served
-from tests.opened_page import SCREENSHOTS, overhear
 
 PAD = """
 window.pad = { id: "Wheel (Vendor: 046d)", index: 0, connected: true, mapping: MAPPING, axes: AXES,
@@ -23,60 +21,10 @@ navigator.getGamepads = () => [window.pad];
 """
 
 
-class Drive:
-    """A page that drives, the server's side of it, and what it complains of."""
-
-    def __init__(self, browser: Browser, server: DriveServer, room: Room, script: str = "") -> None:
-        self.room, self.url = room, server.url
-        self.page: Page = browser.new_page(viewport={"width": 1280, "height": 720})
-        if script:
-            self.page.add_init_script(script)
-        self.requests, self.complaints = overhear(self.page)
-        self.page.goto(self.url)
-        self.until("document.querySelector('#choice button.first')")
-
-    def until(self, condition: str) -> None:
-        wait = "await new Promise(done => setTimeout(done, 20))"
-        self.page.evaluate(f"async () => {{ while (!({condition})) {wait}; }}")
-
-    def go(self, **fields: str) -> None:
-        for name, value in fields.items():
-            self.page.fill(f"[name={name}]", value)
-        self.page.click("#choice button.first")
-        self.until("!document.getElementById('track').hidden")
-        self.until("document.getElementById('lights').textContent === 'GO'")
-
-    def speed(self) -> float:
-        return float(self.page.locator("#car b").inner_text())
-
-    def faster_than(self, km_h: float) -> None:
-        self.until(f"Number(document.querySelector('#car b').textContent) > {km_h}")
-
-    def picture(self, name: str) -> None:
-        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(path=SCREENSHOTS / f"drive-{name}.png")
-
-    def done(self) -> Any:
-        """What the server has heard last."""
-        return self.room.desk.latest.controls
-
-    def close(self) -> None:
-        # Drivers of graphics cards talk about themselves.
-        faults = [text for text in self.complaints if "GL Driver Message" not in text]
-        assert faults == []
-        assert {url for url in self.requests if not url.startswith("data:")} == {self.url}
-        self.page.close()
-
-
 @pytest.fixture
 def drives(tmp_path: Path) -> Iterator[tuple[DriveServer, Room]]:
     with served(tmp_path, pace=3.0) as both:
         yield both
-
-
-def serious(page: Page) -> list[str]:
-    found = Axe().run(page).response["violations"]
-    return [one["id"] for one in found if one["impact"] in ("serious", "critical")]
 
 
 def test_a_race_is_driven_with_keys(browser: Browser, drives: tuple[DriveServer, Room]) -> None:

@@ -44,5 +44,28 @@ function decisionView(decision) {
       said.event === "voted"
         ? [h("p", {}, "Approves ", list(said.approve), "."), h("p", {}, "Ranks ", list(said.rank), ".")]
         : h("p", {}, "Prefers ", named(said.better), " to ", named(said.worse), ".")))),
+    drivesView(decision.drives ?? [], named),
   );
+}
+
+const ASKED = [["again", "Race it again"], ["fair", "Fair in contact"], ["room", "Left room"], ["beatable", "Beatable"]];
+
+// Blind test drives: what the members answered after each.
+function drivesView(drives, named) {
+  if (!drives.length) return null;
+  const near = ({ time_s: at, nearest }) => [`${at.toFixed(1)} s`, nearest && [" near ", named(nearest)]];
+  return [
+    h("h3", {}, "Blind test drives"),
+    note("Members raced the finalists under letters. Scores go from 1, not at all, to 5, very much."),
+    scroll("Blind test drives", h("table", { class: "standings" },
+      h("thead", {}, h("tr", {}, ["Raced", ...ASKED.map(([, head]) => head), "By"].map((head, i) => h("th", { scope: "col", class: i > 0 && i < 5 ? "number" : "name" }, head)))),
+      h("tbody", {}, drives.flatMap((drive) => drive.answers.map((answer) => h("tr", {},
+        h("th", { scope: "row", class: "name" }, `${answer.letter}: `, named(answer.entrant)),
+        ASKED.map(([name]) => h("td", { class: "number" }, String(answer[name]))),
+        h("td", { class: "name" }, drive.member, drive.better === answer.entrant && [" ", chip("", "preferred")]))))))),
+    h("ol", { class: "ballots" }, drives.map((drive) => h("li", {},
+      h("p", {}, h("strong", {}, drive.member), " ", h("span", { class: "interval" }, time(drive.at)), " ", h("a", { href: `../${encodeURI(drive.recording)}` }, "recording")),
+      drive.text && h("blockquote", {}, drive.text),
+      drive.moments.length > 0 && h("p", {}, "Marked ", drive.moments.map((moment, i) => [i > 0 && ", ", near(moment)]), ".")))),
+  ];
 }

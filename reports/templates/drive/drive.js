@@ -14,6 +14,7 @@ function start() {
   let driving = null; // the race: { race, own, hud, map, reference, started, paused }
   const inputs = newInputs(() => send());
   const seconds = () => performance.now() / 1000;
+  let heard = Promise.resolve();
 
   const link = connect(session, {
     onFrame: (frame) => playback.take(frame, seconds()),
@@ -21,17 +22,22 @@ function start() {
       const words = { lost: "The server is gone; waiting for it to come back.", taken: "Another window drives. Reload to drive here.", unknown: "This page is of another server. Reload it." };
       notice(words[state] ?? "");
     },
-    async onWords(words) {
-      if (words.type === "choices") showMenu(words);
-      if (words.type === "preparing") notice("Getting ready …");
-      if (words.type === "race") await begin(words);
-      if (words.type === "paused") pause();
-      if (words.type === "going on" && driving) resume();
-      if (words.type === "stewards") driving?.hud.tell(words, driving.own);
-      if (words.type === "refused") refused(words.why);
-      if (words.type === "result") finish(words);
-    },
+    // In turn: what comes after a race is about it, and unpacking that one takes a while.
+    onWords: (words) => (heard = heard.then(() => hear(words))),
   });
+
+  async function hear(words) {
+    if (words.type === "choices") showMenu(words);
+    if (words.type === "preparing") notice("Getting ready …");
+    if (words.type === "race") await begin(words);
+    if (words.type === "paused") pause();
+    if (words.type === "going on" && driving) resume();
+    if (words.type === "stewards") driving?.hud.tell(words, driving.own);
+    if (words.type === "marked") driving?.hud.tell({ text: `You marked ${momentOf(words)}`, cars: [driving.own], penalty_s: 0 }, driving.own);
+    if (words.type === "questions") ask(words);
+    if (words.type === "refused") refused(words.why);
+    if (words.type === "result") finish(words);
+  }
 
   function notice(text) {
     el("notice").textContent = text;
@@ -44,7 +50,16 @@ function start() {
     el("refused").textContent = why;
   }
 
+  function ask(questions) {
+    leave();
+    questionsDialog(questions, {
+      onAnswer: (answers) => link.say({ type: "answers", answers }),
+      onDrop: () => link.say({ type: "drop" }),
+    });
+  }
+
   function showMenu(choices) {
+    if (choices.blind) showBlind(choices.blind, () => link.say({ type: "cast" }));
     newMenu({ choices, inputs, onGo: (choice) => {
       sound.begin();
       el("refused").textContent = "";
@@ -94,7 +109,7 @@ function start() {
 
   function finish(words) {
     notice("");
-    if (driving) resultDialog(words, { onRestart: () => link.say({ type: "restart" }), onLeave: leave });
+    if (driving) resultDialog(words, { onRestart: () => link.say({ type: "restart" }), onLeave: leave, onAsk: ask });
   }
 
   function send() {
@@ -104,7 +119,8 @@ function start() {
 
   const commands = {
     KeyC: () => (settings.kind = VIEWS[(VIEWS.indexOf(settings.kind) + (view ? 1 : 0)) % VIEWS.length]),
-    KeyM: () => (settings.mirror = !settings.mirror),
+    KeyM: () => link.say({ type: "mark" }),
+    KeyN: () => (settings.mirror = !settings.mirror),
     KeyL: () => (settings.line = !settings.line),
     KeyV: () => (settings.sound = !settings.sound),
     KeyB: () => (driving.reference.own = !driving.reference.own),

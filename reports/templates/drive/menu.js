@@ -1,7 +1,7 @@
 // Choosing a drive, calibrating a wheel, and the dialogs.
 
 const AIDS = [["steering", "Steering aid: never turns the front wheels beyond their grip"], ["pedals", "Pedal aid: eases throttle and brake while the tyres turn"]];
-const HELP = "Arrows or WASD drive. C view, M mirror, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
+const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
 
 function titled(name) {
   const words = name.replace(/\.toml$/, "").split("/").at(-1);
@@ -32,11 +32,12 @@ function newMenu({ choices, inputs, onGo }) {
 
   const [circuit, car] = [select("circuit", named(choices.circuits), known("circuit", choices.circuits)), select("car", named(choices.cars), known("car", choices.cars))];
   // Only who can drive there; all of the first kind are chosen, checkpoints before drivers.
+  const { blind } = choices;
   function listOpponents() {
     const there = choices.opponents
       .map(({ name, drives }, index) => ({ name, index, there: drives.some(([a, b]) => a === circuit.value && b === car.value) }))
       .filter((one) => one.there);
-    const chosen = there.slice(0, Math.max(there.length - 2, 1));
+    const chosen = blind ? there.filter(({ index }) => blind.next.includes(index)) : there.slice(0, Math.max(there.length - 2, 1));
     opponents.replaceChildren(...there.map((one) => check("opponent", one.name, chosen.includes(one), one.index)));
   }
   for (const control of [circuit, car]) control.addEventListener("change", listOpponents);
@@ -44,8 +45,8 @@ function newMenu({ choices, inputs, onGo }) {
   form.replaceChildren(
     h("fieldset", {}, h("legend", {}, "Race"), field("Circuit", circuit), field("Car", car),
       field("Laps", number("laps", last.laps ?? 3, choices.most_laps)), field("Cars", number("cars", last.cars ?? 8, choices.most_cars)),
-      field("My place", number("seat", last.seat ?? 8, choices.most_cars)), field("My name", h("input", { name: "name", maxlength: 40, required: true, value: last.name ?? "driver" }))),
-    h("fieldset", {}, h("legend", {}, "Opponents, in turn on the grid"), opponents),
+      field("My place", number("seat", last.seat ?? 8, choices.most_cars)), field("My name", h("input", { name: "name", maxlength: 40, required: true, readonly: blind !== null, value: blind?.driver ?? last.name ?? "driver" }))),
+    h("fieldset", {}, h("legend", {}, blind ? "Two finalists, in turn on the grid" : "Opponents, in turn on the grid"), opponents),
     h("fieldset", {}, h("legend", {}, "Controls"), field("With", devices), calibrate,
       AIDS.map(([name, label]) => check(`aid-${name}`, label, last.aids?.[name] ?? true, "on")), h("p", { class: "keys" }, HELP)),
     h("div", { class: "go" }, h("button", { class: "first", type: "submit" }, "Drive"), h("span", { class: "keys", id: "waiting" })),
@@ -101,7 +102,7 @@ function pauseDialog({ aids, onGoOn, onRestart, onLeave, onAids }) {
   if (!dialog.open) dialog.showModal();
 }
 
-function resultDialog({ rows, car, recording, inputs }, { onRestart, onLeave }) {
+function resultDialog({ rows, car, recording, inputs, questions }, { onRestart, onLeave, onAsk }) {
   const dialog = document.getElementById("result");
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
@@ -111,9 +112,11 @@ function resultDialog({ rows, car, recording, inputs }, { onRestart, onLeave }) 
   dialog.replaceChildren(
     h("h2", {}, own.ending === "finished" ? `You came ${own.place}. of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
-    h("p", { class: "keys" }, "Look at it again: ", h("code", {}, `nathlon replay ${recording}`)),
-    h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
-    h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave)));
-  dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); onLeave(); };
+    ...(questions
+      ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
+      : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, `nathlon replay ${recording}`)),
+         h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
+         h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave))]));
+  dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); if (questions) onAsk(questions); else onLeave(); };
   dialog.showModal();
 }

@@ -1,0 +1,60 @@
+// A blind test: how far it has come, the questions after a race, and who was who once the ballot is cast.
+
+const ASKED = [
+  ["again", "Would you race it again?"], ["fair", "Was it fair in contact?"],
+  ["room", "Did it leave room?"], ["beatable", "Was it beatable?"],
+];
+const SCALE = [1, 2, 3, 4, 5];
+
+const momentOf = ({ time_s: time, nearest, apart_m: apart }) =>
+  `${time.toFixed(1)} s${nearest === null ? "" : `, ${nearest} ${apart.toFixed(0)} m away`}`;
+
+function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
+  const panel = document.getElementById("blind");
+  const called = (letter) => (names ? `${letter}: ${names[letter]}` : letter);
+  const list = (letters, between) => letters.map(called).join(between) || "nobody";
+  const said = rank.length ? [h("p", {}, "Approves: ", h("b", {}, list(approve, ", "))), h("p", {}, "Order: ", h("b", {}, list(rank, " > ")))] : [];
+  document.querySelector("#menu h1").textContent = "Blind test drive";
+  document.getElementById("choice").hidden = names !== null;
+  panel.hidden = false;
+  panel.replaceChildren(...(names
+    ? [h("h2", {}, `${driver}'s ballot is cast`), ...said, h("p", { class: "keys" }, "What the committee decides goes its usual way.")]
+    : [
+      h("h2", {}, `${driver}'s ballot so far`),
+      h("p", {}, "Races against ", Object.entries(races).map(([letter, count], i) => [i ? ", " : "", h("b", {}, letter), ` ${count}`]).flat(), "."),
+      ...said,
+      h("div", { class: "go" },
+        h("button", { type: "button", disabled: missing.length > 0, onclick: onCast }, "Cast my ballot"),
+        h("span", { class: "keys" }, missing.length ? `Race ${missing.join(", ")} first.` : "Then you are told who is who, and drive blind no more.")),
+    ]));
+}
+
+function questionsDialog({ letters, marks, longest }, { onAnswer, onDrop }) {
+  const dialog = document.getElementById("questions");
+  const choose = (name, options) => options.map(([value, text]) =>
+    h("label", { class: "score" }, h("input", { type: "radio", name, value, required: true }), h("span", {}, text)));
+  const scores = letters.map((letter) => h("fieldset", {}, h("legend", {}, letter),
+    ASKED.map(([name, words]) => h("fieldset", { class: "asked" }, h("legend", {}, words), h("div", {}, choose(`${letter} ${name}`, SCALE.map((value) => [value, String(value)])))))));
+  const form = h("form", {},
+    h("p", { class: "keys" }, "1 is not at all, 5 is very much."),
+    marks.length ? h("p", { class: "keys" }, `You marked ${marks.map(momentOf).join("; ")}.`) : "",
+    h("div", { class: "pair" }, scores),
+    h("fieldset", { class: "asked" }, h("legend", {}, "Which of the two?"), h("div", {}, choose("better", [...letters.map((letter) => [letter, letter]), ["", "Cannot tell"]]))),
+    h("label", { class: "words" }, h("span", {}, "In your own words"), h("textarea", { name: "text", rows: 3, maxlength: longest })),
+    h("div", { class: "buttons" }, h("button", { class: "first", type: "submit" }, "Keep these answers"),
+      h("button", { type: "button", onclick: () => { dialog.close(); onDrop(); } }, "Leave this race out")));
+  form.onsubmit = (event) => {
+    event.preventDefault();
+    const data = new FormData(form);
+    dialog.close();
+    onAnswer({
+      scores: Object.fromEntries(letters.map((letter) => [letter, Object.fromEntries(ASKED.map(([name]) => [name, Number(data.get(`${letter} ${name}`))]))])),
+      better: data.get("better") || null,
+      text: data.get("text"),
+    });
+  };
+  dialog.replaceChildren(h("h2", {}, "How was it?"), form);
+  // Whoever closes it has not answered.
+  dialog.oncancel = (event) => event.preventDefault();
+  if (!dialog.open) dialog.showModal();
+}

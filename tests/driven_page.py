@@ -1,0 +1,65 @@
+"""The page of a test drive, opened in a browser."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page
+
+from nathlon.driving.room import Room
+from nathlon.driving.server import DriveServer
+from tests.opened_page import SCREENSHOTS, overhear
+
+
+class Drive:
+    """A page that drives, the server's side of it, and what it complains of."""
+
+    def __init__(self, browser: Browser, server: DriveServer, room: Room, script: str = "") -> None:
+        self.room, self.url = room, server.url
+        self.page: Page = browser.new_page(viewport={"width": 1280, "height": 720})
+        if script:
+            self.page.add_init_script(script)
+        self.requests, self.complaints = overhear(self.page)
+        self.page.goto(self.url)
+        self.until("document.querySelector('#choice button.first')")
+
+    def until(self, condition: str) -> None:
+        wait = "await new Promise(done => setTimeout(done, 20))"
+        self.page.evaluate(f"async () => {{ while (!({condition})) {wait}; }}")
+
+    def begin(self, **fields: str) -> None:
+        for name, value in fields.items():
+            self.page.fill(f"[name={name}]", value)
+        self.page.click("#choice button.first")
+        self.until("!document.getElementById('track').hidden")
+
+    def go(self, **fields: str) -> None:
+        self.begin(**fields)
+        self.until("document.getElementById('lights').textContent === 'GO'")
+
+    def speed(self) -> float:
+        return float(self.page.locator("#car b").inner_text())
+
+    def faster_than(self, km_h: float) -> None:
+        self.until(f"Number(document.querySelector('#car b').textContent) > {km_h}")
+
+    def picture(self, name: str) -> None:
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SCREENSHOTS / f"drive-{name}.png")
+
+    def done(self) -> Any:
+        """What the server has heard last."""
+        return self.room.desk.latest.controls
+
+    def close(self) -> None:
+        # Drivers of graphics cards talk about themselves.
+        faults = [text for text in self.complaints if "GL Driver Message" not in text]
+        assert faults == []
+        assert {url for url in self.requests if not url.startswith("data:")} == {self.url}
+        self.page.close()
+
+
+def serious(page: Page) -> list[str]:
+    found = Axe().run(page).response["violations"]
+    return [one["id"] for one in found if one["impact"] in ("serious", "critical")]

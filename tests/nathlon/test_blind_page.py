@@ -1,0 +1,120 @@
+"""Blind drives in a browser, from the first race to the decision."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from playwright.sync_api import Browser, WebSocket
+
+from nathlon.arena.store import Store
+from nathlon.committee.event_log import EventLog
+from nathlon.committee.events import Drove, Voted
+from nathlon.driving.blind import BlindTest
+from tests.blind_runs import RUN, blind_run
+from tests.command_line import nathlon
+from tests.driven_page import Drive, serious
+from tests.drives import served
+
+
+def raced(drive: Drive, marks: bool = False, look: str = "") -> None:
+    """Drive off, stop for good, and see the result."""
+    drive.begin(laps="1", cars="3", seat="2")
+    keyboard = drive.page.keyboard
+    keyboard.down("ArrowUp")
+    drive.faster_than(30.0)
+    if marks:
+        keyboard.press("m")
+        drive.until("document.getElementById('news').textContent.includes('You marked')")
+        drive.picture("blind-race")
+    keyboard.up("ArrowUp")
+    if look:
+        drive.page.reload()
+        drive.until("document.getElementById('pause').open")
+        drive.page.click("#pause >> text=Go on")
+        drive.until("!document.getElementById('pause').open")
+    keyboard.down("ArrowDown")
+    drive.until("document.getElementById('result').open")
+    keyboard.up("ArrowDown")
+
+
+def answered(drive: Drive, better: str, scores: dict[str, tuple[int, int, int, int]], text: str = "") -> None:
+    for letter, values in scores.items():
+        for name, value in zip(("again", "fair", "room", "beatable"), values, strict=True):
+            drive.page.check(f"[name='{letter} {name}'][value='{value}']")
+    drive.page.check(f"[name=better][value='{better}']")
+    drive.page.fill("[name=text]", text)
+    drive.picture("blind-questions")
+    drive.page.click("#questions >> text=Keep these answers")
+
+
+def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_path: Path) -> None:
+    finalists = blind_run(tmp_path)
+    test = BlindTest(tmp_path, tmp_path / "store.sqlite", "ann")
+    sent: list[str | bytes] = []
+
+    def listen(socket: WebSocket) -> None:
+        socket.on("framereceived", lambda frame: sent.append(frame))
+
+    with served(tmp_path, pace=6.0, blind=test) as (server, room):
+        drive = Drive(browser, server, room)
+        drive.page.on("websocket", listen)
+        drive.page.reload()
+        drive.until("document.querySelector('#choice button.first')")
+        assert serious(drive.page) == []
+        drive.picture("blind-menu")
+        assert drive.page.locator("[name=opponent]:checked").count() == 2
+        raced(drive, marks=True, look="again")
+        rows = drive.page.locator("#result td:nth-child(2)").all_inner_texts()
+        assert set(rows) == {"A", "B", "human:ann"}
+        drive.picture("blind-result")
+        drive.page.click("#result >> text=Answer")
+        assert serious(drive.page) == []
+        # The browser goes away, and the questions wait for it.
+        drive.page.reload()
+        drive.until("document.getElementById('questions').open")
+        assert "You marked" in drive.page.locator("#questions").inner_text()
+        answered(drive, "B", {"A": (2, 3, 3, 4), "B": (5, 4, 5, 2)}, "B gave way — A closed the door.")
+        drive.until("document.getElementById('blind').textContent.includes('Race C first')")
+        raced(drive)
+        rows = drive.page.locator("#result td:nth-child(2)").all_inner_texts()
+        pair = sorted(set(rows) - {"human:ann"})
+        assert pair[1] == "C"
+        drive.page.click("#result >> text=Answer")
+        answered(drive, "C", {pair[0]: (3, 3, 3, 3), "C": (4, 4, 4, 4)})
+        drive.until("!document.querySelector('#blind button').disabled")
+        drive.picture("blind-ballot")
+        told = [part if isinstance(part, str) else part.decode("latin-1") for part in sent]
+        page = drive.page.content()
+        drive.page.click("text=Cast my ballot")
+        drive.until("document.getElementById('choice').hidden")
+        drive.picture("blind-cast")
+        shown = drive.page.locator("#blind").inner_text()
+        assert all(one.name in shown for one in finalists)
+        drive.close()
+
+    files = " ".join(str(path.relative_to(tmp_path)) for path in (tmp_path / "drives").rglob("*"))
+    assert any('"type": "result"' in part for part in told)
+    for one in finalists:
+        for secret in (one.name, one.id[:8], one.source, one.algorithm, "safetensors", str(tmp_path)):
+            assert not any(secret in part for part in [*told, page, files]), secret
+
+    with Store.open(tmp_path / "store.sqlite") as store:
+        entries = [entry.event for entry in EventLog(store, RUN).entries()]
+    drives = [event for event in entries if isinstance(event, Drove)]
+    cast = next(event for event in entries if isinstance(event, Voted) and event.member == "ann")
+    by_letter = {answer.letter: answer.entrant for drove in drives for answer in drove.answers}
+    assert (drives[0].better, drives[1].better) == (by_letter["B"], by_letter["C"])
+    assert drives[0].text == "B gave way — A closed the door."
+    [moment] = drives[0].moments
+    assert moment.nearest in by_letter.values()
+    assert set(cast.approve) == {by_letter["B"], by_letter["C"]}
+    assert cast.rank[-1] == by_letter["A"]
+    assert f"{moment.time_s:.1f} s near" in cast.reason
+    assert all(drove.recording in cast.reason and (tmp_path / drove.recording).exists() for drove in drives)
+
+    done = nathlon("committee", "store.sqlite", "decide", "--json", cwd=tmp_path)
+    decided = json.loads(done.stdout)
+    assert not decided["open"]
+    assert len(decided["drives"]) == 2
+    assert {said["member"] for said in decided["said"]} == {"ann", "rule:ranking"}
