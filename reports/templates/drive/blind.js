@@ -18,7 +18,7 @@ function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
   document.getElementById("choice").hidden = names !== null;
   panel.hidden = false;
   panel.replaceChildren(...(names
-    ? [h("h2", {}, `${driver}'s ballot is cast`), ...said, h("p", { class: "keys" }, "What the committee decides goes its usual way.")]
+    ? [h("h2", {}, `${driver}'s ballot is cast`), ...said, h("p", { class: "keys" }, "You can close this page. The committee decides when enough of its members have voted.")]
     : [
       h("h2", {}, `${driver}'s ballot so far`),
       h("p", {}, "Races against ", Object.entries(races).map(([letter, count], i) => [i ? ", " : "", h("b", {}, letter), ` ${count}`]).flat(), "."),

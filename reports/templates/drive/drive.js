@@ -109,7 +109,9 @@ function start() {
 
   function finish(words) {
     notice("");
-    if (driving) resultDialog(words, { onRestart: () => link.say({ type: "restart" }), onLeave: leave, onAsk: ask });
+    if (!driving) return;
+    driving.finished = true;
+    resultDialog(words, { onRestart: () => link.say({ type: "restart" }), onLeave: leave, onAsk: ask });
   }
 
   function send() {
@@ -147,7 +149,7 @@ function start() {
     const map = settings.kind === "map";
     if (frame.phase !== "countdown" && !driving.started) [driving.started, driving.begins] = [true, seconds() - frame.time];
     driving.hud.light(driving.begins - seconds());
-    if (frame.phase === "over") notice("The others finish …");
+    if (frame.phase === "over" && !driving.finished) notice("The others finish …");
     el("scene").hidden = map;
     el("map").hidden = !map;
     if (map) driving.map(frame, driving.own);
