@@ -26,6 +26,8 @@ from nathlon.publishing.output import OutputFolder
 CIRCUITS = ("porto-sereno", "lindenring", "grandes-landes")
 STOP = 600
 """Frames after which a person stops."""
+MARKED = 300
+"""Frames after which a person marks the moment."""
 OPPONENTS = ("driver:pace=0.9", "driver:pace=0.8")
 
 
@@ -74,6 +76,8 @@ def drive(made: Plan, seed: int = 1) -> tuple[Driven, list[bytes]]:
 
     def on_frame(frame: bytes) -> None:
         frames.append(frame)
+        if len(frames) == MARKED:
+            heat.mark()
         if len(frames) > STOP:
             desk.put(inputs(len(frames), brake=1.0))
         elif len(frames) % 7 == 0:

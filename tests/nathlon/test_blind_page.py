@@ -17,25 +17,25 @@ from tests.driven_page import Drive, serious
 from tests.drives import served
 
 
-def raced(drive: Drive, marks: bool = False, look: str = "") -> None:
-    """Drive off, stop for good, and see the result."""
+def raced(drive: Drive, interrupted: bool = False) -> None:
+    """Drive off, stop for good, and see the result; perhaps with a mark and a page that goes away."""
     drive.begin(laps="1", cars="3", seat="2")
     keyboard = drive.page.keyboard
     keyboard.down("ArrowUp")
     drive.faster_than(30.0)
-    if marks:
+    if interrupted:
         keyboard.press("m")
         drive.until("document.getElementById('news').textContent.includes('You marked')")
         drive.picture("blind-race")
         # The map: it is drawn in less time.
         keyboard.press("c")
         keyboard.press("c")
-    keyboard.up("ArrowUp")
-    if look:
+        keyboard.up("ArrowUp")
         drive.page.reload()
         drive.until("document.getElementById('pause').open")
         drive.page.click("#pause >> text=Go on")
         drive.until("!document.getElementById('pause').open")
+    keyboard.up("ArrowUp")
     keyboard.down("ArrowDown")
     drive.until("document.getElementById('result').open")
     keyboard.up("ArrowDown")
@@ -67,7 +67,7 @@ def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_
         assert serious(drive.page) == []
         drive.picture("blind-menu")
         assert drive.page.locator("[name=opponent]:checked").count() == 2
-        raced(drive, marks=True, look="again")
+        raced(drive, interrupted=True)
         rows = drive.page.locator("#result td:nth-child(2)").all_inner_texts()
         assert set(rows) == {"A", "B", "human:ann"}
         drive.picture("blind-result")

@@ -25,8 +25,9 @@ from nathlon.policies.sources import find_sources
 from nathlon.publishing.output import OutputFolder
 from nathlon.publishing.recordings import stored_match
 from nathlon.sim.errors import InputError
+from nathlon.sim.track import load_track
 from nathlon.sim.world import DYNAMICS_DT
-from tests.drives import STOP, Hurry, choice, drive, inputs, offer, planned
+from tests.drives import MARKED, STOP, Hurry, choice, drive, inputs, offer, planned
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +63,22 @@ def test_a_race_run_again_from_its_inputs_is_the_same_to_the_bit(kept: Kept, tmp
     assert again.results.equals(stored)
     write_recording(tmp_path / "again.mcap", again.logs[0])
     assert (tmp_path / "again.mcap").read_bytes() == kept.recording.read_bytes()
+
+
+def test_a_marked_moment_is_kept_with_the_drive(driven: tuple[Driven, list[bytes]], kept: Kept) -> None:
+    done, frames = driven
+    [mark] = done.marks
+    heads = np.array([np.frombuffer(frame, HEAD, 1)[0] for frame in frames])
+    assert mark.time_s == pytest.approx(heads["time_s"][MARKED - 1], abs=1.5 * DYNAMICS_DT)
+    cars = np.frombuffer(frames[MARKED - 1], CAR, 3, HEAD.itemsize)
+    apart = [float(np.hypot(cars["x"][i] - cars["x"][1], cars["y"][i] - cars["y"][1])) for i in (0, 2)]
+    assert mark.nearest == (0, 2)[int(np.argmin(apart))]
+    assert mark.apart_m == pytest.approx(min(apart), abs=1.0)
+    assert mark.lap_m == pytest.approx(cars["progress"][1] % load_track("lindenring").length, abs=2.0)
+    with Store.open(kept.recording.parent.parent / "store.sqlite") as store:
+        [run] = store.runs()
+        told = store.facts(run.name)["marks"]
+    assert told == [mark._asdict() | {"nearest": done.plan.grid[mark.nearest]}]
 
 
 def test_a_race_with_other_inputs_is_another_one(driven: tuple[Driven, list[bytes]]) -> None:

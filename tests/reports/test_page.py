@@ -185,6 +185,36 @@ def test_committee_is_told_with_names_reasons_and_times(
     opened.assert_quiet()
 
 
+def test_blind_drives_are_told_with_answers_and_recordings(browser: Browser, tmp_path: Path) -> None:
+    selection = build(np.random.default_rng(2), entrants=40, finalists=4)
+    [shortlist, sent] = selection.summary.committee
+    first, second = (standing.entrant for standing in sent.standings[:2])
+    scores = {"again": 4, "fair": 3, "room": 2, "beatable": 1}
+    drive = {
+        "member": "ann", "at": "2031-05-04T03:21:00.000000+00:00", "text": HOSTILE, "better": second,
+        "recording": "drives/races/0123456789-0.mcap",
+        "answers": [
+            {"entrant": first, "letter": "B", **scores}, {"entrant": second, "letter": "A", **scores},
+        ],
+        "moments": [{"time_s": 12.34, "lap_m": 500.0, "nearest": first, "apart_m": 4.0}],
+    }  # fmt: skip
+    asked = (shortlist, sent.model_copy(update={"drives": (drive,)}))
+    driven = replace(selection, summary=selection.summary.model_copy(update={"committee": asked}))
+    opened = Opened(browser, driven, tmp_path, "#/committee")
+    table = opened.page.locator("table.standings").last
+    rows = table.locator("tbody tr").all_inner_texts()
+    names = [standing.name for standing in sent.standings[:2]]
+    assert rows[0].split() == ["B:", names[0], "4", "3", "2", "1", "ann"]
+    assert rows[1].split() == ["A:", names[1], "4", "3", "2", "1", "ann", "preferred"]
+    last = opened.page.locator(".ballots li").last
+    assert f"Marked 12.3 s near {names[0]}." in last.inner_text()
+    assert HOSTILE in last.inner_text()
+    link = last.get_by_role("link", name="recording")
+    assert link.get_attribute("href") == "../drives/races/0123456789-0.mcap"
+    opened.picture("committee-drives")
+    opened.assert_quiet()
+
+
 def test_hostile_names_are_text(browser: Browser, tmp_path: Path) -> None:
     selection = build(np.random.default_rng(2), entrants=40, finalists=4)
     entrants = selection.tables["entrants"].with_columns(
