@@ -9,7 +9,9 @@ from nathlon.reports.cars import winner
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 
-PARTS = ("element", "recording", "scene", "player", "order")
+SPACE = ("scene3d/cameras.js", "scene3d/mesh.js", "scene3d/view.js")
+"""Scripts that draw cars on a circuit in three dimensions; test drives have them too."""
+PARTS = ("element", "recording", "scene", "battle", "trackside", "space", "watching", "player", "order")
 """Scripts in templates/race of which the player is made, in their order; the report has them too."""
 
 
@@ -36,7 +38,7 @@ def render_player(log: RaceLog, follow: int | None = None) -> str:
 
 def player_script() -> str:
     """The player itself, for whichever page it stands in."""
-    return template_text(*(f"race/{part}.js" for part in PARTS))
+    return template_text(*SPACE, *(f"race/{part}.js" for part in PARTS))
 
 
 def player_style() -> str:

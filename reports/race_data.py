@@ -19,7 +19,10 @@ from nathlon.sim.track import SURFACES
 STEPS = {
     "x": 0.02,  # m
     "y": 0.02,
-    "yaw": 0.002,  # rad
+    "z": 0.02,
+    "pitch": 0.002,  # rad
+    "roll": 0.002,
+    "yaw": 0.002,
     "speed": 0.05,  # m/s
     "distance": 0.1,  # m, to be compared between cars
     "steering": 0.01,
@@ -86,12 +89,14 @@ def circuit_data(outline: Outline, sections: Sequence[Stretch]) -> dict[str, Any
     """The circuit of a race as JSON values."""
     lines = ("wall_left", "kerb_left", "left", "right", "kerb_right", "wall_right")
     points = np.concatenate([getattr(outline, line)[:, :2].T for line in lines])
+    heights = np.stack([getattr(outline, line)[:, 2] for line in lines])
     return {
         "rows": len(outline.centre),
         "lap": round(lap_length(outline), 1),
         "lines": lines,
         "step": OUTLINE_STEP_M,
         "points": packed(np.rint(points / OUTLINE_STEP_M)),
+        "heights": packed(np.rint(heights / OUTLINE_STEP_M)),
         "runoff": packed(np.stack([outline.runoff_left, outline.runoff_right, outline.zone])),
         "surfaces": [_css(RUNOFF.get(name, ROAD)) for name in SURFACES],
         "road": _css(ROAD),
@@ -117,6 +122,9 @@ def _columns(log: RaceLog, rows: NDArray[np.int64]) -> NDArray[np.float64]:
     values = {
         "x": samples["x_m"],
         "y": samples["y_m"],
+        "z": samples["z_m"],
+        "pitch": samples["pitch_rad"],
+        "roll": samples["roll_rad"],
         "yaw": np.unwrap(samples["yaw_rad"], axis=0),
         "speed": np.hypot(samples["velocity_x_m_s"], samples["velocity_y_m_s"]),
         "distance": progress(log)[rows],

@@ -21,11 +21,9 @@ def scenery(circuit: str, car: str) -> dict[str, Any]:
     track, body = load_track(circuit), load_car(car).body
     lines = outline(track)
     data = circuit_data(lines, stretches(track))
-    heights = np.stack([getattr(lines, name)[:, 2] for name in data["lines"]])
     return {
         "name": circuit,
         "circuit": data,
-        "heights": packed(np.rint(heights / OUTLINE_STEP_M)),
         "lap_m": track.length,
         "length": body.length_m,
         "width": body.width_m,

@@ -9,6 +9,7 @@ function start() {
   const playback = newPlayback();
   const sound = newSound();
   const view = newView(el("scene"));
+  let seen = newSight();
   const settings = { kind: view ? "chase" : "map", mirror: true, line: true, sound: true, ...kept.read("view", {}) };
   if (!view) settings.kind = "map";
   let driving = null; // the race: { race, own, hud, map, reference, started, paused }
@@ -78,6 +79,7 @@ function start() {
       begins: seconds() + words.countdown_s,
     };
     view?.show(made);
+    seen = newSight();
     el("menu").hidden = true;
     el("track").hidden = false;
     notice("");
@@ -153,27 +155,35 @@ function start() {
     el("scene").hidden = map;
     el("map").hidden = !map;
     if (map) driving.map(frame, driving.own);
-    else view.render(frame, driving.own, settings);
+    else view.render(frame, ...seen(frame, driving.own, settings));
     driving.hud.draw(frame, driving.own, performance.now());
     sound.play(frame, driving.own, settings.sound && !driving.paused);
   }
   paint();
 }
 
+// What the driver looks through, and what of it is drawn: arguments of the view.
+function newSight() {
+  let heading = null;
+  return (frame, own, { kind, mirror, line }) => {
+    const car = frame.cars[own];
+    const inside = kind === "cockpit";
+    // The camera behind the car turns after it.
+    const turn = heading === null ? 0 : Math.atan2(Math.sin(car.yaw - heading), Math.cos(car.yaw - heading));
+    heading = heading === null ? car.yaw : heading + turn * 0.12;
+    return [inside ? cockpitCamera(car) : chaseCamera(car, heading), { inside: inside ? own : -1, mirror: mirror ? own : -1, line: line ? own : -1 }];
+  };
+}
+
 // The circuit and the reference lap, unpacked.
 async function prepare(scene, colours) {
   const { circuit, reference } = scene;
-  const [outline, heights, ground, points, [speed], [time]] = await Promise.all([
-    unpacked(circuit.points, circuit.rows), unpacked(scene.heights, circuit.rows), unpacked(circuit.runoff, circuit.rows),
-    unpacked(reference.points, circuit.rows), unpacked(reference.speed, circuit.rows), unpacked(reference.time, circuit.rows),
+  const [lines, points, [speed], [time]] = await Promise.all([
+    openCircuit(circuit), unpacked(reference.points, circuit.rows), unpacked(reference.speed, circuit.rows), unpacked(reference.time, circuit.rows),
   ]);
   const metres = (row) => Float64Array.from(row, (v) => v * circuit.step);
-  const line = {};
-  circuit.lines.forEach((name, i) => {
-    line[name] = { x: metres(outline[2 * i]), y: metres(outline[2 * i + 1]), z: metres(heights[i]) };
-  });
   return {
-    ...scene, colours, line, ground, lap: scene.lap_m,
+    ...scene, ...lines, colours, lap: scene.lap_m,
     reference: {
       x: metres(points[0]), y: metres(points[1]), z: metres(points[2]),
       speed: Float64Array.from(speed, (v) => v * reference.speed_step), time: Float64Array.from(time, (v) => v / 1000),

@@ -8,7 +8,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
   const { race, cars } = recording;
   const recordings = [recording, beside].filter(Boolean);
   const end = Math.max(...recordings.map((one) => one.end));
-  const state = { now: 0, playing: false, rate: 1, followed, zoom: 1, moved: null };
+  const state = { now: 0, playing: false, rate: 1, followed, zoom: 1, moved: null, space: false, camera: "trackside", slow: false };
   const watchers = [];
 
   const stages = recordings.map((one, i) => {
@@ -16,7 +16,10 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     const news = h("p", { id: i ? "news-beside" : "news", class: "news", role: "status" });
     // Each has a scale and a middle of its own.
     const own = i ? Object.create(state) : state;
-    return { scene, news, own, race: one.race, draw: raceScene(one, scene, own), node: h("div", { class: "stage" }, scene, news) };
+    const map = raceScene(one, scene, own);
+    const space = spaceScene(one, own, i ? "space-beside" : "space");
+    const draw = () => (state.space ? space.draw() : map());
+    return { scene, space, news, own, draw, recording: one, race: one.race, node: h("div", { class: "stage" }, scene, space.node, news) };
   });
   const { scene } = stages[0];
   const button = h("button", { id: "play", type: "button", "aria-pressed": "false", onclick: () => play(!state.playing) }, "Play");
@@ -34,10 +37,12 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     Object.keys(RATES).sort().map((value) => h("option", { value, selected: value === "1" }, RATES[value])));
   const choice = h("select", { id: "follow", onchange: () => follow(Number(choice.value)) },
     h("option", { value: -1 }, "whole circuit"), race.cars.map(({ name }, car) => h("option", { value: car }, name)));
-  const node = h("div", { class: "player" },
+  const node = h("div", { class: "player" });
+  const watched = watching(stages, state, node, refresh);
+  node.append(
     beside ? h("div", { class: "stages" }, stages.map((stage) => stage.node)) : stages[0].node,
     h("div", { class: "transport" }, button, shownTime, h("span", { class: "timeline" }, marks, scrub),
-      h("label", {}, "Speed ", rate), h("label", {}, "Follow ", choice)));
+      h("label", {}, "Speed ", rate), h("label", {}, "Follow ", choice), watched.controls));
 
   function show() {
     scrub.value = state.now;
@@ -75,13 +80,16 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     refresh();
   }
 
+  const slowed = () => state.slow && !calm() && recordings.some((one) => nearContact(one, state.now, state.followed));
+  const rateNow = () => (slowed() ? Math.min(state.rate, SLOW.rate) : state.rate);
+
   let before = 0;
   function frame(milliseconds) {
     if (!state.playing) return;
     const passedS = Math.min((milliseconds - before) / 1000, 0.25);
     before = milliseconds;
     if (state.now >= end || !node.isConnected) play(false);
-    else seek(state.now + passedS * state.rate);
+    else seek(state.now + passedS * rateNow());
     requestAnimationFrame(frame);
   }
 
@@ -97,8 +105,8 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     }
   }
 
-  for (const { scene: canvas, own } of stages) {
-    new ResizeObserver(refresh).observe(canvas);
+  for (const { scene: canvas, own, node: stage } of stages) {
+    new ResizeObserver(refresh).observe(stage);
     canvas.addEventListener("wheel", (event) => {
       // Where the page scrolls, the wheel alone is for that.
       if (scrolls && !event.ctrlKey) return;
@@ -134,9 +142,10 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     Home: () => seek(0),
     End: () => seek(end),
     m: () => follow(-1),
+    ...watched.keys,
   };
   function key(event) {
-    const elsewhere = event.target.closest("select, button");
+    const elsewhere = event.target.closest("select, button, [type=checkbox]");
     const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (event.ctrlKey || event.metaKey || event.altKey || !keys[name]) return;
     if (elsewhere && (name === " " || event.target.tagName === "SELECT")) return;

@@ -20,24 +20,30 @@ async function unpacked(text, width) {
   return rows;
 }
 
+// The lines of a circuit, by name, and what lies beside and on the road, by row.
+async function openCircuit(circuit) {
+  const [outline, heights, ground] = await Promise.all(
+    [circuit.points, circuit.heights, circuit.runoff].map((rows) => unpacked(rows, circuit.rows)),
+  );
+  const metres = (row) => Float64Array.from(row, (v) => v * circuit.step);
+  const line = Object.fromEntries(
+    circuit.lines.map((name, i) => [name, { x: metres(outline[2 * i]), y: metres(outline[2 * i + 1]), z: metres(heights[i]) }]),
+  );
+  return { line, ground };
+}
+
 // Samples by name, car and tick; the circuit's lines; and what follows from both.
 async function openRecording(race, circuit) {
   const cars = race.cars.length;
-  const [[ticks], rows, outline, ground] = await Promise.all([
+  const [[ticks], rows, { line, ground }] = await Promise.all([
     race.ticks ? unpacked(race.time, race.ticks) : [new Int32Array()],
     race.ticks ? unpacked(race.samples, race.ticks) : [],
-    unpacked(circuit.points, circuit.rows),
-    unpacked(circuit.runoff, circuit.rows),
+    openCircuit(circuit),
   ]);
   const time = Array.from(ticks, (ms) => ms / 1000);
   const samples = {};
   race.columns.forEach(({ name, step }, c) => {
     samples[name] = Array.from({ length: cars }, (_, car) => Float64Array.from(rows[c * cars + car] ?? [], (v) => v * step));
-  });
-  const line = {};
-  circuit.lines.forEach((name, i) => {
-    const scaled = (row) => Float64Array.from(row, (v) => v * circuit.step);
-    line[name] = { x: scaled(outline[2 * i]), y: scaled(outline[2 * i + 1]) };
   });
 
   // The first index in a rising column whose value is not below this one.

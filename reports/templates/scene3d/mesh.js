@@ -3,6 +3,7 @@
 const CORNER_BYTES = 16;
 const SUN = [0.42, 0.3, 0.86];
 const WALL_M = 1.0;
+const ZONE = [150, 122, 62]; // where penalties are served
 const TREE_GAP_M = 14;
 const TREE_ROOM_M = 22;
 
@@ -71,19 +72,18 @@ function circuitMesh({ circuit, line, ground }) {
       };
       mesh.quad(at(wall, i), at(wall, j), out(j), out(i), dim([70, 96, 62], i, 9));
     }
-    strip("left", "right", dim(road, i, 6));
+    strip("left", "right", dim(ground[2][i] ? ZONE : road, i, 6));
     for (const [side, other] of [["left", "right"], ["right", "left"]]) {
       const [a, b] = [at(side, i, 0.02), at(side, j, 0.02)];
       mesh.quad(a, b, toward(b, at(other, j, 0.02), 0.2), toward(a, at(other, i, 0.02), 0.2), [225, 226, 222]);
     }
-    if (ground[2][i]) strip("left", "right", [150, 122, 62]);
   }
-  startLine(mesh, at, toward);
+  paintStart(mesh, at, toward);
   plantTrees(mesh, at, toward, line, n, circuit.lap / n);
   return mesh;
 }
 
-function startLine(mesh, at, toward) {
+function paintStart(mesh, at, toward) {
   const [left, right] = [at("left", 0, 0.03), at("right", 0, 0.03)];
   const [next, last] = [at("left", 1, 0.03), at("right", 1, 0.03)];
   const wide = Math.hypot(left[0] - right[0], left[1] - right[1]);

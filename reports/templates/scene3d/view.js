@@ -1,9 +1,7 @@
 // The race in three dimensions, drawn by WebGL.
 
 const SKY = [0.55, 0.7, 0.84];
-const CHASE = { back: 6.4, up: 2.3, look: 7, fov: 0.95 };
-const COCKPIT = { forward: 0.35, up: 1.16, fov: 1.1 };
-const MIRROR = { width: 0.3, height: 0.13, fov: 0.5 };
+const MIRROR = { width: 0.3, height: 0.13 };
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
 const VERTEX = `
 attribute vec3 place; attribute vec4 colour;
@@ -19,42 +17,6 @@ precision mediump float;
 uniform vec3 sky; uniform float alpha;
 varying vec3 shade; varying float far;
 void main() { gl_FragColor = vec4(mix(sky, shade, exp(-far / 900.0)), alpha); }`;
-
-function multiply(a, b) {
-  const out = new Float32Array(16);
-  for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) for (let k = 0; k < 4; k++) out[c * 4 + r] += a[k * 4 + r] * b[c * 4 + k];
-  return out;
-}
-
-function perspective(fov, aspect, mirrored) {
-  const [near, far, f] = [0.2, 4000, 1 / Math.tan(fov / 2)];
-  return new Float32Array([(mirrored ? -f : f) / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, (2 * far * near) / (near - far), 0]);
-}
-
-const minus = (a, b) => a.map((part, i) => part - b[i]);
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const unit = (a) => a.map((part) => part / (Math.hypot(...a) || 1));
-
-function lookAt(eye, target, up) {
-  const back = unit(minus(eye, target));
-  const right = unit(cross(up, back));
-  const top = cross(back, right);
-  return new Float32Array([right[0], top[0], back[0], 0, right[1], top[1], back[1], 0, right[2], top[2], back[2], 0, -dot(right, eye), -dot(top, eye), -dot(back, eye), 1]);
-}
-
-// Axes of a car in the world: forward, left, up.
-function axes({ yaw, pitch, roll }) {
-  const forward = [Math.cos(yaw) * Math.cos(pitch), Math.sin(yaw) * Math.cos(pitch), -Math.sin(pitch)];
-  const level = [-Math.sin(yaw), Math.cos(yaw), 0];
-  const left = unit([level[0] * Math.cos(roll), level[1] * Math.cos(roll), Math.sin(roll)]);
-  return [forward, left, cross(forward, left)];
-}
-
-function modelOf(car) {
-  const [f, l, u] = axes(car);
-  return new Float32Array([...f, 0, ...l, 0, ...u, 0, car.x, car.y, car.z, 1]);
-}
 
 // A view on a canvas; null where the browser has no WebGL.
 function newView(canvas) {
@@ -93,7 +55,6 @@ function newView(canvas) {
     gl.drawArrays(gl.TRIANGLES, first, count);
   };
   let scene = null;
-  let heading = null;
 
   function show(made) {
     const [ground, car] = [circuitMesh(made), carMesh(made.length, made.width)];
@@ -105,28 +66,16 @@ function newView(canvas) {
       car: load(car.mesh.data), cabin: car.cabin, all: car.mesh.count,
       shadow: load(shadow.data), line: gl.createBuffer(),
     };
-    heading = null;
   }
 
-  // Where the camera of a view is, and what it looks at.
-  function placed(kind, car) {
-    const [forward, left, up] = axes(car);
-    const at = (f, u) => [0, 1, 2].map((i) => [car.x, car.y, car.z][i] + forward[i] * f + up[i] * u);
-    if (kind === "cockpit") return { eye: at(COCKPIT.forward, COCKPIT.up), target: at(30, COCKPIT.up - 0.2), up, fov: COCKPIT.fov };
-    if (kind === "mirror") return { eye: at(-0.4 * scene.made.length, 1.25), target: at(-30, 0.9), up: [0, 0, 1], fov: MIRROR.fov };
-    // The camera turns after the car.
-    const turn = heading === null ? 0 : Math.atan2(Math.sin(car.yaw - heading), Math.cos(car.yaw - heading));
-    heading = heading === null ? car.yaw : heading + turn * 0.12;
-    const eye = [car.x - CHASE.back * Math.cos(heading), car.y - CHASE.back * Math.sin(heading), car.z + CHASE.up - CHASE.back * forward[2]];
-    return { eye, target: at(CHASE.look, 0.8), up: [0, 0, 1], fov: CHASE.fov + Math.min(car.speed / 90, 1) * 0.2 };
-  }
-
-  function paint([x, y, width, height], camera, frame, own, inside, mirrored) {
+  // Draws what a camera sees and returns its matrix. Of the own car a mirror shows nothing, and a camera within no cabin.
+  function paint([x, y, width, height], camera, frame, own, mirrored = false) {
     gl.viewport(x, y, width, height);
     gl.scissor(x, y, width, height);
     gl.clearColor(...SKY, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.uniformMatrix4fv(uniform.camera, false, multiply(perspective(camera.fov, width / height, mirrored), lookAt(camera.eye, camera.target, camera.up)));
+    const matrix = multiply(perspective(camera, width / height, mirrored), lookAt(camera));
+    gl.uniformMatrix4fv(uniform.camera, false, matrix);
     gl.uniform1f(uniform.alpha, 1);
     draw(scene.ground, still, [1, 1, 1], 0, scene.corners);
     frame.cars.forEach((car, i) => {
@@ -137,8 +86,9 @@ function newView(canvas) {
       draw(scene.shadow, model, [1, 1, 1], 0, 6);
       gl.disable(gl.BLEND);
       gl.uniform1f(uniform.alpha, 1);
-      draw(scene.car, model, rgb(scene.made.colours[i]).map((part) => part / 255), 0, inside && i === own ? scene.cabin : scene.all);
+      draw(scene.car, model, rgb(scene.made.colours[i]).map((part) => part / 255), 0, i === own ? scene.cabin : scene.all);
     });
+    return matrix;
   }
 
   // The driver's line ahead, red where one is too fast for it.
@@ -167,17 +117,17 @@ function newView(canvas) {
 
   return {
     show,
-    render(frame, own, { kind, mirror, line }) {
-      if (!scene) return;
+    // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these.
+    render(frame, camera, { inside = -1, mirror = -1, line = -1 } = {}) {
       const [width, height] = sized(canvas);
-      const car = frame.cars[own];
-      const camera = placed(kind, car);
-      paint([0, 0, width, height], camera, frame, own, kind === "cockpit", false);
-      if (line) paintLine(car);
-      if (mirror) {
+      const matrix = paint([0, 0, width, height], camera, frame, inside);
+      if (line >= 0) paintLine(frame.cars[line]);
+      if (mirror >= 0) {
         const [w, h] = [Math.round(width * MIRROR.width), Math.round(height * MIRROR.height)];
-        paint([Math.round((width - w) / 2), height - h - Math.round(height * 0.02), w, h], placed("mirror", car), frame, own, false, true);
+        const behind = mirrorCamera(frame.cars[mirror], scene.made.length);
+        paint([Math.round((width - w) / 2), height - h - Math.round(height * 0.02), w, h], behind, frame, mirror, true);
       }
+      return matrix;
     },
   };
 }

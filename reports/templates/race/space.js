@@ -1,0 +1,87 @@
+// A race in three dimensions, in the place of the map.
+
+const CAMERAS = { trackside: "trackside", chase: "from behind", cockpit: "from the cockpit" };
+const LAG_S = 0.15; // by which the camera behind a car turns later than the car
+const LABEL_M = 1.7;
+const DRAWN = ["x", "y", "z", "yaw", "pitch", "roll", "speed"];
+
+const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+// Its `node` goes over the map; `open` tells whether the browser can draw it, and `draw` draws the race at state.now.
+function spaceScene(recording, state, id) {
+  const { race, circuit, line, ground, cars } = recording;
+  const canvas = h("canvas", { id, class: "scene", role: "img", "aria-label": "The race in three dimensions" });
+  const labels = race.cars.map(({ name }, car) => h("span", { class: "label", title: name }, String(car)));
+  const told = h("p", { class: "shot" });
+  const node = h("div", { class: "space", hidden: true }, canvas, h("div", { class: "labels", "aria-hidden": "true" }, labels), told);
+  const cameras = tracksideCameras(recording);
+  const shots = new Map();
+  let view = null;
+  let held = null; // the shot while nothing may cut
+
+  function open() {
+    view ??= newView(canvas);
+    view?.show({ circuit, line, ground, length: race.length, width: race.width, colours: race.cars.map(({ colour }) => colour) });
+    return view !== null;
+  }
+
+  function frameAt(seconds) {
+    const [tick, part] = recording.moment(seconds);
+    return { cars: race.cars.map((_, car) => Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)]))) };
+  }
+
+  function shotNow() {
+    const { followed, now } = state;
+    if (calm() && state.playing && held?.followed === followed) return held;
+    if (!shots.has(followed)) shots.set(followed, shotsOf(recording, cameras, followed));
+    const all = shots.get(followed);
+    const i = Math.max(all.findLastIndex((shot) => shot.from <= now), 0);
+    held = { ...all[i], followed, before: all[i - 1] };
+    return held;
+  }
+
+  // A camera that goes on with other cars turns to them.
+  function tracksideCamera(shot, frame, watched, aspect) {
+    const { eye } = cameras[shot.camera];
+    const aim = (battle) => aimed(eye, [...new Set([watched, ...battle])].map((car) => besideCar(frame.cars[car], 0, 0.6)), aspect);
+    const now = aim(shot.cars);
+    const turned = (state.now - shot.from) / SHOT.turn;
+    if (shot.before?.camera !== shot.camera || turned >= 1 || calm()) return now;
+    const [before, part] = [aim(shot.before.cars), turned * turned * (3 - 2 * turned)];
+    const between = (a, b) => a + (b - a) * part;
+    return { ...now, target: now.target.map((to, i) => between(before.target[i], to)), fov: between(before.fov, now.fov) };
+  }
+
+  function tell(shot, tick) {
+    const [first, second] = shot.cars;
+    const who = second === undefined ? race.cars[first].name : `${race.cars[first].name}, ${recording.gap(second, first, tick).toFixed(1)} s before ${race.cars[second].name}`;
+    return `Camera ${shot.camera + 1} of ${cameras.length}: ${who}`;
+  }
+
+  function draw() {
+    const tick = recording.tickAt(state.now);
+    const watched = watchedCar(recording, tick, state.followed);
+    const frame = frameAt(state.now);
+    const own = frame.cars[watched];
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    let [camera, words] = [null, race.cars[watched].name];
+    if (state.camera === "cockpit") camera = cockpitCamera(own);
+    else if (state.camera === "chase") camera = chaseCamera(own, recording.value("yaw", watched, ...recording.moment(state.now - LAG_S)));
+    else {
+      const shot = shotNow();
+      camera = tracksideCamera(shot, frame, watched, width / height);
+      words = tell(shot, tick);
+    }
+    const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1 });
+    if (told.textContent !== words) told.textContent = words;
+    for (let car = 0; car < cars; car++) {
+      const [x, y, ahead] = projected(matrix, besideCar(frame.cars[car], 0, LABEL_M));
+      const seen = ahead > 1 && Math.abs(x) < 1 && Math.abs(y) < 1 && !(state.camera === "cockpit" && car === watched);
+      labels[car].hidden = !seen;
+      labels[car].classList.toggle("own", car === watched);
+      if (seen) labels[car].style.translate = `${((1 + x) / 2) * width}px ${((1 - y) / 2) * height}px`;
+    }
+  }
+
+  return { node, canvas, open, draw };
+}
