@@ -4,6 +4,7 @@ const CORNER_BYTES = 16;
 const SUN = [0.42, 0.3, 0.86];
 const WALL_M = 1.0;
 const ZONE = [150, 122, 62]; // where penalties are served
+const PLAIN_M = 3000;
 const TREE_GAP_M = 14;
 const TREE_ROOM_M = 22;
 
@@ -78,9 +79,18 @@ function circuitMesh({ circuit, line, ground }) {
       mesh.quad(a, b, toward(b, at(other, j, 0.02), 0.2), toward(a, at(other, i, 0.02), 0.2), [225, 226, 222]);
     }
   }
+  layPlain(mesh, line);
   paintStart(mesh, at, toward);
   plantTrees(mesh, at, toward, line, n, circuit.lap / n);
   return mesh;
+}
+
+// The land below all else, as far as one sees.
+function layPlain(mesh, { wall_left: left, wall_right: right }) {
+  const ends = (part) => [left, right].flatMap((wall) => [Math.min(...wall[part]), Math.max(...wall[part])]);
+  const [[x, X], [y, Y], [z]] = ["x", "y", "z"].map((part) => [Math.min(...ends(part)), Math.max(...ends(part))]);
+  const [west, east, south, north, low] = [x - PLAIN_M, X + PLAIN_M, y - PLAIN_M, Y + PLAIN_M, z - 12];
+  mesh.quad([west, south, low], [east, south, low], [east, north, low], [west, north, low], [70, 96, 62]);
 }
 
 function paintStart(mesh, at, toward) {
