@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page
 
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
-from tests.opened_page import SCREENSHOTS, overhear
+from tests.opened_page import SCREENSHOTS, faults, overhear
 
 
 class Drive:
@@ -53,9 +53,7 @@ class Drive:
         return self.room.desk.latest.controls
 
     def close(self) -> None:
-        # Drivers of graphics cards talk about themselves.
-        faults = [text for text in self.complaints if "GL Driver Message" not in text]
-        assert faults == []
+        assert faults(self.complaints) == []
         assert {url for url in self.requests if not url.startswith("data:")} == {self.url}
         self.page.close()
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from nathlon.reports.page import write_page
@@ -68,6 +71,17 @@ def overhear(page: Page) -> tuple[list[str], list[str]]:
     return requests, complaints
 
 
+def shown(page: Page, selector: str) -> NDArray[np.uint8]:
+    """The pixels of an element, (rows, columns, 3), also of what WebGL draws."""
+    picture = page.locator(selector).screenshot()
+    return np.asarray(Image.open(BytesIO(picture)).convert("RGB"))
+
+
+def faults(complaints: list[str]) -> list[str]:
+    """Complaints but for those in which drivers of graphics cards talk about themselves."""
+    return [text for text in complaints if "GL Driver Message" not in text]
+
+
 class Opened:
     """A page opened from the disk, with all that it asked for or complained of."""
 
@@ -108,7 +122,7 @@ class Opened:
 
     def assert_quiet(self) -> None:
         assert [url for url in self.requests if url.partition("#")[0] not in (self.own, "data:,")] == []
-        assert self.complaints == [], self.complaints
+        assert faults(self.complaints) == []
         self.page.close()
 
 

@@ -30,7 +30,7 @@ from nathlon.twins.rebuild import same_race
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon as command
 from tests.command_line import refused
-from tests.opened_page import SCREENSHOTS, overhear
+from tests.opened_page import SCREENSHOTS, faults, overhear, shown
 from tests.race_logs import oval_race
 
 AT_S, CAR = 3.0, 2
@@ -210,6 +210,17 @@ def test_the_page_moves_both_races_together(
     complaints, requests = heard
     assert complaints == []
     assert set(requests) <= {result.page.as_uri(), "data:,"}
+
+
+def test_both_races_are_seen_in_three_dimensions(browser: Browser, result: TwinResult) -> None:
+    heard: list[list[str]] = []
+    page = opened(browser, result.page, heard, "#at=2")
+    page.get_by_role("button", name="3-D").click()
+    settle(page)
+    for name in ("#space", "#space-beside"):
+        assert len(np.unique(shown(page, name).reshape(-1, 3), axis=0)) > 100
+    assert faults(heard[0]) == []
+    page.close()
 
 
 def test_rerun_reads_both_races_on_one_timeline(result: TwinResult, logs: tuple[RaceLog, ...]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,11 @@ import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from numpy.typing import NDArray
-from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from nathlon.arena.race_log import RaceLog
 from nathlon.reports.player import write_player
-from tests.opened_page import SCREENSHOTS, overhear
+from tests.opened_page import SCREENSHOTS, faults, overhear, shown
 from tests.race_logs import LAP_M, STRAIGHT_M, oval_height, oval_point, oval_race
 
 NO_WEBGL = """() => {
@@ -75,13 +73,10 @@ class Watched:
         return int(found[1])
 
     def picture(self) -> NDArray[np.uint8]:
-        """The view's pixels (rows, columns, 3)."""
-        shot = self.page.locator("#space").screenshot()
-        return np.asarray(Image.open(BytesIO(shot)).convert("RGB"))
+        return shown(self.page, "#space")
 
     def close(self) -> None:
-        # Drivers of graphics cards talk about themselves.
-        assert [text for text in self.complaints if "GL Driver Message" not in text] == []
+        assert faults(self.complaints) == []
         assert [url for url in self.requests if url.partition("#")[0] not in (self.own, "data:,")] == []
         self.page.close()
 

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser
 from nathlon.arena.passes import passes
 from nathlon.arena.race_log import Incident
 from nathlon.reports.selection import Selection
-from tests.opened_page import Opened, full_night
+from tests.opened_page import Opened, full_night, shown
 from tests.race_logs import LAP_M
 
 READY = "document.querySelector('#incidents')"
@@ -196,4 +196,19 @@ def test_the_wheel_scrolls_the_page_and_zooms_with_control(
         " {deltaY: -300, ctrlKey: true, cancelable: true}))"
     )
     opened.until(f"document.getElementById('scene').toDataURL().length !== {len(before)}")
+    opened.assert_quiet()
+
+
+def test_a_race_is_seen_in_three_dimensions(browser: Browser, tmp_path: Path, full: Selection) -> None:
+    opened = open_race(browser, tmp_path, full, at=8, car=2)
+    opened.page.get_by_role("button", name="3-D").click()
+    opened.until("document.querySelector('.shot').textContent")
+    assert len(np.unique(shown(opened.page, "#space").reshape(-1, 3), axis=0)) > 100
+    opened.picture("race in space")
+    # Back from another view the player begins on the map.
+    opened.go("#/leaderboard")
+    opened.go(address(full))
+    opened.until(READY)
+    assert opened.page.locator("#scene").is_visible()
+    assert opened.page.locator("#space").is_hidden()
     opened.assert_quiet()
