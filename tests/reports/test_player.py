@@ -180,3 +180,9 @@ def test_the_same_race_gives_the_same_page_and_its_policy_admits_nothing_else(lo
     policy = re.findall(r'Content-Security-Policy" content="([^"]*)"', page)[0]
     assert "unsafe" not in policy
     assert policy.startswith("default-src")
+
+
+def test_the_page_stays_small() -> None:
+    """Scripts and circuit below 80 kB, and some 200 bytes for each second of a car."""
+    log = oval_race(cars=8, duration_s=90.0)
+    assert len(render_player(log).encode()) < 80_000 + 200 * 8 * 90
