@@ -117,14 +117,14 @@ def _row(match: Finished, results: pl.DataFrame) -> dict[str, Any]:
 
 
 def processors(connection: sa.Connection, keys: Collection[str]) -> dict[str, str | None]:
-    """The kind of processor on which each of these matches was run; KeyError where one is not stored."""
+    """The kind of processor that ran each match, in their order; KeyError where one is not stored."""
     require(connection, keys)
     match = schema.match.c
     found: dict[str, str | None] = {}
     for chunk in schema.chunks(keys):
         rows = connection.execute(sa.select(match.key, match.processor).where(match.key.in_(chunk)))
         found |= {row.key: row.processor for row in rows}
-    return found
+    return {key: found[key] for key in keys}
 
 
 def spec(connection: sa.Connection, key: str) -> dict[str, Any]:

@@ -116,7 +116,7 @@ class Store:
         return self._database.read(matches.spec, key)
 
     def processors(self, keys: Iterable[str]) -> dict[str, str | None]:
-        """The kind of processor on which each of these matches was run; None where that is not known."""
+        """The kind of processor that ran each match, in their order; None where that is not known."""
         return self._database.read(matches.processors, list(dict.fromkeys(keys)))
 
     def results(self, stage: str | None = None) -> pl.DataFrame:

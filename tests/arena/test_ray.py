@@ -161,9 +161,9 @@ def test_races_of_ours_and_their_recordings_are_those_of_this_machine(
     entrant = enter(checkpoint, "lindenring", "gt3")
     match = against("battery", "duel", "slipstream_pass", entrant, ["driver:pace=0.9"], [1], range(1))
     # An object stays here, and has the id of its file.
-    hand_over(load_policy(checkpoint, "lindenring", "gt3"), "mine")
+    hand_over(load_policy(checkpoint, "lindenring", "gt3"), "at home")
     other = against("battery", "duel", "slipstream_pass", entrant, ["driver:pace=0.9"], [1], range(1, 2))
-    here = replace(other, sources=("object:mine", other.sources[1]))
+    here = replace(other, sources=("object:at home", other.sources[1]))
     folders = tmp_path / "ray", tmp_path / "here"
     with Store(tmp_path / "store.sqlite") as store:
         engine = RayEngine(store, pool, nodes)
