@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from nathlon.policies.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
+    from nathlon.api.coaching import CoachResult, coach
     from nathlon.api.gating import GateResult, gate
     from nathlon.api.matrix import MatrixResult, matrix
     from nathlon.api.planning import plan
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from nathlon.sim.observation import ObservationSpec
 
 _FROM = {
+    "CoachResult": "nathlon.api.coaching",
     "Config": "nathlon.selection.config",
     "Forecast": "nathlon.reports.forecast",
     "GateResult": "nathlon.api.gating",
@@ -56,6 +58,7 @@ _FROM = {
     "GymnasiumWorld": "nathlon.arena.worlds.environment",
     "Declared": "nathlon.arena.worlds.environment",
     "PettingZooWorld": "nathlon.arena.worlds.environment",
+    "coach": "nathlon.api.coaching",
     "gate": "nathlon.api.gating",
     "matrix": "nathlon.api.matrix",
     "parallel_env": "nathlon.sim",
@@ -69,6 +72,7 @@ _FROM = {
 }
 
 __all__ = [
+    "CoachResult",
     "Config",
     "Declared",
     "Forecast",
@@ -86,6 +90,7 @@ __all__ = [
     "SelectionResult",
     "TrainingResult",
     "TwinResult",
+    "coach",
     "gate",
     "load_policy",
     "matrix",

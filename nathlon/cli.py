@@ -10,6 +10,7 @@ import typer
 from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
 from nathlon.commands.car import check_car, generate_car, tune_car
+from nathlon.commands.coach import coach
 from nathlon.commands.committee_app import committee
 from nathlon.commands.drive import drive
 from nathlon.commands.export import export
@@ -43,7 +44,7 @@ app = typer.Typer(
 )
 for command in (
     demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, worker, status, report, train, polish,
-    ablate, recipes, race, drive, replay, twin, incident, export, observation,
+    ablate, recipes, race, drive, replay, twin, incident, coach, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

@@ -1,0 +1,134 @@
+"""Proving an advice: the part is driven again with the edit and without it, from the same starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nathlon.coaching.driving import Driven, Jolt, Plan, Rider
+from nathlon.coaching.edits import Edit
+from nathlon.coaching.lap import Lap
+from nathlon.coaching.parts import Part
+
+STARTS = (Jolt(), Jolt(speed=0.3), Jolt(speed=-0.3), Jolt(lateral=0.15), Jolt(lateral=-0.15))
+"""As recorded, and a little off: what gains by the luck of one number is no advice."""
+RUN_UP_M = 120.0
+"""Before a part, from where it is driven: the line of another lap is reached on the way."""
+TRUE_S = 0.06
+"""By how much a part that is driven again without an edit may differ from the recording."""
+LEAST_GAIN_S = 0.02
+"""What is less is no advice."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """What is driven for a part, m from the line.
+
+    Attributes:
+        start_m: from where.
+        section_m: where the part ends.
+        end_m: where the straight or bend after it ends; the line at the latest.
+    """
+
+    start_m: float
+    section_m: float
+    end_m: float
+
+
+@dataclass(frozen=True)
+class Proved:
+    """An edit that gains.
+
+    Attributes:
+        edit: what is done otherwise.
+        gain_s: the least that it gains until the end of the window, over all starts, s.
+        section_gain_s: gains until the end of the section, from the recorded start, s.
+        recorded_s, again_s, edited_s: the window as recorded, driven again, and with the edit, s.
+        starts: from how many starts it was driven.
+        again, edited: these drives from the recorded start.
+    """
+
+    edit: Edit
+    gain_s: float
+    section_gain_s: float
+    recorded_s: float
+    again_s: float
+    edited_s: float
+    starts: int
+    again: Driven
+    edited: Driven
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of all edits of a part.
+
+    Attributes:
+        window: that was driven.
+        tried: how many edits there were.
+        best: the best of each kind that gains, the greatest gain first.
+        untrue: why nothing could be proved; empty where it could.
+    """
+
+    window: Window
+    tried: int
+    best: tuple[Proved, ...]
+    untrue: str = ""
+
+
+def window_of(parts: Sequence[Part], part: Part, length_m: float) -> Window:
+    """What is driven for a bend: from before it to the end of the straight or the bend that follows."""
+    last = part.number + 1 == len(parts)
+    return Window(
+        max(part.start_m - RUN_UP_M, 0.0), part.end_m, length_m if last else parts[part.number + 1].end_m
+    )
+
+
+def try_edits(rider: Rider, lap: Lap, window: Window, edits: Sequence[Edit]) -> Trial:
+    """Drive a window with each edit and without, and keep what gains.
+
+    An edit gains if from every start it is faster than without it from the same one, and from the recorded
+    start faster than the recording; and if it stays on course.
+    """
+    own = Plan.of(lap)
+    runs = [(plan, jolt) for plan in (own, *(edit.plan for edit in edits)) for jolt in STARTS]
+    driven = rider.drive(runs, window.start_m, window.end_m)
+    rows = [driven[first : first + len(STARTS)] for first in range(0, len(driven), len(STARTS))]
+    recorded_s = lap.between(window.start_m, window.end_m)
+    again, untrue = rows[0], ""
+    times = [drive.until(window.end_m) for drive in again]
+    if np.isinf(times).any() or not all(drive.clean for drive in again):
+        untrue = "driven again it does not stay on course"
+    elif abs(times[0] - recorded_s) > TRUE_S:
+        untrue = f"driven again it takes {times[0] - recorded_s:+.2f} s"
+    if untrue:
+        return Trial(window, len(edits), (), untrue)
+    found = [_proved(edit, window, recorded_s, again, row) for edit, row in zip(edits, rows[1:], strict=True)]
+    best: dict[str, Proved] = {}
+    for one in found:
+        if one is not None and (one.edit.kind not in best or one.gain_s > best[one.edit.kind].gain_s):
+            best[one.edit.kind] = one
+    return Trial(window, len(edits), tuple(sorted(best.values(), key=lambda one: -one.gain_s)))
+
+
+def _proved(
+    edit: Edit, window: Window, recorded_s: float, again: Sequence[Driven], row: Sequence[Driven]
+) -> Proved | None:
+    before, after = (np.array([drive.until(window.end_m) for drive in drives]) for drives in (again, row))
+    again_s, edited_s = float(before[0]), float(after[0])
+    gain_s = min(float((before - after).min()), recorded_s - edited_s)
+    if gain_s < LEAST_GAIN_S or not all(drive.clean for drive in row):
+        return None
+    return Proved(
+        edit,
+        gain_s,
+        again[0].until(window.section_m) - row[0].until(window.section_m),
+        recorded_s,
+        again_s,
+        edited_s,
+        len(row),
+        again[0],
+        row[0],
+    )

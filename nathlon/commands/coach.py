@@ -1,0 +1,40 @@
+"""`nathlon coach`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, Out
+from nathlon.commands.selection import stoppable
+from nathlon.terminal import say
+
+
+def coach(
+    recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
+    car: Annotated[str, typer.Option(help="Number or name of the car to coach.")],
+    against: Annotated[
+        str, typer.Option(help="Whose lap to compare with: champion, limit, or RACE.mcap.")
+    ] = "champion",
+    out: Out = Path("runs/coach"),
+    as_json: AsJson = False,
+) -> None:
+    """Say where a recorded car lost time and why, and what is faster there.
+
+    Every advice has been driven again with the edit and gains; what does not is not given.
+    """
+    from nathlon.arena.workers import start_server
+
+    start_server()
+    import nathlon
+
+    with stoppable("Nothing was written."):
+        result = nathlon.coach(recording, car=car, against=against, out=out, progress=not as_json)
+    if as_json:
+        print(result.facts.model_dump_json(indent=1))
+        return
+    for line in result.text.splitlines():
+        say(line)
+    say(f"Facts: {result.facts_file}")

@@ -1,0 +1,154 @@
+"""The coach: facts that add up, known faults that are found, and advice that gains when it is driven."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nathlon
+from nathlon.api.coaching import CoachResult
+from nathlon.arena.race_log import RaceLog
+from nathlon.arena.recording import read_recording, write_recording
+from nathlon.coaching.driving import Jolt, Plan, Rider
+from nathlon.coaching.edits import Edit
+from nathlon.coaching.lap import laps_of
+from nathlon.coaching.proof import Window, try_edits
+from tests.command_line import nathlon as command
+from tests.command_line import refused
+from tests.race_logs import oval_race
+
+EARLY_M = 30
+"""By how much the coached driver brakes before it must."""
+
+
+def _recorded(folder: Path, source: str) -> tuple[Path, float]:
+    """A time trial, and its lap time as the simulator has timed it."""
+    result = nathlon.race([source], scenario="time_trial", record=folder)
+    assert result.recording is not None
+    return result.recording, float(result.results["best_lap_s"][0])
+
+
+@pytest.fixture(scope="module")
+def early(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
+    return _recorded(tmp_path_factory.mktemp("early"), f"driver:early={EARLY_M}")
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
+    return _recorded(tmp_path_factory.mktemp("usual"), "driver")
+
+
+@pytest.fixture(scope="module")
+def result(
+    early: tuple[Path, float], usual: tuple[Path, float], tmp_path_factory: pytest.TempPathFactory
+) -> CoachResult:
+    out = tmp_path_factory.mktemp("coach")
+    return nathlon.coach(early[0], car=0, against=usual[0], out=out, progress=False)
+
+
+@pytest.fixture(scope="module")
+def log(early: tuple[Path, float]) -> RaceLog:
+    return read_recording(early[0])
+
+
+def test_laps_are_those_that_were_timed(
+    result: CoachResult, early: tuple[Path, float], usual: tuple[Path, float]
+) -> None:
+    assert result.facts.lap.lap_s == pytest.approx(early[1], abs=0.01)
+    assert result.facts.other_lap_s == pytest.approx(usual[1], abs=0.01)
+
+
+def test_sections_follow_each_other_and_add_up(result: CoachResult) -> None:
+    facts = result.facts
+    ends = [one.end_m for one in facts.sections]
+    assert [one.start_m for one in facts.sections] == [0.0, *ends[:-1]]
+    assert sum(one.time_s for one in facts.sections) == pytest.approx(facts.lap.lap_s, abs=0.02)
+    assert sum(one.lost_s for one in facts.sections) == pytest.approx(facts.lost_s, abs=0.02)
+
+
+def test_who_brakes_early_is_told_so_and_by_how_much(result: CoachResult) -> None:
+    early = {
+        section.name: cause.other - cause.own
+        for section in result.facts.sections
+        for cause in section.causes
+        if cause.kind == "braking_early" and cause.own is not None and cause.other is not None
+    }
+    # The three hard brakings of the Lindenring.
+    assert {"Haarnadel", "Kehre", "Schikane"} <= set(early)
+    assert np.median(list(early.values())) == pytest.approx(EARLY_M, abs=10.0)
+    late = [cause for section in result.facts.sections for cause in section.causes if "late" in cause.kind]
+    assert not late
+
+
+def test_advice_gains_by_what_it_says(result: CoachResult, log: RaceLog) -> None:
+    advice = result.facts.advice
+    assert {"Haarnadel", "Kehre"} <= {one.section for one in advice}
+    kinds = {one.kind for one in (*advice, *result.facts.alternatives)}
+    assert "brake_later" in kinds
+    lap = laps_of(log, 0)[0]
+    for one in (*advice, *result.facts.alternatives):
+        assert one.gain_s >= 0.02
+        assert one.edited_s + one.gain_s <= min(one.recorded_s, one.again_s) + 0.002
+        assert one.recorded_s == pytest.approx(lap.between(one.from_m, one.until_m), abs=0.02)
+    assert [one.gain_s for one in advice] == sorted((one.gain_s for one in advice), reverse=True)
+
+
+def test_a_lap_driven_again_without_an_edit_is_the_recorded_one(log: RaceLog) -> None:
+    lap = laps_of(log, 0)[0]
+    rider = Rider(log, lap)
+    for start_m, end_m in ((0.0, 850.0), (2200.0, 3000.0), (3900.0, 4400.0)):
+        [driven] = rider.drive([(Plan.of(lap), Jolt())], start_m, end_m)
+        assert driven.clean
+        assert driven.until(end_m) == pytest.approx(lap.between(start_m, end_m), abs=0.05)
+
+
+def test_what_changes_nothing_or_ends_beside_the_road_is_no_advice(log: RaceLog) -> None:
+    lap = laps_of(log, 0)[0]
+    own = Plan.of(lap)
+    never_braking = own.with_traces(pedal=np.ones_like(own.pedal), speed=own.speed + 100.0)
+    edits = [Edit("more_speed", 0.0, own), Edit("brake_later", 500.0, never_braking)]
+    trial = try_edits(Rider(log, lap), lap, Window(3900.0, 4270.0, 4400.0), edits)
+    assert not trial.untrue
+    assert trial.best == ()
+
+
+def test_against_itself_nothing_is_lost(usual: tuple[Path, float], tmp_path: Path) -> None:
+    facts = nathlon.coach(usual[0], car=0, against=usual[0], out=tmp_path, progress=False).facts
+    assert facts.lost_s == 0.0
+    assert all(section.lost_s == 0.0 and not section.causes for section in facts.sections)
+    assert not any(one.kind == "line" for one in (*facts.advice, *facts.alternatives))
+
+
+def test_starts_are_moments_of_the_lap_before_the_greatest_losses(result: CoachResult, log: RaceLog) -> None:
+    lap, facts = laps_of(log, 0)[0], result.facts
+    bends = [one for one in facts.sections if one.kind != "straight" and one.lost_s >= 0.02]
+    assert [one.section for one in facts.starts] == [
+        one.name for one in sorted(bends, key=lambda one: -one.lost_s)
+    ][: len(facts.starts)]
+    for start in facts.starts:
+        assert start.speed_m_s == pytest.approx(float(lap.speed[round(start.progress_m)]), abs=0.01)
+
+
+def test_the_command_says_and_writes_the_same(result: CoachResult, early: tuple[Path, float]) -> None:
+    assert json.loads(result.facts_file.read_text()) == result.facts.model_dump(mode="json")
+    assert result.text_file.read_text() == result.text
+    done = command(
+        "coach", early[0], "--car", "0", "--against", early[0], "--out", "again", cwd=result.folder
+    )
+    assert done.returncode == 0
+    assert "The best lap of driver:early=30 on lindenring takes" in done.stdout
+    assert (result.folder / "again" / "coach.txt").read_text().splitlines()[0] in done.stdout
+
+
+def test_what_cannot_be_coached_is_refused(early: tuple[Path, float], tmp_path: Path) -> None:
+    oval = tmp_path / "oval.mcap"
+    write_recording(oval, oval_race(2))
+    refused(command("coach", early[0], "--car", "nobody", cwd=tmp_path), "no car 'nobody'")
+    refused(
+        command("coach", early[0], "--car", "0", "--against", oval, cwd=tmp_path),
+        f"{oval}: circuit is 'oval', expected 'lindenring'",
+    )
+    assert not (tmp_path / "runs").exists()
