@@ -6,16 +6,20 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 
 from nathlon.arena.pool import Pool
+from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording
 from nathlon.coaching.coach import Coach, Coached
+from nathlon.coaching.lap import STEP_M, Lap
 from nathlon.coaching.reference import CHAMPION, reference
-from nathlon.coaching.words import tell
+from nathlon.coaching.words import tell, told_advice, told_causes, told_gain
 from nathlon.progress import stage_progress
 from nathlon.reports.cars import car_index
 from nathlon.reports.coach import CoachFacts
+from nathlon.reports.coach_page import CoachDrawing, Sentences, Traces, write_coach_page
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 
@@ -32,11 +36,13 @@ class CoachResult:
         facts_file: the same as JSON, for other programs.
         text: in sentences.
         text_file: the same as a file (.txt).
+        page: map, traces, clips and words (.html).
     """
 
     def __init__(self, folder: Path, facts: CoachFacts, text: str) -> None:
         self.folder, self.facts, self.text = folder, facts, text
         self.facts_file, self.text_file = folder / "coach.json", folder / "coach.txt"
+        self.page = folder / "index.html"
 
     @property
     def sections(self) -> pl.DataFrame:
@@ -83,10 +89,10 @@ def coach(
     with Pool(1) as pool, stage_progress(progress, (SECTIONS,)) as on_match:
         work = Coach(log, index, reference(pool, log, str(against)))
         coached = work.work(partial(on_match, SECTIONS))
-    return _write(folder, coached)
+    return _write(folder, log, coached)
 
 
-def _write(folder: Path, coached: Coached) -> CoachResult:
+def _write(folder: Path, log: RaceLog, coached: Coached) -> CoachResult:
     result = CoachResult(folder, coached.facts, tell(coached.facts))
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -94,6 +100,33 @@ def _write(folder: Path, coached: Coached) -> CoachResult:
             partial_file.write_text(coached.facts.model_dump_json(indent=1) + "\n", "utf-8")
         with whole_file(result.text_file) as partial_file:
             partial_file.write_text(result.text, "utf-8")
+        write_coach_page(_drawing(log, coached, result.text), result.page)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     return result
+
+
+def _drawing(log: RaceLog, coached: Coached, text: str) -> CoachDrawing:
+    facts = coached.facts
+    sentences = Sentences(
+        causes=tuple(told_causes(section) for section in facts.sections),
+        advice=tuple(
+            (_begun(told_advice(one, facts.other)), _begun(told_gain(one, facts.sections)))
+            for one in facts.advice
+        ),
+        text=text,
+    )
+    edited = tuple(
+        Traces(one.places, one.time_s, one.speed, one.pedal, one.lateral) for _, one in coached.drives
+    )
+    return CoachDrawing(log, facts, sentences, _traces(coached.lap), _traces(coached.other), edited)
+
+
+def _begun(phrase: str) -> str:
+    """A phrase as a sentence begins."""
+    return phrase[:1].upper() + phrase[1:]
+
+
+def _traces(lap: Lap) -> Traces:
+    places = np.arange(len(lap.time_s)).astype(np.float64) * STEP_M
+    return Traces(places, lap.time_s, lap.speed, lap.pedal, lap.lateral)

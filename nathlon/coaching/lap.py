@@ -15,7 +15,7 @@ STEP_M = 1.0
 LEAST_MOVE_M = 0.02
 """Between two samples that are kept: a car that stands has no place of its own for each."""
 STANDING_M_S = 3.0
-"""A lap that begins slower begins from a grid."""
+"""A race that begins slower begins from a grid."""
 
 Trace = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ class Lap:
 
     Attributes:
         number: of the lap in its race, from 1.
+        standing: whether the car began it, or the way to it, at rest on the grid.
         start_s: when the car crossed the line, s since the start of the race.
         time_s: since then.
         speed: ahead in the car's frame, m/s.
@@ -41,6 +42,7 @@ class Lap:
     """
 
     number: int
+    standing: bool
     start_s: float
     time_s: Trace
     speed: Trace
@@ -60,11 +62,6 @@ class Lap:
     def lap_s(self) -> float:
         """How long it took, s."""
         return float(self.time_s[-1])
-
-    @property
-    def standing(self) -> bool:
-        """Whether it began from a grid."""
-        return bool(self.speed[0] < STANDING_M_S)
 
     def at(self, place_m: float) -> int:
         """Index of a place, m from the line, or of the nearest that there is."""
@@ -125,6 +122,7 @@ class _Moved:
         pedal = self._samples["throttle"].astype(np.float64) - self._samples["brake"]
         return Lap(
             number=number,
+            standing=number == 1 and bool(self._samples["velocity_x_m_s"][0] < STANDING_M_S),
             start_s=float(time[0]),
             time_s=time - time[0],
             speed=trace("velocity_x_m_s"),

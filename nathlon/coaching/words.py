@@ -42,8 +42,8 @@ def told_advice(advice: Advice, other: str) -> str:
         case "throttle_earlier":
             return f"be at full throttle {amount} m earlier than at {place}"
     return (
-        f"drive it {advice.share:.0f} % of the way from its own to that of {other}, with the line {amount} m "
-        f"further {advice.side} at {place}"
+        f"drive {advice.share:.0f} % of the way towards the lap of {other}, with the line {amount} m further "
+        f"{advice.side} at {place}"
     )
 
 

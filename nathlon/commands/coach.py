@@ -37,4 +37,6 @@ def coach(
         return
     for line in result.text.splitlines():
         say(line)
+    say("")
     say(f"Facts: {result.facts_file}")
+    say(f"Page:  {result.page}")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser, Page
 
 import nathlon
 from nathlon.api.coaching import CoachResult
@@ -18,6 +19,7 @@ from nathlon.coaching.lap import laps_of
 from nathlon.coaching.proof import Window, try_edits
 from tests.command_line import nathlon as command
 from tests.command_line import refused
+from tests.opened_page import SCREENSHOTS, faults, overhear
 from tests.race_logs import oval_race
 
 EARLY_M = 30
@@ -152,3 +154,76 @@ def test_what_cannot_be_coached_is_refused(early: tuple[Path, float], tmp_path: 
         f"{oval}: circuit is 'oval', expected 'lindenring'",
     )
     assert not (tmp_path / "runs").exists()
+
+
+def opened(browser: Browser, result: CoachResult, heard: list[tuple[list[str], list[str]]]) -> Page:
+    page = browser.new_page(viewport={"width": 1400, "height": 1000})
+    heard.append(overhear(page))
+    page.goto(result.page.as_uri())
+    page.wait_for_selector("body[data-ready]")
+    return page
+
+
+def settle(page: Page) -> None:
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def at_s(page: Page) -> float:
+    return float(page.locator("#scrub").input_value())
+
+
+def test_the_page_shows_what_was_found_and_goes_there(
+    browser: Browser, result: CoachResult, log: RaceLog
+) -> None:
+    heard: list[tuple[list[str], list[str]]] = []
+    page, facts, lap = opened(browser, result, heard), result.facts, laps_of(log, 0)[0]
+    assert page.locator(".advice li").count() == len(facts.advice)
+    assert page.locator("tbody tr").count() == len(facts.sections)
+    assert f"−{facts.advice[0].gain_s:.3f} s" in page.locator(".advice li").first.inner_text()
+    # Every piece of the map has a colour of its own loss; most is lost, hardly anything gained.
+    colours = page.locator(".piece").evaluate_all("all => all.map((one) => getComputedStyle(one).stroke)")
+    assert len(set(colours)) > 20
+    last = facts.advice[-1]
+    page.locator(".advice .look").last.click()
+    assert page.locator("#range").inner_text().startswith(last.section)
+    assert page.locator("path.edited").count() == 4
+    settle(page)
+    assert at_s(page) == pytest.approx(lap.start_s + float(lap.time_s[lap.at(last.from_m)]), abs=0.1)
+    page.locator("#whole").click()
+    assert page.locator("path.edited").count() == 0
+    bend = next(number for number, one in enumerate(facts.sections) if one.kind != "straight")
+    label = page.locator(f".label[data-section='{bend}']")
+    label.focus()
+    page.keyboard.press("Enter")
+    assert page.locator("#range").inner_text().startswith(facts.sections[bend].name)
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=SCREENSHOTS / "coach.png", full_page=True)
+    page.close()
+    complaints, requests = heard[0]
+    assert faults(complaints) == []
+    assert set(requests) <= {result.page.as_uri(), "data:,"}
+
+
+def test_a_clip_plays_from_its_beginning(browser: Browser, result: CoachResult) -> None:
+    heard: list[tuple[list[str], list[str]]] = []
+    page = opened(browser, result, heard)
+    page.locator(".watch").first.click()
+    assert page.locator("#play").get_attribute("aria-pressed") == "true"
+    began = at_s(page)
+    page.evaluate(
+        "async (from) => { while (!(document.getElementById('scrub').value > from))"
+        " await new Promise(requestAnimationFrame); }",
+        began + 0.2,
+    )
+    page.keyboard.press("Space")
+    page.close()
+
+
+def test_without_scripts_the_words_are_there(browser: Browser, result: CoachResult) -> None:
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(result.page.as_uri())
+    said = page.locator(".words").inner_text()
+    assert result.facts.advice[0].section in said
+    assert f"{result.facts.lap.lap_s:.3f} s" in said
+    context.close()

@@ -155,7 +155,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
 
   choice.value = followed;
   seek(now);
-  return { node, scene, state, recording, end, on: watchers, seek, follow, key };
+  return { node, scene, state, recording, end, on: watchers, seek, follow, play, key };
 }
 
 // Have the moment and the car written down, where they are others than at first, when the player has stood still.
