@@ -199,7 +199,7 @@ def test_the_page_shows_what_was_found_and_goes_there(
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=SCREENSHOTS / "coach.png", full_page=True)
     page.close()
-    complaints, requests = heard[0]
+    requests, complaints = heard[0]
     assert faults(complaints) == []
     assert set(requests) <= {result.page.as_uri(), "data:,"}
 
