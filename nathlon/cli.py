@@ -25,6 +25,7 @@ from nathlon.commands.racing import race
 from nathlon.commands.recipes import recipes
 from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
+from nathlon.commands.serve import serve
 from nathlon.commands.store import copy_store
 from nathlon.commands.track import generate_track, import_track, limit_track, show_track
 from nathlon.commands.training import polish, train
@@ -44,7 +45,7 @@ app = typer.Typer(
 )
 for command in (
     demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, worker, status, report, train, polish,
-    ablate, recipes, race, drive, replay, twin, incident, coach, export, observation,
+    ablate, recipes, race, drive, serve, replay, twin, incident, coach, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

@@ -29,6 +29,7 @@ def render_page(
     *,
     films: bool = False,
     connect: str = "",
+    frames: str = "",
     **context: Any,
 ) -> str:
     """A page's HTML. Its policy admits only this style and these scripts, by their hashes.
@@ -38,7 +39,8 @@ def render_page(
         style: what stands in its style element.
         scripts: what stands in its script elements, in their order.
         films: whether videos beside the page may be played.
-        connect: address to which the page may connect; none by default.
+        connect: addresses to which the page may connect; none by default.
+        frames: address whose pages it may show in frames; none by default.
         **context: what else the template needs.
     """
     environment = Environment(
@@ -53,6 +55,7 @@ def render_page(
         policy.append(f"script-src {' '.join(map(_digest, scripts))}")
     policy += ["img-src data:", *(["media-src 'self'"] if films else [])]
     policy += [f"connect-src {connect}"] if connect else []
+    policy += [f"frame-src {frames}"] if frames else []
     return environment.get_template(template).render(
         policy="; ".join([*policy, "base-uri 'none'", "form-action 'none'"]),
         style=Markup(style),

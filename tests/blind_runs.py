@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,17 +23,17 @@ NAMES = ("amber", "birch", "cedar")
 RUN = "night"
 
 
-def blind_run(folder: Path) -> list[Entrant]:
-    """Leave a run in a folder, with three finalists and a question that waits for people."""
+def blind_run(folder: Path, names: Sequence[str] = NAMES) -> list[Entrant]:
+    """Leave a run in a folder, with finalists and a question that waits for people."""
     finalists = []
-    for name, file in zip(NAMES, BUNDLED, strict=False):
+    for name, file in zip(names, BUNDLED, strict=False):
         (folder / "weights").mkdir(parents=True, exist_ok=True)
         copy = shutil.copy(file, folder / "weights" / f"{name}.safetensors")
         finalists.append(replace(enter(str(copy), "lindenring", "gt3"), name=name))
     ranking = pl.DataFrame(
         [ranked(one.id, rank, 20.0 - rank) for rank, one in enumerate(finalists, 1)], schema=RANKING
     )
-    results = rows({"entrant": [one.id for one in finalists], "race": range(3)}, 3)
+    results = rows({"entrant": [one.id for one in finalists], "race": range(len(names))}, len(names))
     with Store(folder / "store.sqlite") as store:
         store.begin_run(RUN, {})
         store.put_table(RUN, "entrants", entrants_table(finalists))

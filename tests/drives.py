@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from nathlon.driving.heat import Driven, Heat
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer, serve_drives
 from nathlon.publishing.output import OutputFolder
+
+ServerT = TypeVar("ServerT")
 
 CIRCUITS = ("porto-sereno", "lindenring", "grandes-landes")
 STOP = 600
@@ -94,42 +96,56 @@ def planned(**other: Any) -> Plan:
     return plan(choice(**other), offer())
 
 
+def fast(pace: float) -> Clock:
+    """A clock by which races run so many times as fast as time."""
+    return Clock(lambda: pace * time.monotonic(), lambda seconds: time.sleep(seconds / pace))
+
+
 @contextmanager
-def served(
-    folder: Path, pace: float = 1.0, blind: BlindTest | None = None
-) -> Iterator[tuple[DriveServer, Room]]:
-    """A server on a free port, in a thread of its own, whose races run so many times as fast as time."""
+def in_a_thread(serve: Callable[[Callable[[ServerT], None]], Coroutine[Any, Any, None]]) -> Iterator[ServerT]:
+    """A server in a thread of its own; `serve` serves until it is cancelled, and hands the server out."""
     opened = threading.Event()
     made: dict[str, Any] = {}
 
-    def clock() -> Clock:
-        return Clock(lambda: pace * time.monotonic(), lambda seconds: time.sleep(seconds / pace))
-
-    def make_room() -> Room:
-        if blind is None:
-            made["room"] = Room(offer(), OutputFolder(folder), clock)
-        else:
-            made["room"] = Room(blind.offer, blind.output, clock, blind)
-        return made["room"]
-
-    def on_open(server: DriveServer) -> None:
+    def on_open(server: ServerT) -> None:
         made["server"] = server
         opened.set()
 
-    async def serve() -> None:
+    async def served() -> None:
         made["loop"], made["task"] = asyncio.get_running_loop(), asyncio.current_task()
-        await serve_drives(make_room, 0, on_open)
+        await serve(on_open)
 
     def run() -> None:
         with suppress(asyncio.CancelledError):
-            asyncio.run(serve())
+            asyncio.run(served())
 
     thread = threading.Thread(target=run)
     thread.start()
     try:
         assert opened.wait(60.0)
-        yield made["server"], made["room"]
+        yield made["server"]
     finally:
         stop: Callable[[], object] = partial(made["loop"].call_soon_threadsafe, made["task"].cancel)
         stop()
         thread.join(60.0)
+
+
+@contextmanager
+def served(
+    folder: Path, pace: float = 1.0, blind: BlindTest | None = None
+) -> Iterator[tuple[DriveServer, Room]]:
+    """A server on a free port, in a thread of its own, whose races run so many times as fast as time."""
+    made: dict[str, Room] = {}
+
+    def make_room() -> Room:
+        if blind is None:
+            made["room"] = Room(offer(), OutputFolder(folder), partial(fast, pace))
+        else:
+            made["room"] = Room(blind.offer, blind.output, partial(fast, pace), blind)
+        return made["room"]
+
+    def serve(on_open: Callable[[DriveServer], None]) -> Coroutine[Any, Any, None]:
+        return serve_drives(make_room, 0, on_open)
+
+    with in_a_thread(serve) as server:
+        yield server, made["room"]

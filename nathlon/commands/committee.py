@@ -12,8 +12,8 @@ from nathlon.commands.place import Place
 from nathlon.committee.ballots import Ballot
 from nathlon.committee.decision import Decision, describe
 from nathlon.committee.event_log import EventLog
-from nathlon.committee.events import Compared, Drove, Entry, Opened, Reopened, Voted
 from nathlon.committee.rules import Question
+from nathlon.committee.sentences import names_in, sentence
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -87,14 +87,9 @@ def log(place: Place, as_json: bool) -> None:
     if as_json:
         print_json([entry.describe() for entry in entries])
         return
-    names = {
-        entrant: name
-        for entry in entries
-        if isinstance(entry.event, Opened)
-        for entrant, name in entry.event.candidates.items()
-    }
+    names = names_in(entries)
     for entry in entries:
-        say(f"{entry.id:>5} {entry.at[:19]} {entry.event.decision}: {_sentence(entry, names)}")
+        say(f"{entry.id:>5} {entry.at[:19]} {entry.event.decision}: {sentence(entry, names)}")
 
 
 @contextmanager
@@ -161,7 +156,7 @@ def _print(decision: Decision) -> None:
     for said in decision.said.values():
         for entry in said:
             late = " (too late to count)" if entry in decision.late else ""
-            say(f"  {entry.at[:19]} {_sentence(entry, names)}{late}")
+            say(f"  {entry.at[:19]} {sentence(entry, names)}{late}")
     result = decision.result or decision.tally()
     if result.agreement is not None:
         say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")
@@ -211,24 +206,3 @@ def _interval(row: Mapping[str, Any]) -> str:
 
 def _figure(value: float | None, form: str) -> str:
     return "–" if value is None else format(value, form)
-
-
-def _sentence(entry: Entry, names: Mapping[str, str]) -> str:
-    """What happened, in words."""
-    match entry.event:
-        case Opened(question=question, seats=seats, evidence=evidence):
-            return f"{question} of {seats} from {len(evidence.rows)}, on evidence {evidence.digest[:12]}"
-        case Voted(member=member, approve=approve, rank=rank, reason=reason):
-            fit = ", ".join(names[entrant] for entrant in approve) or "nobody"
-            order = " > ".join(names[entrant] for entrant in rank)
-            return f"{member} approves {fit}{f', ranks {order}' if order else ''}: {reason}"
-        case Compared(member=member, better=better, worse=worse, reason=reason):
-            return f"{member} prefers {names[better]} to {names[worse]}: {reason}"
-        case Drove(member=member, answers=answers):
-            # By their letters: whoever still drives may read this.
-            letters = " and ".join(answer.letter for answer in answers)
-            return f"{member} raced {letters} without knowing who they are"
-        case Reopened(reason=reason):
-            return f"reopened: {reason}"
-        case closed:
-            return f"closed: {', '.join(names[entrant] for entrant in closed.result.chosen) or 'nobody'}"

@@ -10,18 +10,21 @@ SHARED = ("element", "recording", "scene")
 OWN = ("link", "inputs", "sound", "hud", "menu", "blind", "drive")
 
 
-def drive_page(address: str, token: str) -> str:
+def drive_page(address: str, connect: str, token: str | None, room: str | None = None) -> str:
     """The page that drives with a server.
 
     Args:
-        address: of its WebSocket, `ws://127.0.0.1:PORT`, the only one to which its policy lets it connect.
-        token: by which the server knows its own page.
+        address: of its WebSocket.
+        connect: where its policy lets it connect, `ws://127.0.0.1:PORT`.
+        token: by which the server knows its own page; None where the browser keeps it for the tab.
+        room: address of the committee's room that it was opened from.
     """
     parts = [*(f"race/{part}.js" for part in SHARED), *SPACE, *(f"drive/{part}.js" for part in OWN)]
     return render_page(
         "drive/page.html",
         template_text("drive/page.css"),
         [f'"use strict";\n\n{template_text(*parts)}'],
-        connect=address,
+        connect=connect,
+        room=room,
         session=script_data({"address": address, "token": token}),
     )

@@ -15,6 +15,8 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
 
 
 SUMMARY = "summary.json"
+REPORT, RACES, REPLAYS = "report", "races", "replays"
+"""Folders of a run: its page and tables; recordings; what plays them."""
 POLICY_LOG = "policies.log"
 """What policies print that are code, beside the report's folder."""
 
@@ -33,7 +35,7 @@ class OutputFolder:
             InputError: if it cannot be written.
         """
         self.root = root
-        self.report, self.races, self.replays = root / "report", root / "races", root / "replays"
+        self.report, self.races, self.replays = root / REPORT, root / RACES, root / REPLAYS
         self.store: Path | str = store or root / "store.sqlite"
         try:
             for folder in (self.report, self.races, self.replays):

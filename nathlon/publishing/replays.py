@@ -15,10 +15,10 @@ from nathlon.arena.recording import read_recording, recording_name, write_record
 from nathlon.arena.store import Store
 from nathlon.publishing.clips import clips
 from nathlon.publishing.decider import Notable, notable_races
-from nathlon.publishing.output import OutputFolder
+from nathlon.publishing.output import RACES, OutputFolder
 from nathlon.publishing.recordings import run_again, stored_match
 from nathlon.reports.player import write_player
-from nathlon.reports.summary import Replay, Scene
+from nathlon.reports.summary import Replay, Scene, Summary
 from nathlon.sim.errors import InputError
 
 FINAL = "final"
@@ -72,7 +72,25 @@ def record_replays(
     return Replays(tuple(replays), tuple(logs))
 
 
-def _kept(path: Path, race: Notable, results: pl.DataFrame) -> RaceLog | None:
+def kept_replays(summary: Summary, results: pl.DataFrame, folder: Path) -> Replays:
+    """A summary's races to look at that belong to the results, with what is there of their recordings.
+
+    Args:
+        summary: that the folder's report was made with.
+        results: RESULTS of the run as it stands.
+        folder: of the run.
+    """
+    matches = set(results["match"])
+    races = tuple(race for race in summary.replays if race.match in matches)
+    logs = [
+        _kept(folder / RACES / Path(race.recording).name, race, results)
+        for race in races
+        if race.recording and race.video is None
+    ]
+    return Replays(races, tuple(log for log in logs if log is not None))
+
+
+def _kept(path: Path, race: Notable | Replay, results: pl.DataFrame) -> RaceLog | None:
     """The race in a file, if it is this one and came out like this."""
     if not path.exists():
         return None

@@ -13,40 +13,8 @@ from nathlon.committee.events import Drove, Voted
 from nathlon.driving.blind import BlindTest
 from tests.blind_runs import RUN, blind_run
 from tests.command_line import nathlon
-from tests.driven_page import Drive, serious
+from tests.driven_page import MAP, Drive, answered, raced, serious
 from tests.drives import served
-
-MAP = """localStorage.setItem("nathlon drive: view", '{"kind": "map"}');"""
-"""Which is drawn in less time than the view from behind."""
-
-
-def raced(drive: Drive, interrupted: bool = False) -> None:
-    """See the result of a race: whoever stands still is out. On the way, perhaps, a mark and a new page."""
-    drive.begin(laps="1", cars="3", seat="2")
-    if interrupted:
-        keyboard = drive.page.keyboard
-        keyboard.down("ArrowUp")
-        keyboard.press("m")
-        drive.until("document.getElementById('news').textContent.includes('You marked')")
-        keyboard.press("p")
-        drive.until("document.getElementById('pause').open")
-        drive.picture("blind-race")
-        keyboard.up("ArrowUp")
-        drive.page.reload()
-        drive.until("document.getElementById('pause').open")
-        drive.page.click("#pause >> text=Go on")
-        keyboard.down("ArrowDown")
-    drive.until("document.getElementById('result').open")
-
-
-def answered(drive: Drive, better: str, scores: dict[str, tuple[int, int, int, int]], text: str = "") -> None:
-    for letter, values in scores.items():
-        for name, value in zip(("again", "fair", "room", "beatable"), values, strict=True):
-            drive.page.check(f"[name='{letter} {name}'][value='{value}']")
-    drive.page.check(f"[name=better][value='{better}']")
-    drive.page.fill("[name=text]", text)
-    drive.picture("blind-questions")
-    drive.page.click("#questions >> text=Keep these answers")
 
 
 def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_path: Path) -> None:

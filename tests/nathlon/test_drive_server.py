@@ -18,7 +18,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from nathlon.driving.frames import HEAD, PAUSED
 from nathlon.driving.room import Room
-from nathlon.driving.server import LARGEST_FRAME, MOST_FRAMES, DriveServer
+from nathlon.driving.server import DriveServer
+from nathlon.driving.wheel import LARGEST_FRAME, MOST_FRAMES
 from tests.command_line import nathlon, refused
 from tests.drives import choice, inputs, served
 

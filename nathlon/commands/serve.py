@@ -1,0 +1,77 @@
+"""`nathlon serve`."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, StoreName
+from nathlon.sim.errors import InputError
+from nathlon.sim.extras import need
+from nathlon.terminal import print_json, say, warn
+
+if TYPE_CHECKING:
+    from nathlon.meeting.server import MeetingServer
+
+
+def serve(
+    store: StoreName,
+    member: Annotated[
+        list[str] | None,
+        typer.Option(help="Who is let in; may be given several times. The committee's members by default."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the nights, or of the run; that of the store by default."),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(help="Name or address by which browsers reach this machine.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="To listen on; 0 for any.")] = 0,
+    cert: Annotated[Path | None, typer.Option(help="Certificate of the host (PEM), for TLS.")] = None,
+    key: Annotated[Path | None, typer.Option(help="Its key (PEM).")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Open the committee's room in a browser: report, questions, votes, blind drives, the log.
+
+    Every member gets an address with a token of their own.
+    """
+    need("websockets", "drive", "the committee's room")
+    from nathlon.door import Address, is_loopback, tls_context
+    from nathlon.meeting.folders import Folders
+    from nathlon.meeting.record import Record
+    from nathlon.meeting.server import serve_meeting
+    from nathlon.meeting.tokens import Tokens
+
+    if (cert is None) != (key is None):
+        raise InputError("--cert, --key: expected both or neither")
+    if cert is None and not is_loopback(host):
+        raise InputError(f"--host {host}: is beyond this machine, expected --cert and --key too")
+    tls = tls_context(cert, key) if cert and key else None
+    record = Record(store, Folders(store, out))
+    members = member or record.members()
+    if not members:
+        raise InputError(f"{store}: nobody has been asked to vote yet, expected --member NAME")
+
+    def on_open(meeting: MeetingServer) -> None:
+        urls = {name: meeting.url(name) for name in members}
+        if as_json:
+            print_json({"members": urls})
+        else:
+            for name, url in urls.items():
+                say(f"{name:<12} {url}")
+        # Whoever reads it through a pipe waits for it.
+        sys.stdout.flush()
+        warn("Give every member their own address, and nobody else's. Ctrl-C ends it.")
+
+    address = Address(host.lower(), port, tls is not None)
+    try:
+        asyncio.run(serve_meeting(record, store, Tokens(members), address, tls, on_open))
+    except KeyboardInterrupt:
+        warn("Stopped.")
+    finally:
+        record.close()

@@ -1,0 +1,115 @@
+// The room: what comes from the server, and the views of it.
+
+const el = (id) => document.getElementById(id);
+const VIEWS = ["questions", "report", "races", "log"];
+const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again." };
+const TOLD_MS = 6000;
+
+function start() {
+  const { socket, longest } = JSON.parse(el("session").textContent);
+  const token = takeToken();
+  const questions = new Map();
+  let [you, room, wanted, hiding] = ["", null, null, 0];
+
+  function tell(kind, text) {
+    clearTimeout(hiding);
+    el("told").className = kind;
+    el("told").textContent = text;
+    el("told").hidden = !text;
+    if (kind === "done") hiding = setTimeout(() => tell("", ""), TOLD_MS);
+  }
+
+  const say = connect(socket, token, () => ({ type: "look", run: wanted }), {
+    onState: (trouble) => {
+      el("stands").classList.toggle("lost", Boolean(trouble));
+      if (trouble) el("stands").textContent = trouble;
+      else if (room) stands();
+    },
+    onWords: (words) => {
+      if (words.type === "welcome") {
+        you = words.you;
+        el("who").replaceChildren("You are ", h("b", {}, you));
+        enter();
+      } else if (words.type === "refused") tell("refused", words.why);
+      else if (words.type === "done") tell("done", DONE[words.what]);
+      else if (words.type === "state") show(words);
+    },
+  });
+  const speak = (words) => say(words) || tell("refused", "The server is gone, so this was not sent.");
+
+  // With the token in a header the browser gets a pass for files, which links and frames can send.
+  async function enter() {
+    const { ok } = await fetch("/enter", { headers: { Authorization: `Bearer ${token}` } });
+    if (ok) renew();
+  }
+
+  function stands() {
+    const own = room.runs.find(({ name }) => name === room.run);
+    const { progress } = room;
+    el("stands").textContent = progress ? `${progress.stage}: ${number(progress.done)} of ${number(progress.total)} matches` : room.outcome ?? own.status;
+  }
+
+  function show(state) {
+    const other = room?.run !== state.run;
+    const news = other || JSON.stringify(room.stands) !== JSON.stringify(state.stands);
+    room = state;
+    el("run").replaceChildren(...[...room.runs].reverse().map(({ name }) => h("option", { value: name, selected: name === room.run }, name)));
+    stands();
+    if (other) questions.clear();
+    const open = room.decisions.filter((decision) => decision.open);
+    const shown = [...open, ...room.decisions.filter((decision) => !decision.open).reverse()];
+    for (const decision of shown) {
+      if (!questions.has(decision.decision)) questions.set(decision.decision, questionView(decision, you, longest, speak));
+      questions.get(decision.decision).show(decision, room);
+    }
+    const nodes = shown.map((decision) => questions.get(decision.decision).node);
+    const held = el("questions");
+    // Whoever types into a form must not lose the place.
+    if (nodes.length !== held.children.length || nodes.some((node, i) => node !== held.children[i])) held.replaceChildren(...(nodes.length ? nodes : [empty("The committee has not been asked anything in this run yet.")]));
+    el("races").replaceChildren(...racesView(room));
+    el("log").replaceChildren(...logView(room));
+    if (news) renew(other);
+  }
+
+  // The report as it stands now, at the place where it was read.
+  function renew(other = false) {
+    if (!room || el("report").hidden) {
+      el("report").dataset.stale = "yes";
+      return;
+    }
+    delete el("report").dataset.stale;
+    const frame = el("report").querySelector("iframe");
+    if (!frame || other) {
+      el("report").replaceChildren(h("iframe", { src: room.report, title: `Report of ${room.run}` }));
+      return;
+    }
+    const { scrollX, scrollY } = frame.contentWindow;
+    frame.addEventListener("load", () => frame.contentWindow.scrollTo(scrollX, scrollY), { once: true });
+    frame.contentWindow.location.reload();
+  }
+
+  function view() {
+    const asked = location.hash.slice(2);
+    const chosen = VIEWS.includes(asked) ? asked : VIEWS[0];
+    for (const name of VIEWS) el(name).hidden = name !== chosen;
+    for (const link of el("views").children) {
+      if (link.hash === `#/${chosen}`) link.setAttribute("aria-current", "page");
+      else link.removeAttribute("aria-current");
+    }
+    if (chosen === "report" && el("report").dataset.stale) renew(true);
+  }
+
+  el("run").addEventListener("change", () => {
+    const latest = room.runs.at(-1).name;
+    wanted = el("run").value === latest ? null : el("run").value;
+    speak({ type: "look", run: wanted });
+  });
+  addEventListener("hashchange", () => {
+    // Another member's address in the same tab.
+    if (location.hash && !location.hash.startsWith("#/")) location.reload();
+    else view();
+  });
+  view();
+}
+
+start();
