@@ -170,8 +170,8 @@ class MeetingServer:
             window.run = wish.run
             await self._show([window])
             return
-        shown = window.run or await self._clerked(self._record.last)
-        await self._clerked(self._record.add, shown, window.member, wish)
+        last = await self._clerked(self._record.last)
+        await self._clerked(self._record.add, window.run or last, window.member, wish)
         window.letters.say({"type": "done", "what": wish.type})
         await self._show(self._windows)
 

@@ -3,10 +3,10 @@
 // The candidates' names by id, in the order of the evidence.
 const candidatesOf = (decision) => decision.evidence.rows.map(({ entrant, name }) => [entrant, name]);
 
-// A form for a ballot; it keeps what has been typed until it is cast. `take` fills in a ballot from elsewhere.
+// A form for a ballot; `take` fills in the member's ballot, once: it may be from elsewhere.
 function ballotForm(decision, longest, say) {
   const candidates = candidatesOf(decision);
-  let touched = false;
+  let taken = null;
   const rows = candidates.map(([entrant, name]) => {
     const fit = h("input", { type: "checkbox", "aria-label": `${name} is fit` });
     const place = h("input", { type: "number", min: 1, max: candidates.length, step: 1, "aria-label": `Place of ${name}` });
@@ -16,7 +16,7 @@ function ballotForm(decision, longest, say) {
   });
   const reason = h("input", { type: "text", required: true, maxlength: longest });
   const refused = h("p", { class: "note", role: "alert" });
-  const form = h("form", { class: "ballot", oninput: () => (touched = true) },
+  const form = h("form", { class: "ballot" },
     h("h3", {}, "Your ballot"),
     note("Tick those that are fit to go on. Number them, the best 1; you need not number all."),
     h("table", {}, head([["Entrant"], ["Fit"], ["Place"]]),
@@ -30,7 +30,6 @@ function ballotForm(decision, longest, say) {
     const twice = ranked.find(({ place }, i) => i && place.value === ranked[i - 1].place.value);
     refused.textContent = twice ? `Two have place ${twice.place.value}.` : "";
     if (twice) return;
-    touched = false;
     say({
       type: "vote", question: decision.question, decision: decision.decision,
       approve: rows.filter(({ fit }) => fit.checked).map(({ entrant }) => entrant),
@@ -40,7 +39,8 @@ function ballotForm(decision, longest, say) {
   return {
     node: form,
     take(ballot) {
-      if (touched || !ballot) return;
+      if (!ballot || ballot.id === taken) return;
+      taken = ballot.id;
       for (const { entrant, fit, place } of rows) {
         fit.checked = ballot.approve.includes(entrant);
         place.value = ballot.rank.includes(entrant) ? ballot.rank.indexOf(entrant) + 1 : "";
@@ -62,7 +62,7 @@ function comparisonForm(decision, longest, say) {
     event.preventDefault();
     const of = (label) => label.querySelector("select").value;
     say({ type: "compare", question: decision.question, decision: decision.decision, better: of(better), worse: of(worse), reason: reason.value });
-    form.reset();
+    form.closest("details").open = false;
   });
   return h("details", {}, h("summary", {}, "Say only which of two you prefer"), form);
 }
@@ -75,7 +75,7 @@ function reopenForm(decision, longest, say) {
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     say({ type: "reopen", question: decision.question, decision: decision.decision, reason: reason.value });
-    form.reset();
+    form.closest("details").open = false;
   });
   return h("details", {}, h("summary", {}, "Put the question again"), form);
 }
