@@ -61,6 +61,14 @@ class Drive:
         self.page.close()
 
 
+class DriveFromRoom(Drive):
+    """A page that drives, in place of the committee's room that it was opened from."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.until("document.querySelector('#choice button.first')")
+
+
 def serious(page: Page) -> list[str]:
     found = Axe().run(page).response["violations"]
     return [one["id"] for one in found if one["impact"] in ("serious", "critical")]

@@ -1,4 +1,4 @@
-"""Blind drives in a browser, from the first race to the decision."""
+"""Blind drives from the committee's room, in a browser: from the first race to the decision."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ from playwright.sync_api import Browser, WebSocket
 from nathlon.arena.store import Store
 from nathlon.committee.event_log import EventLog
 from nathlon.committee.events import Drove, Voted
-from nathlon.driving.blind import BlindTest
 from tests.blind_runs import RUN, blind_run
 from tests.command_line import nathlon
-from tests.driven_page import MAP, Drive, answered, raced, serious
-from tests.drives import served
+from tests.driven_page import MAP, DriveFromRoom, answered, raced, serious
+from tests.meetings import Window, met
+from tests.opened_page import SCREENSHOTS
 
 
 def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_path: Path) -> None:
     finalists = blind_run(tmp_path)
-    test = BlindTest(tmp_path, tmp_path / "store.sqlite", "ann")
+    (tmp_path / "report").mkdir()
     sent: list[str | bytes] = []
 
     def listen(socket: WebSocket) -> None:
         socket.on("framereceived", lambda frame: sent.append(frame))
 
-    with served(tmp_path, pace=6.0, blind=test) as (server, room):
-        drive = Drive(browser, server, room, script=MAP)
+    with met(tmp_path / "store.sqlite", pace=6.0) as meeting:
+        ann = Window(browser, meeting.url("ann"), script=MAP)
+        ann.picture("blind")
+        ann.page.click("text=Begin a blind test drive")
+        drive = DriveFromRoom(ann.page)
         drive.page.on("websocket", listen)
         drive.page.reload()
         drive.until("document.querySelector('#choice button.first')")
@@ -60,7 +63,22 @@ def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_
         drive.picture("blind-cast")
         shown = drive.page.locator("#blind").inner_text()
         assert all(one.name in shown for one in finalists)
-        drive.close()
+        bob = Window(browser, meeting.url("bob"))
+        bob.shows("can be decided")
+        bob.picture("blind-told")
+        drive.page.click("text=Back to the committee's room")
+        ann.shows("can be decided")
+        assert ann.page.get_by_text("Begin a blind test drive").count() == 0
+        with ann.page.context.expect_page() as opened:
+            ann.page.locator(".moments a").first.click()
+        played = opened.value
+        played.wait_for_selector("body[data-ready=yes]")
+        played.screenshot(path=SCREENSHOTS / "room-moment.png")
+        bob.page.click("button:has-text('Decide')")
+        ann.shows("1 seat · decided")
+        ann.picture("blind-decided")
+        ann.close()
+        bob.close()
 
     files = " ".join(str(path.relative_to(tmp_path)) for path in (tmp_path / "drives").rglob("*"))
     assert any('"type": "result"' in part for part in told)
@@ -82,8 +100,8 @@ def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_
     assert f"{moment.time_s:.1f} s near" in cast.reason
     assert all(drove.recording in cast.reason and (tmp_path / drove.recording).exists() for drove in drives)
 
-    done = nathlon("committee", "store.sqlite", "decide", "--json", cwd=tmp_path)
-    decided = json.loads(done.stdout)
+    done = nathlon("committee", "store.sqlite", "show", "--json", cwd=tmp_path)
+    [decided] = json.loads(done.stdout)
     assert not decided["open"]
     assert len(decided["drives"]) == 2
     assert {said["member"] for said in decided["said"]} == {"ann", "rule:ranking"}
