@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -12,8 +13,11 @@ import polars as pl
 from nathlon.arena.pool import Pool
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording
+from nathlon.coaching.chat import Endpoint
 from nathlon.coaching.coach import Coach, Coached
 from nathlon.coaching.lap import STEP_M, Lap
+from nathlon.coaching.phrasing import Phrased
+from nathlon.coaching.phrasing import phrase as phrased_by
 from nathlon.coaching.reference import CHAMPION, reference
 from nathlon.coaching.words import tell, told_advice, told_causes, told_gain
 from nathlon.progress import stage_progress
@@ -23,6 +27,8 @@ from nathlon.reports.coach_page import CoachDrawing, Sentences, Traces, write_co
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 
+PHRASING = "phrasing.json"
+"""What a language model said, and why it was refused."""
 SECTIONS = "sections"
 """What progress counts."""
 
@@ -37,10 +43,14 @@ class CoachResult:
         text: in sentences.
         text_file: the same as a file (.txt).
         page: map, traces, clips and words (.html).
+        refused: what a language model said that is not in the facts, if that is why the sentences are the
+            coach's own; empty otherwise.
     """
 
-    def __init__(self, folder: Path, facts: CoachFacts, text: str) -> None:
+    def __init__(self, folder: Path, facts: CoachFacts, text: str, phrased: Phrased | None = None) -> None:
         self.folder, self.facts, self.text = folder, facts, text
+        given_up = phrased is not None and phrased.text is None
+        self.refused = tuple(phrased.attempts[-1].refused) if phrased is not None and given_up else ()
         self.facts_file, self.text_file = folder / "coach.json", folder / "coach.txt"
         self.page = folder / "index.html"
 
@@ -68,6 +78,7 @@ def coach(
     car: int | str,
     against: str | Path = CHAMPION,
     out: str | Path = "runs/coach",
+    phrase: bool = False,
     progress: bool = True,
 ) -> CoachResult:
     """Say where a car of a recorded race lost time and why, and what is faster, driven again to prove it.
@@ -77,29 +88,39 @@ def coach(
         car: number or name of the car, of whose laps the best is coached.
         against: `champion`, `limit`, or the recording of another race.
         out: folder for what it leaves.
+        phrase: whether a language model is to phrase the sentences: the one that the environment names by
+            `NATHLON_MODEL_URL`, `NATHLON_MODEL` and `NATHLON_MODEL_KEY`. What is not in the facts is refused.
         progress: whether to show it, on standard error.
 
     Raises:
         InputError: if a recording cannot be read, the car has completed no lap, there is no lap to compare it
-            with, or the folder cannot be written.
+            with, or the folder cannot be written; if no model is named that could phrase it, or it cannot be
+            asked.
     """
+    endpoint = Endpoint.from_environment() if phrase else None
     path, folder = Path(recording), Path(out)
     log = read_recording(path)
     index = car_index(log, str(car), path)
     with Pool(1) as pool, stage_progress(progress, (SECTIONS,)) as on_match:
         work = Coach(log, index, reference(pool, log, str(against)))
         coached = work.work(partial(on_match, SECTIONS))
-    return _write(folder, log, coached)
+    notes = tell(coached.facts)
+    phrased = phrased_by(coached.facts, notes, endpoint) if endpoint else None
+    return _write(folder, log, coached, notes, phrased)
 
 
-def _write(folder: Path, log: RaceLog, coached: Coached) -> CoachResult:
-    result = CoachResult(folder, coached.facts, tell(coached.facts))
+def _write(folder: Path, log: RaceLog, coached: Coached, notes: str, phrased: Phrased | None) -> CoachResult:
+    result = CoachResult(folder, coached.facts, notes if phrased is None else phrased.text or notes, phrased)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with whole_file(result.facts_file) as partial_file:
             partial_file.write_text(coached.facts.model_dump_json(indent=1) + "\n", "utf-8")
         with whole_file(result.text_file) as partial_file:
             partial_file.write_text(result.text, "utf-8")
+        if phrased is not None:
+            said = [attempt.model_dump() for attempt in phrased.attempts]
+            with whole_file(folder / PHRASING) as partial_file:
+                partial_file.write_text(json.dumps(said, indent=1, ensure_ascii=False) + "\n", "utf-8")
         write_coach_page(_drawing(log, coached, result.text), result.page)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None

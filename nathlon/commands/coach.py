@@ -9,7 +9,7 @@ import typer
 
 from nathlon.commands.options import AsJson, Out
 from nathlon.commands.selection import stoppable
-from nathlon.terminal import say
+from nathlon.terminal import say, warn
 
 
 def coach(
@@ -19,6 +19,10 @@ def coach(
         str, typer.Option(help="Whose lap to compare with: champion, limit, or RACE.mcap.")
     ] = "champion",
     out: Out = Path("runs/coach"),
+    phrase: Annotated[
+        bool,
+        typer.Option("--phrase", help="Have a language model phrase it: NATHLON_MODEL_URL, NATHLON_MODEL."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Say where a recorded car lost time and why, and what is faster there.
@@ -31,7 +35,11 @@ def coach(
     import nathlon
 
     with stoppable("Nothing was written."):
-        result = nathlon.coach(recording, car=car, against=against, out=out, progress=not as_json)
+        result = nathlon.coach(
+            recording, car=car, against=against, out=out, phrase=phrase, progress=not as_json
+        )
+    if result.refused:
+        warn(f"What the model said is refused, it is not in the facts: {'; '.join(result.refused)}")
     if as_json:
         print(result.facts.model_dump_json(indent=1))
         return

@@ -1,0 +1,157 @@
+"""A language model may phrase what the coach says, and nothing else; a local server speaks its part."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import Any
+
+import pytest
+
+from nathlon.coaching.chat import KEY, MODEL, URL, Endpoint
+from nathlon.coaching.phrasing import phrase, unfounded
+from nathlon.coaching.words import tell
+from nathlon.reports.coach import CoachFacts
+from nathlon.sim.errors import InputError
+
+FACTS = CoachFacts.model_validate(
+    {
+        "raced": {
+            "match": "0", "race": 0, "scenario": "alone", "circuit": "lindenring", "car": "gt3",
+            "version": "1",
+        },
+        "car": 0,
+        "name": "ann-020k",
+        "lap": {"number": 1, "lap_s": 106.074, "start_s": 3.27, "flying": True, "off_course": False},
+        "laps": [],
+        "other": "bob-059k",
+        "other_kind": "champion",
+        "other_lap_s": 104.932,
+        "limit_s": None,
+        "lost_s": 1.142,
+        "sections": [
+            {
+                "name": name, "kind": "corner", "start_m": 0, "end_m": 9, "time_s": 5, "other_s": 4,
+                "lost_s": lost, "causes": [
+                    {"kind": "braking_early", "own": 350, "other": 350 + early, "at_m": 350, "at_s": 9}
+                ],
+            }
+            for name, lost, early in (("Linde", 0.123, 9), ("Kehre", 0.152, 12))
+        ],
+        "consistency": None,
+        "craft": {},
+        "advice": [],
+        "alternatives": [],
+        "attempts": [{"section": "Linde", "tried": 28, "gained": 0}],
+        "together_s": None,
+        "starts": [],
+    }
+)  # fmt: skip
+NOTES = tell(FACTS)
+GOOD = (
+    "Your best lap on lindenring took 106.07 s, that is 1.142 s more than bob-059k.\n"
+    "In Linde you are braking 9 metres earlier, which costs 0.12 seconds. "
+    "Kehre costs 0.152 s: there it is 12 m."
+)
+
+
+@pytest.mark.parametrize(
+    ("reply", "refused"),
+    [
+        (GOOD, []),
+        ("Linde costs 0.13 s.", ["0.13 s in Linde"]),
+        ("Linde costs 0.152 s.", ["0.152 s in Linde"]),  # which is that of another section
+        ("Linde costs 0.123 m.", ["0.123 m in Linde"]),
+        ("Linde costs a tenth.", ["tenth"]),
+        ("You brake like Senna in Kehre.", ["Senna"]),
+        ("Monza would suit you.", ["Monza"]),
+        ("Ask bob-060k.", ["bob-060k"]),
+        ("", ["anything that can be read"]),
+        ("Linde \x1b[31m", ["anything that can be read"]),
+    ],
+)
+def test_what_is_not_in_the_facts_is_refused(reply: str, refused: list[str]) -> None:
+    found = unfounded(FACTS, NOTES, reply)
+    assert (found == []) == (refused == []), found
+    assert set(refused) <= set(found)
+
+
+def test_the_coach_s_own_sentences_are_in_the_facts() -> None:
+    assert unfounded(FACTS, NOTES, NOTES) == []
+
+
+class Model:
+    """A server that speaks the chat interface, with replies that it was given.
+
+    Attributes:
+        heard: bodies and keys of the requests.
+    """
+
+    def __init__(self, replies: list[str]) -> None:
+        self.heard: list[tuple[Any, str | None]] = []
+        heard, left = self.heard, list(replies)
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                heard.append((body, self.headers.get("Authorization")))
+                told = {"choices": [{"message": {"role": "assistant", "content": left.pop(0)}}]}
+                answer = json.dumps(told if self.path == "/v1/chat/completions" else {}).encode()
+                self.send_response(200)
+                self.send_header("Content-Length", str(len(answer)))
+                self.end_headers()
+                self.wfile.write(answer)
+
+            def log_message(self, format: str, *args: Any) -> None:
+                pass
+
+        self.server = HTTPServer(("127.0.0.1", 0), Handler)
+        self.url = f"http://127.0.0.1:{self.server.server_port}/v1"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+
+@pytest.fixture
+def model() -> Iterator[Model]:
+    model = Model(["Linde costs 7 s, says Senna.", GOOD])
+    yield model
+    model.server.shutdown()
+    model.server.server_close()
+
+
+def test_a_model_is_asked_again_and_told_why(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in ((URL, model.url + "/"), (MODEL, "small"), (KEY, "secret")):
+        monkeypatch.setenv(name, value)
+    phrased = phrase(FACTS, NOTES, Endpoint.from_environment())
+    assert phrased.text == GOOD + "\n"
+    assert [bool(attempt.refused) for attempt in phrased.attempts] == [True, False]
+    (first, key), (second, _) = model.heard
+    assert (first["model"], key) == ("small", "Bearer secret")
+    assert first["messages"][1]["content"] == NOTES
+    assert "7 s in Linde" in second["messages"][-1]["content"]
+    assert "Senna" in second["messages"][-1]["content"]
+
+
+def test_who_says_nothing_right_is_not_heard(model: Model) -> None:
+    stubborn = Model(["It was Senna.", "It was Senna."])
+    phrased = phrase(FACTS, NOTES, Endpoint(stubborn.url, "small", ""))
+    stubborn.server.shutdown()
+    stubborn.server.server_close()
+    assert phrased.text is None
+    assert phrased.attempts[-1].refused == ["Senna"]
+    assert stubborn.heard[0][1] is None, "no key, no header"
+
+
+def test_a_model_that_is_none_is_refused(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="answers otherwise"):
+        Endpoint(model.url + "/else", "small", "").say([])
+    with pytest.raises(InputError, match="cannot be asked"):
+        Endpoint("http://127.0.0.1:9/v1", "small", "").say([])
+    monkeypatch.setenv(URL, "file:///etc/passwd")
+    with pytest.raises(InputError, match="NATHLON_MODEL_URL is 'file:///etc/passwd', expected the address"):
+        Endpoint.from_environment()
+    monkeypatch.setenv(URL, model.url)
+    monkeypatch.delenv(MODEL, raising=False)
+    with pytest.raises(InputError, match="NATHLON_MODEL is not set"):
+        Endpoint.from_environment()
