@@ -50,7 +50,8 @@ def drive(
 ) -> None:
     """Race policies yourself in a browser on this machine, with keys, gamepad or wheel.
 
-    Without entrants and --run you race the bundled champions. Every race is kept, with what you did.
+    Without entrants and --run you race the bundled champions. Every race is kept, with what you did. After it
+    the coach's page opens, unless --no-open.
     """
     if entrants and run:
         raise InputError(f"--run {run}: expected either entrants or a run")
@@ -66,6 +67,7 @@ def drive(
     need("websockets", "drive", "a test drive")
     from nathlon.driving.blind import BlindTest
     from nathlon.driving.choice import Offer, Opponent
+    from nathlon.driving.coached import CoachAfterwards
     from nathlon.driving.finalists import champions, finalists
     from nathlon.driving.room import Room
     from nathlon.driving.server import serve_drives
@@ -88,7 +90,8 @@ def drive(
         if show:
             webbrowser.open(server.url)
 
+    coached = CoachAfterwards(output.root / "coach") if show and test is None else None
     try:
-        asyncio.run(serve_drives(lambda: Room(offer, output, blind=test), port, on_open))
+        asyncio.run(serve_drives(lambda: Room(offer, output, blind=test, on_kept=coached), port, on_open))
     except KeyboardInterrupt:
         warn("Stopped.")

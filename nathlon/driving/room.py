@@ -78,6 +78,7 @@ class Room:
         output: where drives are kept.
         new_clock: makes the clock of each race.
         blind: whose offer it is, where the opponents stand under letters.
+        on_kept: told of each drive that was kept, and the person's car, unless the test is blind.
     """
 
     def __init__(
@@ -86,12 +87,13 @@ class Room:
         output: OutputFolder,
         new_clock: Callable[[], Clock] = Clock,
         blind: BlindTest | None = None,
+        on_kept: Callable[[Kept, int], None] | None = None,
     ) -> None:
         self.desk = Desk()
         self.heat: Heat | None = None
         self.kept: list[Kept] = []
         self._offer, self._output, self._new_clock = offer, output, new_clock
-        self._blind = blind
+        self._blind, self._on_kept = blind, on_kept
         self._letters: Letterbox | None = None
         self._told: list[Words] = []
         self._chosen: Choice | None = None
@@ -231,6 +233,8 @@ class Room:
             self.kept.append(kept)
             if self._blind is not None:
                 self._blind.ended(driven, kept)
+            elif self._on_kept is not None:
+                self._on_kept(kept, driven.plan.choice.seat - 1)
             self._tell({"type": "result", **self._result(driven, kept)})
         elif heat is not None:
             self._tell({"type": "refused", "why": fault})
