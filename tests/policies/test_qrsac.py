@@ -1,9 +1,8 @@
-"""Learning with QR-SAC: a bandit with a known answer, going on after a stop, what is compiled, actions."""
+"""Learning with QR-SAC: a bandit with a known answer, going on after a stop, actions."""
 
 from __future__ import annotations
 
 import logging
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -155,32 +154,6 @@ def test_a_foreign_state_is_refused(change: dict[str, Tensor | None], message: s
     tensors = learner().state_dict() | change
     with pytest.raises(InputError, match=message):
         learner().load_state_dict({name: t for name, t in tensors.items() if t is not None})
-
-
-needs_compiler = pytest.mark.skipif(
-    not any(map(shutil.which, ("g++", "c++", "clang++"))), reason="needs a C++ compiler"
-)
-
-
-@needs_compiler
-def test_compiled_learners_of_one_shape_keep_their_own_configurations() -> None:
-    (batch,) = batches(1)
-    for polyak in (0.5, 0.01):
-        eager, compiled = (learner(compiled=each, hidden=(8,), polyak=polyak) for each in (False, True))
-        for qrsac in (eager, compiled):
-            qrsac.update(batch)
-        torch.testing.assert_close(compiled.state_dict(), eager.state_dict(), rtol=1e-4, atol=1e-5)
-
-
-@needs_compiler
-def test_compiled_updates_equal_eager_ones() -> None:
-    """Of rates that change with each update, too: one graph serves all."""
-    changes = {"hidden": (8,), "updates": 6, "final_rates": 0.1, "final_alpha": 0.1}
-    eager, compiled = learner(**changes), learner(compiled=True, **changes)  # type: ignore[arg-type]
-    for batch in batches(6):
-        expected, found = eager.update(batch), compiled.update(batch)
-        torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(compiled.state_dict(), eager.state_dict(), rtol=1e-4, atol=1e-5)
 
 
 def test_without_a_compiler_it_says_so_and_goes_on(

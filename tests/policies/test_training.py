@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import resource
 from pathlib import Path
 from threading import Thread
@@ -11,11 +10,10 @@ import numpy as np
 import pytest
 import torch
 
-from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training import rewards
 from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
-from nathlon.policies.training.log import CURVE_FILE, Status
+from nathlon.policies.training.log import Status
 from nathlon.policies.training.rollout import Rollout
 from nathlon.policies.training.state import RunState, load_state, save_state
 from nathlon.policies.training.trainer import Trainer
@@ -49,20 +47,6 @@ def train(trainer: Trainer) -> list[Status]:
     seen: list[Status] = []
     trainer.run(seen.append)
     return seen
-
-
-def test_a_run_with_compiled_updates_leaves_checkpoints_that_drive_and_a_curve(tmp_path: Path) -> None:
-    with torch.compiler.set_stance("default"):
-        assert train(Trainer.start(tmp_path / "run", changed(checkpoint_every=4), seed=3))
-    paths = sorted((tmp_path / "run" / "checkpoints").iterdir())
-    assert [load_checkpoint(path).card.step for path in paths] == [4, 8]
-    policy = load_checkpoint(paths[0])
-    assert policy.card.seed == 3
-    assert policy.card.scenarios == ("1v0", "1v3")
-    assert policy.observation_spec == SMALL.observation.spec()
-    rows = list(csv.DictReader((tmp_path / "run" / CURVE_FILE).open()))
-    assert [int(row["updates"]) for row in rows] == [4, 8]
-    assert list((tmp_path / "run" / "tensorboard").glob("events*"))
 
 
 def test_the_same_seed_gives_the_same_checkpoints(tmp_path: Path) -> None:
