@@ -5,17 +5,20 @@ from __future__ import annotations
 import logging
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
 import torch
 
-from nathlon.policies.training.config import CONFIGS, read_config
+from nathlon.policies.training.coached import read_coach
+from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.trainer import Device, Trainer
 from nathlon.progress import progress_bars
 from nathlon.sim.data_file import find_data
 from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 from nathlon.terminal import warn
 
 
@@ -53,6 +56,7 @@ def train(
     device: Device = "cpu",
     resume: bool = False,
     origin: str | Path | None = None,
+    coach: Sequence[str | Path] = (),
     progress: bool = True,
 ) -> TrainingResult:
     """Train a policy with QR-SAC to the end of a configuration, or until Ctrl-C; the state is kept.
@@ -65,6 +69,8 @@ def train(
         device: where networks are updated.
         resume: go on with the run in the folder.
         origin: folder of a run whose networks this one starts with.
+        coach: what `nathlon coach` has left of laps (coach.json): where they lost most, a fifth of the races
+            of one car begin.
         progress: whether to show it, on standard error.
 
     Raises:
@@ -74,14 +80,14 @@ def train(
     """
     folder = Path(out)
     logging.basicConfig(format="%(message)s")
-    if resume and origin is not None:
-        raise InputError("origin: expected for a new run, not with resume")
+    if resume and (origin is not None or coach):
+        raise InputError("origin, coach: expected for a new run, not with resume")
     if resume:
         trainer = Trainer.resume(folder, device)
     else:
-        path = find_data(str(config), "training configuration", CONFIGS)
+        settings = read_config(find_data(str(config), "training configuration", CONFIGS))
         start = None if origin is None else Path(origin)
-        trainer = Trainer.start(folder, read_config(path), seed, start, device)
+        trainer = Trainer.start(folder, _with_coach(settings, coach), seed, start, device)
     # Two threads of matrix products beside a busy process are slower than one.
     torch.set_num_threads(threads or max((os.cpu_count() or 1) - trainer.config.workers, 1))
     if progress:
@@ -96,3 +102,11 @@ def train(
 
         trainer.run(on_status)
     return TrainingResult(folder.absolute(), trainer.updates)
+
+
+def _with_coach(config: TrainingConfig, files: Sequence[str | Path]) -> TrainingConfig:
+    """A configuration with the start states of a coach's files besides its own."""
+    if files and all(load_scenario(rollouts.scenario).cars > 1 for rollouts in config.rollouts):
+        raise InputError("coach: no rollouts of the configuration have one car, expected some that do")
+    found = [start for file in files for start in read_coach(Path(file), config.circuit, config.car)]
+    return config.model_copy(update={"coached": (*config.coached, *found)})

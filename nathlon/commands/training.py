@@ -35,11 +35,15 @@ def train(
     origin: Annotated[
         Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
     ] = None,
+    coach: Annotated[
+        list[Path] | None,
+        typer.Option(help="coach.json of nathlon coach: begin where the lap lost most; may be repeated."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Train a policy with QR-SAC; Ctrl-C stops, --resume goes on."""
-    if resume and origin is not None:
-        raise InputError("--from: expected for a new run, not with --resume")
+    if resume and (origin is not None or coach):
+        raise InputError("--from, --coach: expected for a new run, not with --resume")
     need("torch", "train", "training")
     import nathlon
 
@@ -52,6 +56,7 @@ def train(
             device=device,
             resume=resume,
             origin=origin,
+            coach=coach or (),
             progress=not as_json,
         )
     tell({"updates": result.updates, "checkpoints": out / "checkpoints"}, as_json)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from nathlon.policies.qrsac.config import QRSACConfig
+from nathlon.policies.training.coached import CoachedStart
 from nathlon.policies.training.rewards import RewardWeights
 from nathlon.sim.data_file import Section, read_toml
 from nathlon.sim.observation import ObservationSpec
@@ -106,6 +107,7 @@ class TrainingConfig(Section):
         replay: transitions to remember.
         checkpoint_every: updates between checkpoints.
         opponents: of the rollouts that name none of their own.
+        coached: start states of races of one car, see `nathlon.policies.training.coached`.
         workers: processes that step all the rollouts while the learner updates; 0 takes turns in one process,
             which is exactly reproducible.
         refresh_every: updates between the policies that the rollouts are given.
@@ -125,6 +127,7 @@ class TrainingConfig(Section):
     tables: Literal["each", "one"] = "each"
     keep_replay: bool = False
     opponents: Opponents = ()
+    coached: tuple[CoachedStart, ...] = ()
     rollouts: Annotated[tuple[Rollouts, ...], Field(min_length=1)]
     observation: ObservationSettings = ObservationSettings()
     qrsac: QRSACConfig = QRSACConfig()

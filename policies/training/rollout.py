@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.environments.opponents import OpponentWrapper, load_opponents
 from nathlon.policies.policy import Policy
+from nathlon.policies.training.coached import SHARE, Coached
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import Demonstrators
 from nathlon.policies.training.mistakes import Mistakes
@@ -103,6 +104,7 @@ class Rollout:
         )
         self._reward = Reward(config.reward, episodes.world.track)
         self._mistakes = Mistakes(episodes, learners)
+        self._coached = Coached(episodes, config.coached if episodes.scenario.cars == 1 else (), rng)
         self._again = rollouts.mistakes
         self._rng = rng
         self.laps: list[float] = []
@@ -150,6 +152,12 @@ class Rollout:
             for race in races
             if len(self._mistakes) and self._rng.random() < self._again
         }
+        if len(self._coached):
+            again |= {
+                race: self._coached.draw(self._rng)
+                for race in races
+                if race not in again and self._rng.random() < SHARE
+            }
         self._demonstrators.forget(races)
         self._env.start(races, repeat(self._rng, len(races)), again)
         self._mistakes.restart(races)
