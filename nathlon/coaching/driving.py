@@ -21,21 +21,42 @@ from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 from nathlon.sim.world import DYNAMICS_DT, Conditions, Start, World
 
-LATERAL_GAIN, LATERAL_MOST = 0.03, 0.02
-"""Steering, rad at the wheels, for each metre off the place across the road, and the most of it;"""
-HEADING_GAIN = 0.7
-"""for each rad off the direction;"""
-YAW_GAIN = 0.2
-"""and for each rad/s off the rate of turning."""
-SLIP_MOST = 1.3
-"""Slip angle of the front tyres over that of their peak that is asked for at most."""
+LATERAL_MOST = 0.02
+"""Steering, rad at the wheels, that is given for the place across the road at most."""
 SLOWEST_M_S = 5.0
 """A slip angle is reckoned with no less speed."""
 SPEED_GAIN = 0.3
 """Pedal for each m/s off the speed, unless the throttle is full."""
 FULL_THROTTLE = 0.97
-LONGEST = 1.5
+LONGEST = 1.3
 """A part is given up after so many times the time that it took."""
+
+
+class Hands(NamedTuple):
+    """How a rider steers against what it is off by.
+
+    Attributes:
+        lateral: rad at the wheels for each metre off the place across the road.
+        heading: and for each rad off the direction.
+        yaw_rate: and for each rad/s off the rate of turning.
+        slip: angle of the front tyres over that of their peak that is asked for at most.
+    """
+
+    lateral: float
+    heading: float
+    yaw_rate: float
+    slip: float
+
+
+HANDS = (
+    Hands(0.03, 0.7, 0.2, 1.3),
+    Hands(0.03, 0.7, 0.3, 1.3),
+    Hands(0.03, 0.5, 0.15, 1.6),
+    Hands(0.02, 0.4, 0.1, 1.3),
+    Hands(0.03, 1.0, 0.3, 1.6),
+    Hands(0.05, 1.0, 0.2, 2.5),
+)
+"""Cars and drivers differ: of these a part is driven with those that repeat it best."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +145,15 @@ class Rider:
             scenario.compound, scenario.wear_rate, scenario.fuel_rate, scenario.grip
         )
 
-    def drive(self, runs: list[tuple[Plan, Jolt]], start_m: float, end_m: float) -> list[Driven]:
+    def drive(
+        self, runs: Sequence[tuple[Plan, Jolt]], start_m: float, end_m: float, hands: Hands = HANDS[0]
+    ) -> list[Driven]:
         """Drive a part of the lap, each run by itself, from how the car was recorded at its start.
 
         Args:
             runs: what is wanted, and by what the start is off.
             start_m, end_m: of the part, m from the line.
+            hands: of the rider.
         """
         world = World(self._track, self._car, len(runs), 1, self._conditions)
         for race, (_, jolt) in enumerate(runs):
@@ -137,15 +161,16 @@ class Rider:
         wanted = {
             name: np.stack([getattr(plan, name) for plan, _ in runs]) for name in Plan.__dataclass_fields__
         }
-        cars, hands = world.state[:, 0], _Hands(self._car)
+        cars, grip = world.state[:, 0], _Grip(self._car, hands)
         ticks = round(LONGEST * self._lap.between(start_m, end_m) / DYNAMICS_DT)
         seen: dict[str, list[Trace]] = {name: [] for name in ("progress", "velocity_x", "lateral", "pedal")}
         for _ in range(ticks):
-            actions = hands.act(cars, wanted)
+            actions = grip.act(cars, wanted)
             for name in ("progress", "velocity_x", "lateral"):
                 seen[name].append(cars[name].copy())
             seen["pedal"].append(actions[:, 0])
-            if (cars["progress"] > end_m).all():
+            # Who has left the course proves nothing any more.
+            if ((cars["progress"] > end_m) | (cars["off_course_s"] > 0.0) | (cars["wall_s"] > 0.0)).all():
                 break
             world.step(actions[:, None], 1)
         columns = {name: np.array(values) for name, values in seen.items()}
@@ -188,12 +213,12 @@ class Rider:
         )
 
 
-class _Hands:
-    """What turns a plan into pedal and steering."""
+class _Grip:
+    """Hands on the wheel of a car: what turns a plan into pedal and steering."""
 
-    def __init__(self, car: Car) -> None:
+    def __init__(self, car: Car, hands: Hands) -> None:
         self._lock, self._front_m = car.steering.full_lock_rad, car.body.front_axle_m
-        self._slip = SLIP_MOST * car.tyre.peak_slip_angle_rad[0]
+        self._hands, self._slip = hands, hands.slip * car.tyre.peak_slip_angle_rad[0]
 
     def act(self, cars: NDArray[np.void], wanted: dict[str, Trace]) -> NDArray[np.float64]:
         """Pedal and steering of each run's car, (runs, 2)."""
@@ -209,9 +234,10 @@ class _Hands:
 
         pedal = wanted["pedal"][runs, low + 1]
         pedal = pedal + SPEED_GAIN * (there("speed") - cars["velocity_x"]) * (pedal < FULL_THROTTLE)
-        turn = np.clip(LATERAL_GAIN * (there("lateral") - cars["lateral"]), -LATERAL_MOST, LATERAL_MOST)
-        turn += HEADING_GAIN * (there("heading") - cars["heading_error"])
-        turn += YAW_GAIN * (there("yaw_rate") - cars["yaw_rate"])
+        aside = self._hands.lateral * (there("lateral") - cars["lateral"])
+        turn = np.clip(aside, -LATERAL_MOST, LATERAL_MOST)
+        turn += self._hands.heading * (there("heading") - cars["heading_error"])
+        turn += self._hands.yaw_rate * (there("yaw_rate") - cars["yaw_rate"])
         speed = np.maximum(cars["velocity_x"], SLOWEST_M_S)
         straight = np.arctan2(cars["velocity_y"], speed) + self._front_m * cars["yaw_rate"] / speed
         angle = np.clip(there("steering") * self._lock + turn, straight - self._slip, straight + self._slip)

@@ -1,0 +1,137 @@
+"""What the coach finds in the laps of bundled checkpoints, and what its findings are worth in training.
+
+`python -m benchmarks.coach laps --json FILE` has every fifth checkpoint of each ladder drive a time trial and
+coaches it against the champion of its circuit. The JSON has, by circuit, a row for each checkpoint: `lap_s`,
+`other_s`, `lost_s`; of the `bends` how many were `advised`, and in how many nothing could be proved
+(`unproved`); edits `tried`; the gains `summed_s`, and of all advice `together_s` (null if there is none, or
+it could not be driven); `kinds` of the advice with their numbers; and `wall_s` of the coach's work.
+
+`python -m benchmarks.coach training --json FILE [--seeds N] [--base N] [--updates N]` trains a time trial
+from scratch, coaches the lap of its last checkpoint, and goes on twice for as many updates: with mistakes
+alone, and with the coach's starts besides. The JSON has by seed the median laps of eight time trials, s:
+`base_lap_s`, `mistakes_lap_s`, `coached_lap_s` (null where half of the starts gave none). The runs lie in a
+folder beside the JSON; the same command goes on after Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import nathlon
+from benchmarks.result import write_result
+from benchmarks.time_trial import drive_alone
+from nathlon.arena.entrant import enter
+from nathlon.driving.finalists import champions
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.training.coached import read_coach
+from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
+from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.sim.errors import InputError
+from nathlon.terminal import say
+
+EVERY = 5
+"""Of each ladder's checkpoints, in the order of their names."""
+
+
+def coach_lap(checkpoint: str, circuit: str, car: str, folder: Path) -> nathlon.CoachResult:
+    """Coach a checkpoint's time trial.
+
+    Raises:
+        InputError: if it completes no lap.
+    """
+    result = nathlon.race([checkpoint], scenario="time_trial", circuit=circuit, car=car, record=folder)
+    assert result.recording is not None, "it was asked for"
+    return nathlon.coach(result.recording, car=0, out=folder / "coach", progress=False)
+
+
+def laps(folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """What the coach finds in the ladders' laps."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for champion in champions():
+        circuit, car = champion.circuit, champion.car
+        assert circuit is not None
+        assert car is not None
+        rows = found[circuit] = []
+        for path in sorted((BUNDLED / circuit).glob("*.safetensors"))[::EVERY]:
+            began = time.monotonic()
+            try:
+                facts = coach_lap(str(path), circuit, car, folder / path.stem).facts
+            except InputError as error:
+                say(f"{path.stem}: {error}")
+                continue
+            rows.append(
+                {
+                    "checkpoint": path.stem,
+                    "lap_s": facts.lap.lap_s,
+                    "other_s": facts.other_lap_s,
+                    "lost_s": facts.lost_s,
+                    "bends": len(facts.attempts),
+                    "advised": len(facts.advice),
+                    "unproved": sum(bool(one.unproved) for one in facts.attempts),
+                    "tried": sum(one.tried for one in facts.attempts),
+                    "summed_s": round(sum(one.gain_s for one in facts.advice), 3),
+                    "together_s": facts.together_s,
+                    "kinds": dict(Counter(one.kind for one in facts.advice)),
+                    "wall_s": round(time.monotonic() - began, 1),
+                }
+            )
+            say(f"{path.stem}: {rows[-1]}")
+    return found
+
+
+def trained(folder: Path, config: TrainingConfig, seed: int, origin: Path | None = None) -> Path:
+    """The last checkpoint of a training run, which goes on in its folder if it is there already."""
+    begun = (folder / CONFIG_FILE).exists()
+    trainer = Trainer.resume(folder) if begun else Trainer.start(folder, config, seed, origin)
+    trainer.run(lambda status: None)
+    return max((folder / "checkpoints").glob("*.safetensors"))
+
+
+def training(folder: Path, seeds: int, base: int, updates: int) -> dict[int, dict[str, float | None]]:
+    """Laps after training with mistakes alone, and with the coach's starts besides."""
+    config = read_config(CONFIGS / "time_trial.toml")
+
+    def lap_s(checkpoint: Path) -> float | None:
+        found = drive_alone(enter(str(checkpoint), config.circuit, config.car)).lap_s
+        return found if math.isfinite(found) else None
+
+    found: dict[int, dict[str, float | None]] = {}
+    for seed in range(1, seeds + 1):
+        here = folder / f"seed-{seed}"
+        first = trained(here / "base", config.model_copy(update={"updates": base}), seed)
+        result = coach_lap(str(first), config.circuit, config.car, here / "lap")
+        starts = read_coach(result.facts_file, config.circuit, config.car)
+        further = config.model_copy(update={"updates": updates})
+        coached = further.model_copy(update={"coached": starts})
+        found[seed] = {
+            "base_lap_s": lap_s(first),
+            "mistakes_lap_s": lap_s(trained(here / "mistakes", further, seed, here / "base")),
+            "coached_lap_s": lap_s(trained(here / "coached", coached, seed, here / "base")),
+        }
+        say(f"seed {seed}: {found[seed]}")
+    return found
+
+
+def main() -> None:
+    """Run one of the two."""
+    parser = argparse.ArgumentParser(prog="benchmarks.coach", description="The coach")
+    parser.add_argument("what", choices=("laps", "training"))
+    parser.add_argument("--json", type=Path, required=True)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--base", type=int, default=20_000, help="updates before the coach looks")
+    parser.add_argument("--updates", type=int, default=20_000, help="updates after it has")
+    asked = parser.parse_args()
+    folder = asked.json.with_suffix("")
+    if asked.what == "laps":
+        write_result(asked.json, laps(folder))
+    else:
+        write_result(asked.json, training(folder, asked.seeds, asked.base, asked.updates))
+
+
+if __name__ == "__main__":
+    main()
