@@ -103,10 +103,11 @@ def training(folder: Path, seeds: int, base: int, updates: int) -> dict[int, dic
     found: dict[int, dict[str, float | None]] = {}
     for seed in range(1, seeds + 1):
         here = folder / f"seed-{seed}"
-        first = trained(here / "base", config.model_copy(update={"updates": base}), seed)
+        begun = config.model_copy(update={"updates": base, "checkpoint_every": base})
+        first = trained(here / "base", begun, seed)
         result = coach_lap(str(first), config.circuit, config.car, here / "lap")
         starts = read_coach(result.facts_file, config.circuit, config.car)
-        further = config.model_copy(update={"updates": updates})
+        further = config.model_copy(update={"updates": updates, "checkpoint_every": updates})
         coached = further.model_copy(update={"coached": starts})
         found[seed] = {
             "base_lap_s": lap_s(first),

@@ -11,7 +11,7 @@ import numpy as np
 from nathlon.arena.race_log import RaceLog
 from nathlon.coaching.craft import craft_of, traffic
 from nathlon.coaching.diagnosis import MIN_LOSS_S, Compared, causes_of
-from nathlon.coaching.driving import Driven, Jolt, Plan, Rider
+from nathlon.coaching.driving import HANDS, Driven, Jolt, Plan, Rider
 from nathlon.coaching.edits import edits_of
 from nathlon.coaching.lap import STEP_M, Lap, laps_of
 from nathlon.coaching.parts import Part, marks, parts_of
@@ -250,16 +250,17 @@ class Coach:
         """What all advice gains at once over the lap, s; None where it does not, or cannot be driven."""
         if len(proved) < 2 or self._lap.standing:
             return None
-        own = Plan.of(self._lap)
+        own, length = Plan.of(self._lap), self._length_m
         plan = own.with_changes(tuple(one.edit.plan for one in proved))
-        again, edited = rider.drive([(own, Jolt()), (plan, Jolt())], 0.0, self._length_m)
-        before, after = again.until(self._length_m), edited.until(self._length_m)
-        # What differs from part to part adds up as chance does.
-        true = abs(before - self._lap.lap_s) < TRUE_S * len(self._parts) ** 0.5
-        if not (again.clean and edited.clean and true):
-            return None
-        gain = min(before, self._lap.lap_s) - after
-        return round(gain, 3) if gain >= LEAST_GAIN_S else None
+        for hands in HANDS:
+            again, edited = rider.drive([(own, Jolt()), (plan, Jolt())], 0.0, length, hands)
+            before, after = again.until(length), edited.until(length)
+            # What differs from part to part adds up as chance does.
+            true = abs(before - self._lap.lap_s) < TRUE_S * len(self._parts) ** 0.5
+            if again.clean and edited.clean and true:
+                gain = min(before, self._lap.lap_s) - after
+                return round(gain, 3) if gain >= LEAST_GAIN_S else None
+        return None
 
     def _starts(self) -> list[StartState]:
         """Moments before the bends where most is lost, the greatest loss first."""
