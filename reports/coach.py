@@ -87,7 +87,7 @@ class Advice(Part):
         side: to which the line is moved.
         at_m, at_s: where, m from the line, and when in the recorded race, s.
         from_m, until_m: of what was driven, m from the line.
-        gain_s: the least that it gained by the end of the next straight, over all starts.
+        gain_s: the least that it gained by the end of the straight or bend that follows, over all starts.
         section_gain_s: what it gained by the end of the section, from the recorded start.
         recorded_s, again_s, edited_s: of what was driven: as recorded, again, and with the edit.
         starts: from how many starts it gained.
