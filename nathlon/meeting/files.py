@@ -23,11 +23,11 @@ from nathlon.reports.player import render_player
 from nathlon.sim.errors import InputError
 
 BEARER = "Bearer "
-ALONE = "'none'; sandbox allow-scripts allow-downloads"
-"""Who may frame a file of a run's folder, and that it has no part in the room: others may have written it."""
+FRAMED = "'self'"
+ALONE = f"{FRAMED}; sandbox allow-scripts allow-downloads"
+"""A file of a run's folder has no part in the room, also in its frame: others may have written it."""
 WATCH, PLAYER = "watch", ".html"
 """Where recordings are played, and what the addresses of these pages end with."""
-FRAMED = "'self'"
 
 
 class Files:
@@ -60,10 +60,10 @@ class Files:
                 socket = f"{self._address.socket}/drive/{run}"
                 page = drive_page(socket, self._address.socket, token=None, room="/")
                 return answer(HTTPStatus.OK, page.encode())
-            case [first, run, *rest] if first == RUNS:
+            case [first, run, _, *_] if first == RUNS:
                 if not self._has_pass(request):
                     return answer(HTTPStatus.FORBIDDEN)
-                return await self._file(unquote(run), rest)
+                return await self._file(unquote(run), parts[2:])
         return answer(HTTPStatus.NOT_FOUND)
 
     def _enter(self, request: Request) -> Response:
@@ -87,7 +87,7 @@ class Files:
         folder = await self._folder(run)
         if parts == ["report", "index.html"]:
             return await self._report(run, folder)
-        if parts[0] == WATCH:
+        if parts[0] == WATCH and parts[1:]:
             return await self._player(folder, parts[1:])
         found = folder and shown_file(folder, parts)
         if not found:

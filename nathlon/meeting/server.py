@@ -140,7 +140,6 @@ class MeetingServer:
         window.letters.say({"type": "welcome", "you": member})
         sending = asyncio.create_task(deliver(connection, window.letters))
         try:
-            await self._show([window])
             async for message in connection:
                 if window.rate.exceeded():
                     await connection.close(TOO_MUCH, f"more than {MOST_MESSAGES} messages a second")

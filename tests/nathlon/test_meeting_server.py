@@ -185,6 +185,8 @@ def test_a_pass_for_files_is_given_for_a_token_and_lets_nobody_speak(server: Mee
     assert "allow-same-origin" not in headers["Content-Security-Policy"]
     for path in ("store.sqlite", "races/secret.json", "replays/none.html", "replays/..%2Fstore.sqlite"):
         assert get(server, f"/runs/{RUN}/{path}", Cookie=cookie)[0] == 404, path
+    for path in ("/runs", "/runs/", f"/runs/{RUN}", f"/runs/{RUN}/", f"/runs/{RUN}/watch", "/drive", "//"):
+        assert get(server, path, Cookie=cookie)[0] == 404, path
     assert get(server, "/runs/no-such/report/index.html", Cookie=cookie)[0] == 404
     with dial(server) as connection:
         connection.send(cookie.partition("=")[2])
@@ -252,7 +254,8 @@ def test_a_member_has_so_many_windows(server: MeetingServer) -> None:
         with enter(server), enter(server), dial(server) as one_more:
             one_more.send(token(server))
             assert closed(one_more) == 4002
-        hear(a, "state")
+        a.send('{"type": "look"}')
+        assert hear(a, "state")["run"] == RUN
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,14 @@ def test_a_test_drive_says_what_to_install(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+def test_the_committees_room_says_what_to_install(tmp_path: Path) -> None:
+    done = command("serve", str(tmp_path / "store.sqlite"))
+    assert done.returncode == 2
+    assert done.stderr.startswith(
+        "nathlon: the committee's room needs websockets, which the extra drive installs: "
+    )
+
+
 def test_the_limit_of_another_car_says_what_to_install(tmp_path: Path) -> None:
     text = (DATA / "cars" / "gt3.toml").read_text("utf-8")
     (tmp_path / "car.toml").write_text(text.replace("mass_kg = 1370.0", "mass_kg = 1380.0"), "utf-8")

@@ -28,8 +28,8 @@ function questionView(first, you, longest, say) {
     const spoke = new Set(decision.said.map(({ member }) => member));
     state.replaceChildren(decision.open
       ? [count(decision.seats, "seat"), decision.waits_for ? `waits for ${count(decision.waits_for, "more member")}` : "can be decided"].join(" · ")
-      : `${count(decision.seats, "seat")} · decided`);
-    people.replaceChildren(...decision.members.map((member) => h("li", {}, member, spoke.has(member) ? chip("good", "has voted") : chip("", "not yet"))));
+      : `${count(decision.seats, "seat")} · decided. A run that has waited for it goes on with the command that began it.`);
+    people.replaceChildren(...(decision.members.length ? [] : [h("li", {}, "Nobody but its rules: they decide, and people may ask again.")]), ...decision.members.map((member) => h("li", {}, member, spoke.has(member) ? chip("good", "has voted") : chip("", "not yet"))));
     standings.replaceChildren(standingsTable(decision));
     closing.hidden = !decision.open;
     close.disabled = decision.waits_for > 0;
@@ -46,7 +46,7 @@ function questionView(first, you, longest, say) {
 function standingsTable(decision) {
   const shown = new Map(decision.evidence.rows.map((row) => [row.entrant, row]));
   const chosen = decision.question === "selection" ? "sent" : "shortlisted";
-  return scroll("Standings", h("table", {},
+  return scroll(`Standings: ${ASKED_FOR[decision.question]}`, h("table", {},
     head([["Entrant"], ...EVIDENCE.map(([text]) => [text, "number"]), ["Approved by", "number"], ["Favour", "number"]]),
     h("tbody", {}, decision.standings.map((one) => {
       const row = shown.get(one.entrant);

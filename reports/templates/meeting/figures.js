@@ -2,7 +2,7 @@
 
 const ABSENT = "–";
 const absent = (value) => value === null || value === undefined;
-const number = (value, digits = 0) => (absent(value) ? ABSENT : value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }));
+const number = (value, digits = 0) => (absent(value) ? ABSENT : value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace("-", "−"));
 const percent = (share, digits = 0) => (absent(share) ? ABSENT : `${number(100 * share, digits)} %`);
 const when = (stamp) => h("time", { datetime: stamp }, `${stamp.slice(0, 10)} ${stamp.slice(11, 16)} UTC`);
 const clock = (seconds) => `${Math.floor(seconds / 60)}:${(seconds % 60).toFixed(1).padStart(4, "0")}`;
@@ -12,6 +12,7 @@ const empty = (text) => h("p", { class: "empty" }, text);
 const note = (...text) => h("p", { class: "note" }, ...text);
 const scroll = (label, child) => h("div", { class: "scroll", role: "region", "aria-label": label, tabindex: "0" }, child);
 const head = (columns) => h("thead", {}, h("tr", {}, columns.map(([text, kind]) => h("th", { scope: "col", class: kind }, text))));
+const capital = (text) => text[0].toUpperCase() + text.slice(1);
 const list = (names) => names.join(", ") || "nobody";
 
 // A file of the run: paths are from the folder of its report.

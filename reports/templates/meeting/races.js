@@ -5,7 +5,7 @@ function racesView(state) {
   return [
     h("h2", {}, "Races to look at"),
     state.races.length ? h("ul", { class: "races said" }, state.races.map((race) => h("li", {},
-      h("p", {}, h("strong", {}, race.why), " ", files(race).map(([path, text], i) => [i > 0 && " · ", elsewhere(fileOf(state, path), text)])),
+      h("p", {}, h("strong", {}, capital(race.why)), " ", files(race).map(([path, text], i) => [i > 0 && " · ", elsewhere(fileOf(state, path), text)])),
       race.missing && note(`It could not be run again: ${race.missing}`),
       race.player && race.clips.length > 0 && h("ul", { class: "moments" }, race.clips.map((clip) => h("li", {},
         elsewhere(`${fileOf(state, race.player)}#${new URLSearchParams({ at: clip.start_s, car: clip.car })}`, `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)))))) : empty("No race of this run has been recorded yet."),

@@ -80,12 +80,18 @@ function start() {
     delete el("report").dataset.stale;
     const frame = el("report").querySelector("iframe");
     if (!frame || other) {
-      el("report").replaceChildren(h("iframe", { src: room.report, title: `Report of ${room.run}` }));
+      const onload = () => el("report").dataset.stale && renew();
+      el("report").replaceChildren(h("iframe", { src: room.report, title: `Report of ${room.run}`, onload }));
       return;
     }
-    const { scrollX, scrollY } = frame.contentWindow;
-    frame.addEventListener("load", () => frame.contentWindow.scrollTo(scrollX, scrollY), { once: true });
-    frame.contentWindow.location.reload();
+    try {
+      const { scrollX, scrollY } = frame.contentWindow;
+      frame.addEventListener("load", () => frame.contentWindow.scrollTo(scrollX, scrollY), { once: true });
+      frame.contentWindow.location.reload();
+    } catch {
+      // A race is played there, which is no part of the room. The report is renewed when somebody goes back to it.
+      el("report").dataset.stale = "yes";
+    }
   }
 
   function view() {
