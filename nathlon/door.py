@@ -75,6 +75,14 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def is_unspecified(host: str) -> bool:
+    """Whether it stands for all addresses of a machine, and so is none by which it is reached."""
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False
+
+
 class Rate:
     """Counts what comes, second by second.
 

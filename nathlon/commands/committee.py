@@ -156,7 +156,9 @@ def _print(decision: Decision) -> None:
     for said in decision.said.values():
         for entry in said:
             late = " (too late to count)" if entry in decision.late else ""
-            say(f"  {entry.at[:19]} {sentence(entry, names)}{late}")
+            # A ballot of test drives has a reason of many parts.
+            said_so = sentence(entry, names).replace("; ", f"\n{' ' * 22}")
+            say(f"  {entry.at[:19]} {said_so}{late}")
     result = decision.result or decision.tally()
     if result.agreement is not None:
         say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")

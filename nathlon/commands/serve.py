@@ -41,7 +41,7 @@ def serve(
     Every member gets an address with a token of their own.
     """
     need("websockets", "drive", "the committee's room")
-    from nathlon.door import Address, is_loopback, tls_context
+    from nathlon.door import Address, is_loopback, is_unspecified, tls_context
     from nathlon.meeting.folders import Folders
     from nathlon.meeting.record import Record
     from nathlon.meeting.server import serve_meeting
@@ -51,6 +51,8 @@ def serve(
         raise InputError("--cert, --key: expected both or neither")
     if cert is None and not is_loopback(host):
         raise InputError(f"--host {host}: is beyond this machine, expected --cert and --key too")
+    if is_unspecified(host):
+        raise InputError(f"--host {host}: no browser calls it so, expected a name or address of this machine")
     tls = tls_context(cert, key) if cert and key else None
     record = Record(store, Folders(store, out))
     members = member or record.members()

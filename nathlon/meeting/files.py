@@ -38,12 +38,20 @@ class Files:
         store: whose committee meets.
         tokens: of its members.
         folder: tells the folder of a run; None where there is none.
+        version: tells what changes when a run's report would; KeyError for no run.
     """
 
     def __init__(
-        self, address: Address, store: str, tokens: Tokens, folder: Callable[[str], Awaitable[Path | None]]
+        self,
+        address: Address,
+        store: str,
+        tokens: Tokens,
+        folder: Callable[[str], Awaitable[Path | None]],
+        version: Callable[[str], Awaitable[str]],
     ) -> None:
-        self._address, self._store, self._tokens, self._folder = address, store, tokens, folder
+        self._address, self._store, self._tokens = address, store, tokens
+        self._folder, self._version = folder, version
+        self._report_made: tuple[str, bytes] | None = None
         self._cookie = f"nathlon-{address.port}"
         self._page = room_page(address, store).encode()
         self._rendering = asyncio.Lock()
@@ -109,10 +117,13 @@ class Files:
         return answer(HTTPStatus.OK, page.encode(), frames=ALONE)
 
     async def _report(self, run: str, folder: Path | None) -> Response:
-        # One at a time: each takes a core for some seconds.
+        # One at a time, and once for all who look: each takes a core for some seconds.
         async with self._rendering:
             try:
-                page = await asyncio.to_thread(live_report, self._store, run, folder)
+                version = await self._version(run)
+                if self._report_made is None or self._report_made[0] != version:
+                    page = await asyncio.to_thread(live_report, self._store, run, folder)
+                    self._report_made = version, page.encode()
             except (InputError, KeyError):
                 return answer(HTTPStatus.NOT_FOUND)
-        return answer(HTTPStatus.OK, page.encode(), frames=FRAMED)
+            return answer(HTTPStatus.OK, self._report_made[1], frames=FRAMED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -17,6 +18,7 @@ from nathlon.committee.sentences import names_in, sentence
 from nathlon.meeting.folders import Folders, runs_of
 from nathlon.meeting.live_report import races_to_look_at
 from nathlon.meeting.wishes import Compare, Decide, Reopen, Said, Vote
+from nathlon.publishing.output import SUMMARY
 from nathlon.sim.errors import InputError
 
 RUNS = "runs"
@@ -69,6 +71,22 @@ class Record:
         """Name of the last decision on who is sent; None where that was not asked."""
         decision = EventLog(self._store, run).decisions().get("selection")
         return None if decision is None else decision.name
+
+    def version(self, run: str) -> str:
+        """Changes when the run's report would.
+
+        Raises:
+            KeyError: if there is no such run.
+        """
+        record = next((record for record in self._store.runs() if record.name == run), None)
+        if record is None:
+            raise KeyError(run)
+        facts = self._store.facts(run)
+        last = max((entry.id for entry in EventLog(self._store, run).entries()), default=0)
+        folder = self.folder(run)
+        made = folder / SUMMARY if folder else None
+        made_ns = made.stat().st_mtime_ns if made and made.exists() else 0
+        return json.dumps([run, record.status, facts.get("progress"), sorted(facts), last, made_ns])
 
     def state(self, wanted: str | None) -> dict[str, Any]:
         """All that the page shows of a run, as JSON values.

@@ -100,7 +100,7 @@ class MeetingServer:
             self.talk, self.admit, address, LARGEST_MESSAGE, CLOSING_S, tls, OPENING_S
         )
         self._door = Door(self.address, MOST_STRANGERS)
-        self._files = Files(self.address, self._store, self._tokens, self._folder)
+        self._files = Files(self.address, self._store, self._tokens, self._folder, self._version)
         return server
 
     def url(self, member: str) -> str:
@@ -229,6 +229,9 @@ class MeetingServer:
 
     async def _folder(self, run: str) -> Path | None:
         return await self._clerked(self._record.folder, run)
+
+    async def _version(self, run: str) -> str:
+        return await self._clerked(self._record.version, run)
 
     async def _clerked(
         self,

@@ -127,6 +127,33 @@ def test_the_report_is_of_now_and_follows_the_run(browser: Browser, store: Path)
         window.close()
 
 
+def test_a_race_plays_in_the_report_s_frame_and_has_no_part_in_the_room(
+    browser: Browser, store: Path
+) -> None:
+    folder = store.parent
+    for name in ("report", "races", "replays"):
+        (folder / name).mkdir()
+    reach = "try { parent.document.title = 'reached'; } catch {} document.title = origin;"
+    (folder / "replays" / "final.html").write_text(f"<h1>A race</h1><script>{reach}</script>", "utf-8")
+    with met(store) as meeting:
+        window = Window(browser, meeting.url("ann"))
+        window.page.click("#views >> text=Report")
+        report = window.page.frame_locator("#report iframe")
+        report.locator("text=the committee is asked").wait_for()
+        frame = window.page.frames[1]
+        frame.evaluate("location.href = '../replays/final.html'")
+        report.locator("text=A race").wait_for()
+        assert window.page.frames[1].evaluate("document.title") == "null"
+        assert window.page.title() == "nathlon: the committee's room"
+        # What is said meanwhile leaves the race alone, and is in the report when somebody goes back to it.
+        at_terminal(store, "delta", "room at 4")
+        window.until("document.querySelector('#report').dataset.stale")
+        window.page.evaluate("history.back()")
+        report.locator("nav >> text=Committee").click()
+        report.locator("text=room at 4").wait_for()
+        window.page.context.close()
+
+
 def test_an_address_of_nobody_is_told_so(browser: Browser, store: Path) -> None:
     with met(store) as meeting:
         stranger = Window(browser, f"{meeting.address.origin}/#{'x' * 43}")

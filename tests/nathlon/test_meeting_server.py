@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
 import ssl
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from html import unescape
@@ -15,6 +17,7 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from nathlon.arena.store import Store
 from nathlon.committee.event_log import EventLog
@@ -300,6 +303,7 @@ def test_nothing_is_logged_that_opens_the_room(
     [
         (["--host", "0.0.0.0"], "--host 0.0.0.0: is beyond this machine, expected --cert and --key too"),
         (["--host", "room.example"], "--host room.example: is beyond this machine"),
+        (["--host", "::", "--cert", "x", "--key", "y"], "--host ::: no browser calls it so"),
         (["--cert", "x.pem"], "--cert, --key: expected both or neither"),
         (["--cert", "x.pem", "--key", "y.pem"], "--cert x.pem, --key y.pem: cannot be used (No such file"),
     ],
@@ -316,6 +320,28 @@ def test_a_store_without_a_run_or_members_is_refused(tmp_path: Path) -> None:
         refused(nathlon("serve", "store.sqlite", cwd=tmp_path), "store.sqlite: holds no run")
         store.begin_run(RUN, {})
         refused(nathlon("serve", "store.sqlite", cwd=tmp_path), "nobody has been asked to vote", "--member")
+
+
+def test_the_command_prints_an_address_for_every_member_and_stops_at_ctrl_c(folder: Path) -> None:
+    command = [sys.executable, "-m", "nathlon.cli", "serve", str(folder / "store.sqlite"), "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            printed = "".join(iter(process.stdout.readline, "}\n")) + "}"
+            urls: dict[str, str] = json.loads(printed)["members"]
+            assert list(urls) == list(PEOPLE.members)
+            origin, _, given = urls["cy"].partition("/#")
+            with connect(f"ws{origin.removeprefix('http')}/room", origin=Origin(origin)) as connection:
+                connection.send(given)
+                assert hear(connection, "welcome")["you"] == "cy"
+                process.send_signal(signal.SIGINT)
+                assert closed(connection) in (1001, CUT)
+            told = process.communicate(timeout=PATIENCE_S)[1]
+        finally:
+            process.kill()
+    assert process.returncode == 0, told
+    assert told.splitlines()[-1] == "Stopped."
+    assert not any(url.partition("#")[2] in told for url in urls.values())
 
 
 def test_with_tls_the_addresses_and_the_origin_are_its_own(tmp_path: Path) -> None:
