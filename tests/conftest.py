@@ -12,6 +12,8 @@ from nathlon.arena.pool import Pool
 # Two test processes share two cores: BLAS and torch must not take more than one each.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+# Nor may threads of torch, which a training tells to take two, spin on a core that the other process has.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
