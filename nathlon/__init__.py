@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from nathlon.api.twinning import TwinResult, twin
     from nathlon.api.working import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
+    from nathlon.arena.worlds.formula import Formula
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
     from nathlon.policies.load import load_policy
@@ -36,17 +37,20 @@ if TYPE_CHECKING:
     from nathlon.selection.config import Config
     from nathlon.sim import parallel_env
     from nathlon.sim.errors import InputError
+    from nathlon.sim.expressions import Quantity
     from nathlon.sim.observation import ObservationSpec
 
 _FROM = {
     "CoachResult": "nathlon.api.coaching",
     "Config": "nathlon.selection.config",
     "Forecast": "nathlon.reports.forecast",
+    "Formula": "nathlon.arena.worlds.formula",
     "GateResult": "nathlon.api.gating",
     "InputError": "nathlon.sim.errors",
     "MatrixResult": "nathlon.api.matrix",
     "ObservationSpec": "nathlon.sim.observation",
     "Policy": "nathlon.policies.policy",
+    "Quantity": "nathlon.sim.expressions",
     "RaceGymEnv": "nathlon.policies.environments.race_gym_env",
     "RaceResult": "nathlon.api.racing",
     "RaceVectorEnv": "nathlon.policies.environments.race_vector_env",
@@ -76,6 +80,7 @@ __all__ = [
     "Config",
     "Declared",
     "Forecast",
+    "Formula",
     "GateResult",
     "GymnasiumWorld",
     "InputError",
@@ -83,6 +88,7 @@ __all__ = [
     "ObservationSpec",
     "PettingZooWorld",
     "Policy",
+    "Quantity",
     "RaceGymEnv",
     "RaceResult",
     "RaceVectorEnv",

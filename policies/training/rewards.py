@@ -1,4 +1,5 @@
-"""The reward: a weighted sum of components over arrays of transitions (Wurman et al., 2022, table 1).
+"""The reward: a weighted sum of components over arrays of transitions (Wurman et al., 2022, table 1), and an
+expression of one's own (`nathlon.sim.expressions`).
 
 Penalties for leaving the road and touching the wall are charged on the speed that was brought
 there, not on the speed that is left: otherwise the wall becomes a brake.
@@ -11,24 +12,35 @@ All components are (races, cars).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from nathlon.sim.errors import InputError
+from nathlon.sim.expressions import pure_number
+from nathlon.sim.instruments import QUANTITIES, Instruments, Transition
 from nathlon.sim.state import REAR_END, SIDE_SWIPE
-from nathlon.sim.track import SECTION, Track
+from nathlon.sim.track import SECTION
 
 PASSING_AHEAD_M = 40.0
 PASSING_BEHIND_M = 20.0
 CONTACTS = ("contact", "rear_end", "unsporting")
 """Components that charge contacts with cars."""
+EXPRESSION = "expression"
+"""The component that an expression gives; its weight is 1."""
 
 Records = NDArray[np.void]
 Indices = NDArray[np.int64]
 Rewards = NDArray[np.float64]
+
+
+def _readable(text: str) -> str:
+    try:
+        return pure_number(text, QUANTITIES).text
+    except InputError as error:
+        raise ValueError(str(error)) from None
 
 
 class RewardWeights(BaseModel):
@@ -36,6 +48,8 @@ class RewardWeights(BaseModel):
 
     Attributes:
         off_course_in: by name of a section, the factor by which `off_course` counts more there.
+        expression: of `nathlon.sim.instruments.QUANTITIES`, a pure number; where there is one, the components
+            whose weights are not given count nothing.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -51,6 +65,15 @@ class RewardWeights(BaseModel):
     rear_end: float = 0.0
     unsporting: float = 0.0
     off_course_in: dict[str, Annotated[float, Field(ge=0)]] = {}
+    expression: Annotated[str, AfterValidator(_readable)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _expression_alone(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or given.get(EXPRESSION) is None:
+            return given
+        weights = {name: 0.0 for name, field in cls.model_fields.items() if field.annotation is float}
+        return weights | given
 
 
 def progress(before: Records, after: Records) -> Rewards:
@@ -158,12 +181,17 @@ def _speed_squared(cars: Records) -> Rewards:
 class Reward:
     """The components on one circuit and their weighted sum."""
 
-    def __init__(self, weights: RewardWeights, track: Track) -> None:
+    def __init__(self, weights: RewardWeights, instruments: Instruments) -> None:
         """A reward.
+
+        Args:
+            weights: of the components.
+            instruments: for the circuit and car that are driven.
 
         Raises:
             InputError: if a weight names a section that the circuit does not have.
         """
+        track = instruments.track
         names = [section.name for section in track.sections]
         for name in weights.off_course_in:
             if name not in names:
@@ -172,7 +200,8 @@ class Reward:
                     f"expected one of {', '.join(names)}"
                 )
         self._weights = weights
-        self._track = track
+        self._track, self._instruments = track, instruments
+        self._expression = weights.expression and pure_number(weights.expression, QUANTITIES)
         # The last element is for what lies outside all sections: their index is -1.
         self._factor = np.array([*(weights.off_course_in.get(name, 1.0) for name in names), 1.0])
         self._curved = np.array([*(section.kind != "straight" for section in track.sections), False])
@@ -182,6 +211,10 @@ class Reward:
     ) -> dict[str, Rewards]:
         """Every component, unweighted, by name; for the arguments see this module."""
         section = self._track.table[after["row"], SECTION].astype(np.int64)
+        own = {}
+        if self._expression:
+            step = Transition(before, after, contacts, where)
+            own[EXPRESSION] = self._expression(self._instruments.read(self._expression.names, step))
         return {
             "progress": progress(before, after),
             "off_course": off_course(before, after, self._factor[section]),
@@ -193,9 +226,13 @@ class Reward:
             "contact": contact(after),
             "rear_end": rear_end(contacts, where, after.shape),
             "unsporting": unsporting(contacts, where, self._curved, after.shape),
+            **own,
         }
 
     def total(self, components: Mapping[str, Rewards]) -> Rewards:
         """The weighted sum of the given components."""
-        weighted = [getattr(self._weights, name) * value for name, value in components.items()]
+        weighted = [
+            value if name == EXPRESSION else getattr(self._weights, name) * value
+            for name, value in components.items()
+        ]
         return np.sum(weighted, axis=0)

@@ -20,6 +20,7 @@ from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import Reward, Rewards
 from nathlon.sim.episode import Episodes
 from nathlon.sim.errors import InputError
+from nathlon.sim.instruments import Instruments
 from nathlon.sim.scenario import Scenario, load_scenario
 
 STUCK_S = 5.0
@@ -102,7 +103,8 @@ class Rollout:
             self._env.races,
             self._env.cars,
         )
-        self._reward = Reward(config.reward, episodes.world.track)
+        world = episodes.world
+        self._reward = Reward(config.reward, Instruments(world.track, world.car, episodes.step_s))
         self._mistakes = Mistakes(episodes, learners)
         self._coached = Coached(episodes, config.coached if episodes.scenario.cars == 1 else (), rng)
         self._again = rollouts.mistakes

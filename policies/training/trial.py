@@ -23,6 +23,7 @@ from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import CONTACTS, Reward
 from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of
 from nathlon.sim.episode import Episodes
+from nathlon.sim.instruments import Instruments
 
 GROUP = 32
 """Races that leave the same start."""
@@ -109,7 +110,8 @@ class Trial:
             self._episodes, learners.tolist(), policy.observation_spec, self._population.policies
         )
         weights = config.reward.model_copy(update={"steering": 0.0})
-        self._reward = Reward(weights, self._episodes.world.track)
+        world = self._episodes.world
+        self._reward = Reward(weights, Instruments(world.track, world.car, self._episodes.step_s))
         self.scenario, self.cars = scenario.name, len(self._env.races)
 
     def drive(self, act: Act, rng: np.random.Generator) -> Drive:

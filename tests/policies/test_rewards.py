@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from nathlon.policies.training import rewards
 from nathlon.policies.training.rewards import Reward, RewardWeights
+from nathlon.sim.car import load_car
 from nathlon.sim.episode import Episodes
 from nathlon.sim.errors import InputError
+from nathlon.sim.instruments import Instruments
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.state import CAR_STATE, CONTACT, OTHER, REAR_END, SIDE_SWIPE
 from nathlon.sim.track import load_track
@@ -20,6 +24,7 @@ from tests.driving import stadium, world_with
 DT = 0.1
 LAP_M = 1000.0
 TRACK = load_track("lindenring")
+INSTRUMENTS = Instruments(TRACK, load_car("gt3"), DT)
 CHICANE = next(i for i, section in enumerate(TRACK.sections) if section.name == "Schikane")
 NO_CONTACTS = np.zeros(0, CONTACT), np.zeros(0, np.int64)
 
@@ -146,14 +151,14 @@ def test_unsporting_looks_at_the_section_of_each_car() -> None:
 class TestReward:
     def test_total_is_the_weighted_sum(self) -> None:
         weights = RewardWeights(progress=2.0, off_course=0.0, wall=0.0, wall_touch=0.0, passing=1.0)
-        reward = Reward(weights, TRACK)
+        reward = Reward(weights, INSTRUMENTS)
         before, after = cars(progress=[100.0, 90.0]), cars(progress=[104.0, 95.0])
         components = reward.components(before, after, *NO_CONTACTS)
         assert reward.total(components)[0] == pytest.approx([2.0 * 4.0 - 1.0, 2.0 * 5.0 + 1.0])
-        assert set(components) == set(RewardWeights.model_fields) - {"off_course_in"}
+        assert set(components) == set(RewardWeights.model_fields) - {"off_course_in", "expression"}
 
     def test_off_course_counts_more_in_named_sections(self) -> None:
-        reward = Reward(RewardWeights(off_course_in={"Schikane": 2.0}), TRACK)
+        reward = Reward(RewardWeights(off_course_in={"Schikane": 2.0}), INSTRUMENTS)
         middle = TRACK.sections[CHICANE].start_m + 20.0
         before = cars(velocity_x=[10.0, 10.0], row=[int(middle / TRACK.spacing), 0])
         after = before.copy()
@@ -162,7 +167,7 @@ class TestReward:
         assert components["off_course"][0] == pytest.approx([-20.0, -10.0])
 
     def test_a_curve_is_what_the_circuit_calls_no_straight(self) -> None:
-        reward = Reward(RewardWeights(), TRACK)
+        reward = Reward(RewardWeights(), INSTRUMENTS)
         state = cars(progress=[100.0, 90.0])
         straight = next(i for i, section in enumerate(TRACK.sections) if section.kind == "straight")
         for section, charged in ((straight, [0.0, 0.0]), (CHICANE, [-1.0, -1.0]), (-1, [0.0, 0.0])):
@@ -172,7 +177,7 @@ class TestReward:
 
     def test_a_section_that_the_circuit_lacks_is_refused(self) -> None:
         with pytest.raises(InputError, match=r"off_course_in.Eau Rouge is not a section of lindenring"):
-            Reward(RewardWeights(off_course_in={"Eau Rouge": 2.0}), TRACK)
+            Reward(RewardWeights(off_course_in={"Eau Rouge": 2.0}), INSTRUMENTS)
 
     def test_a_push_from_behind_in_the_world_is_noticed(self) -> None:
         world = world_with(stadium(), [1300.0, 1294.0], speed=[40.0, 50.0])
@@ -182,12 +187,36 @@ class TestReward:
             if world.contact_count[0]:
                 break
         contacts = world.new_contacts(0)
-        components = Reward(RewardWeights(), world.track).components(
+        components = Reward(RewardWeights(), Instruments(world.track, world.car, DT)).components(
             before, world.state, contacts, np.zeros(len(contacts), np.int64)
         )
         assert components["unsporting"][0].tolist() == [0.0, -1.0]
         assert components["rear_end"][0] == pytest.approx([0.0, -100.0], rel=0.1)
         assert components["contact"][0].tolist() == [-1.0, -1.0]
+
+    def test_an_expression_stands_alone_or_beside_the_weights_that_are_given(self) -> None:
+        text = "0.1 * progress / m - 2 * (lateral > 3 * m)"
+        before, after = cars(progress=[100.0, 90.0]), cars(progress=[104.0, 95.0], lateral=[0.0, 4.0])
+        after["wall_contact"] = True
+        cases: list[tuple[dict[str, Any], float]] = [({}, 0.0), ({"wall_touch": 0.5}, -0.5)]
+        for weights, beside in cases:
+            reward = Reward(RewardWeights.model_validate({"expression": text} | weights), INSTRUMENTS)
+            components = reward.components(before, after, *NO_CONTACTS)
+            assert components["expression"][0] == pytest.approx([0.4, -1.5])
+            assert reward.total(components)[0] == pytest.approx([0.4 + beside, -1.5 + beside])
+
+    def test_a_reward_is_a_pure_number_that_changes(self) -> None:
+        for text, sentence in (
+            ("speed", "column 1: the expression is in m/s, expected a pure number"),
+            ("2 + 3", "column 1: the expression is the same always"),
+            ("speed / (m/s) + sped", "column 17: 'sped' is no quantity, expected one like speed"),
+        ):
+            with pytest.raises(ValidationError, match=re.escape(sentence)):
+                RewardWeights(expression=text)
+
+    def test_weights_with_an_expression_survive_the_file_of_a_run(self) -> None:
+        weights = RewardWeights(expression="progress / m", passing=0.3)
+        assert RewardWeights.model_validate_json(weights.model_dump_json()) == weights
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.05, 0.1])

@@ -11,7 +11,9 @@ from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_confi
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import Reward
 from nathlon.policies.training.rollout import Rollout
+from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
+from nathlon.sim.instruments import Instruments
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 
@@ -45,7 +47,7 @@ def tables(*lines: str) -> str:
 def test_a_shipped_configuration_fits_its_circuit_and_scenarios(path: Path) -> None:
     config = read_config(path)
     track = load_track(config.circuit)
-    Reward(config.reward, track)
+    Reward(config.reward, Instruments(track, load_car(config.car), 0.1))
     assert sum(config.shares) == pytest.approx(1.0)
     for rollouts in config.rollouts:
         scenario = load_scenario(rollouts.scenario)
@@ -102,6 +104,10 @@ def test_rollouts_without_opponents_race_those_of_the_run(tmp_path: Path) -> Non
         (tables("") + "[qrsac]\nfinal_rates = 0.0", "field qrsac.final_rates is 0.0: .*greater than 0"),
         (tables("") + "[qrsac]\nfinal_alpha = 1.5", "field qrsac.final_alpha is 1.5"),
         (tables("") + "[reward.off_course_in]\nSchikane = -1.0", "reward.off_course_in.Schikane is -1.0"),
+        (
+            tables("") + '[reward]\nexpression = "progress + mass"',
+            r"reward.expression is 'progress \+ mass': column 1: m and kg do not go together",
+        ),
     ],
 )
 def test_a_fault_is_named(tmp_path: Path, rollouts: str, complaint: str) -> None:
