@@ -40,7 +40,7 @@ function decisionView(decision) {
       })))) : empty("There were no candidates."),
     h("ol", { class: "ballots" }, decision.said.map((said) => h("li", {},
       h("p", {}, h("strong", {}, said.member), " ", h("span", { class: "interval" }, time(said.at)), late.has(said.id) && chip("barred", "too late, not counted")),
-      h("blockquote", {}, said.reason.split("; ").map((part) => h("p", {}, part))),
+      h("blockquote", {}, said.reason.split("; ").map((part, i) => [i > 0 && h("br"), part])),
       said.event === "voted"
         ? [h("p", {}, "Approves ", list(said.approve), "."), h("p", {}, "Ranks ", list(said.rank), ".")]
         : h("p", {}, "Prefers ", named(said.better), " to ", named(said.worse), ".")))),
