@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import NamedTuple, Protocol
@@ -176,18 +177,23 @@ class LocalEngine:
         """As of `Engine`."""
         with Claimant(self._store, self._crew, self._lease_s) as claimant:
             work = Work(self._store, self._crew, claimant, matches)
-            ordered, claimed = longest_first(matches), set[str]()
+            ordered, ahead = longest_first(matches), deque[Match]()
+
+            def prepare() -> None:
+                ahead.clear()
+                ahead.extend(match for match in ordered if match.key in work.left)
 
             def feed(idle: int) -> list[list[Match]]:
-                free = [match for match in ordered if match.key in work.left and match.key not in claimed]
-                if not free:
+                while ahead and ahead[0].key not in work.left:
+                    ahead.popleft()
+                if not ahead:
                     return []
-                most = share(len(free), idle, sum(self._store.at_work().values()), fill(free[0]))
-                keys = self._store.claim([match.key for match in free[:most]], claimant.owner, self._lease_s)
-                claimed.update(keys)
-                return group([match for match in free[:most] if match.key in claimed], idle)
+                most = share(len(ahead), idle, sum(self._store.at_work().values()), fill(ahead[0]))
+                some = {match.key: match for match in (ahead.popleft() for _ in range(min(most, len(ahead))))}
+                keys = self._store.claim(list(some), claimant.owner, self._lease_s)
+                return group([some[key] for key in keys], idle)
 
-            yield from work.done(feed, claimed.clear)
+            yield from work.done(feed, prepare)
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """As of `Engine`."""

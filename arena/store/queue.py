@@ -12,6 +12,9 @@ import sqlalchemy as sa
 from nathlon.arena.store import claims, matches, schema
 from nathlon.arena.store.database import clock, insert_new, lock_exclusively, stamp
 
+COUNTED = 10_000
+"""Matches that wait: more need no exact number."""
+
 
 @dataclass(frozen=True)
 class Queued:
@@ -50,11 +53,18 @@ def put(connection: sa.Connection, wanted: Sequence[Queued], surroundings: Mappi
 
 
 def waiting(connection: sa.Connection) -> dict[str, int]:
-    """How many matches are in the queue, those that are claimed among them, by their surroundings."""
-    table = schema.queue.c
-    query = sa.select(table.surroundings, sa.func.count().label("matches"))
-    query = query.group_by(table.surroundings).order_by(sa.func.min(table.id))
-    return {row.surroundings: row.matches for row in connection.execute(query)}
+    """How many matches are in the queue, those that are claimed among them, by their surroundings.
+
+    Of each at most `COUNTED` are counted: all who are at work ask for that again and again.
+    """
+    table, known = schema.queue.c, schema.surroundings.c
+    those = table.surroundings == known.digest
+    first = sa.select(sa.func.min(table.id)).where(those).correlate(schema.surroundings).scalar_subquery()
+    some = sa.select(table.id).where(those).limit(COUNTED).correlate(schema.surroundings).subquery()
+    count = sa.select(sa.func.count()).select_from(some).scalar_subquery()
+    query = sa.select(known.digest, first.label("first"), count.label("matches"))
+    rows = connection.execute(query).all()
+    return {row.digest: row.matches for row in sorted(rows, key=lambda row: row.first or 0) if row.matches}
 
 
 def surroundings(connection: sa.Connection, digest: str) -> dict[str, Any]:

@@ -230,7 +230,10 @@ class Store:
         self._database.write(queue.put, wanted, surroundings)
 
     def waiting(self) -> dict[str, int]:
-        """How many matches are in the queue, also those that are claimed, by digest of their surroundings."""
+        """How many matches are in the queue, also those that are claimed, by digest of their surroundings.
+
+        More than 10,000 of the same are 10,000.
+        """
         return self._database.read(queue.waiting)
 
     def surroundings(self, digest: str) -> dict[str, Any]:

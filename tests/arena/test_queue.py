@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 import pytest
@@ -29,7 +29,7 @@ from nathlon.arena.processor import processor
 from nathlon.arena.queue import post
 from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.queue_worker import Shift, work
-from nathlon.arena.store import Store
+from nathlon.arena.store import Queued, Store, queue
 from nathlon.arena.worlds.registry import load_world
 from nathlon.selection.trials import against
 from tests.checkpoints import BUNDLED
@@ -303,3 +303,16 @@ def change(target: str, statement: sa.TextClause, **values: str) -> None:
     with engine.begin() as connection:
         connection.execute(statement, values)
     engine.dispose()
+
+
+def test_of_many_that_wait_no_more_are_counted_than_matter(
+    target: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By surroundings, in the order in which the first of each came."""
+    monkeypatch.setattr(queue, "COUNTED", 3)
+    facts: dict[str, Any] = {digest: {} for digest in ("few", "many", "done")}
+    with Store(target) as store:
+        for number, digest in enumerate(("done", "many", "few", *["many"] * 4)):
+            store.enqueue([Queued(f"match {number}", digest, {}, [])], facts)
+        store.withdraw(["match 0"])
+        assert list(store.waiting().items()) == [("many", 3), ("few", 1)]
