@@ -210,4 +210,14 @@ def share(left: int, idle: int, at_work: int, full: int) -> int:
         full: matches that fill a world; more than these gain nothing by running together.
     """
     even = math.ceil(left * idle / (GROUPS_A_WORKER * max(at_work, idle)))
-    return min(max(even, CLAIM_LEAST * idle), max(GROUPS_A_WORKER * full, CLAIM_LEAST) * idle)
+    return min(max(even, CLAIM_LEAST * idle), most_at_once(full) * idle)
+
+
+def most_at_once(full: int) -> int:
+    """How many matches a process claims at most, see `share`."""
+    return max(GROUPS_A_WORKER * full, CLAIM_LEAST)
+
+
+def plenty(at_work: int, full: int) -> int:
+    """How many matches must wait for more to make no difference to a share."""
+    return GROUPS_A_WORKER * at_work * most_at_once(full)

@@ -12,7 +12,7 @@ from typing import Any
 
 from nathlon.arena.baggage import Arrivals, labels, send
 from nathlon.arena.claimant import Claimant
-from nathlon.arena.engine import CLAIM_LEAST, POLL_S, share
+from nathlon.arena.engine import CLAIM_LEAST, POLL_S, plenty, share
 from nathlon.arena.grouping import fill, group, longest_first
 from nathlon.arena.match import Match
 from nathlon.arena.store import Queued, Store
@@ -120,7 +120,8 @@ class Taker:
         if time.monotonic() < self._next:
             return []
         at_work = sum(self._store.at_work().values())
-        for digest, left in self._store.waiting().items():
+        enough = plenty(at_work + idle, max(self._full.values(), default=CLAIM_LEAST))
+        for digest, left in self._store.waiting(enough).items():
             if self._accepts(digest):
                 most = share(left, idle, at_work, self._full.get(digest, CLAIM_LEAST))
                 owner, lease_s = self._claimant.owner, self._claimant.lease_s

@@ -1,6 +1,6 @@
 """What it costs to share matches among processes by the queue of a store, or by a Ray cluster.
 
-`python -m benchmarks.scale_out [--database URL] [--matches N] [--workers N ...] [--engines NAME ...]
+`python -m benchmarks.scale_out [--database URL] [--matches N ...] [--workers N ...] [--engines NAME ...]
 [--busy] [--json PATH]` has matches of a world run that sleeps for 10 ms a match, or computes for as long
 (`--busy`): by the processes of one pool (`local`), by workers of one process each that share nothing but the
 store (`queue`), and by nodes of one processor each of a cluster on this machine (`ray`). Who sleeps needs no
@@ -22,7 +22,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -215,7 +215,7 @@ def main() -> None:
     """Measure, print, and keep the figures."""
     parser = argparse.ArgumentParser(prog="benchmarks.scale_out", description="Workers on one store")
     parser.add_argument("--database", help="URL of an empty one, measured beside a new SQLite file")
-    parser.add_argument("--matches", type=int, default=10_000)
+    parser.add_argument("--matches", type=int, nargs="+", default=[10_000], help="of each number of workers")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 8])
     parser.add_argument("--engines", nargs="+", choices=ENGINES, default=["local", "queue"])
     parser.add_argument("--busy", action="store_true", help="compute in place of sleeping")
@@ -225,11 +225,12 @@ def main() -> None:
     world = BUSY if asked.busy else NAME
     with TemporaryDirectory() as folder, TemporaryDirectory() as notes:
         os.environ[NOTES] = notes
-        for number, (database, engine, workers) in enumerate(
-            product(dict.fromkeys([None, asked.database]), asked.engines, asked.workers)
+        counted = list(zip(asked.workers, cycle(asked.matches), strict=False))
+        for number, (database, engine, (workers, count)) in enumerate(
+            product(dict.fromkeys([None, asked.database]), asked.engines, counted)
         ):
             target = database or f"{folder}/{number}.sqlite"
-            matches = naps(asked.matches, number * asked.matches, world)
+            matches = naps(count, number * max(asked.matches), world)
             figure = measure(engine, target, workers, matches)
             alone = next((one for one in figures if _alike(one, figure)), figure)
             figures.append(figure | {"speed_up": round(alone["wall_s"] / figure["wall_s"], 2)})

@@ -13,7 +13,7 @@ from nathlon.arena.store import claims, matches, schema
 from nathlon.arena.store.database import clock, insert_new, lock_exclusively, stamp
 
 COUNTED = 10_000
-"""Matches that wait: more need no exact number."""
+"""Matches that wait: more need no exact number, where nobody says how many matter."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +52,15 @@ def put(connection: sa.Connection, wanted: Sequence[Queued], surroundings: Mappi
         connection.execute(insert_new(connection, schema.queue), new)
 
 
-def waiting(connection: sa.Connection) -> dict[str, int]:
+def waiting(connection: sa.Connection, most: int = COUNTED) -> dict[str, int]:
     """How many matches are in the queue, those that are claimed among them, by their surroundings.
 
-    Of each at most `COUNTED` are counted: all who are at work ask for that again and again.
+    Of each no more than `most` are counted: all who are at work ask for that again and again.
     """
     table, known = schema.queue.c, schema.surroundings.c
     those = table.surroundings == known.digest
     first = sa.select(sa.func.min(table.id)).where(those).correlate(schema.surroundings).scalar_subquery()
-    some = sa.select(table.id).where(those).limit(COUNTED).correlate(schema.surroundings).subquery()
+    some = sa.select(table.id).where(those).limit(most).correlate(schema.surroundings).subquery()
     count = sa.select(sa.func.count()).select_from(some).scalar_subquery()
     query = sa.select(known.digest, first.label("first"), count.label("matches"))
     rows = connection.execute(query).all()

@@ -229,12 +229,12 @@ class Store:
         """
         self._database.write(queue.put, wanted, surroundings)
 
-    def waiting(self) -> dict[str, int]:
+    def waiting(self, most: int = queue.COUNTED) -> dict[str, int]:
         """How many matches are in the queue, also those that are claimed, by digest of their surroundings.
 
-        More than 10,000 of the same are 10,000.
+        More than `most` of the same count as so many.
         """
-        return self._database.read(queue.waiting)
+        return self._database.read(queue.waiting, most)
 
     def surroundings(self, digest: str) -> dict[str, Any]:
         """What decides the outcomes of some wanted matches beside them."""

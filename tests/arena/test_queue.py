@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nathlon.arena.baggage import labels
-from nathlon.arena.engine import CLAIM_LEAST, LocalEngine, share
+from nathlon.arena.engine import CLAIM_LEAST, LocalEngine, plenty, share
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
@@ -29,7 +29,7 @@ from nathlon.arena.processor import processor
 from nathlon.arena.queue import post
 from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.queue_worker import Shift, work
-from nathlon.arena.store import Queued, Store, queue
+from nathlon.arena.store import Queued, Store
 from nathlon.arena.worlds.registry import load_world
 from nathlon.selection.trials import against
 from tests.checkpoints import BUNDLED
@@ -305,14 +305,19 @@ def change(target: str, statement: sa.TextClause, **values: str) -> None:
     engine.dispose()
 
 
-def test_of_many_that_wait_no_more_are_counted_than_matter(
-    target: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_many_that_wait_no_more_are_counted_than_asked_for(target: str) -> None:
     """By surroundings, in the order in which the first of each came."""
-    monkeypatch.setattr(queue, "COUNTED", 3)
     facts: dict[str, Any] = {digest: {} for digest in ("few", "many", "done")}
     with Store(target) as store:
         for number, digest in enumerate(("done", "many", "few", *["many"] * 4)):
             store.enqueue([Queued(f"match {number}", digest, {}, [])], facts)
         store.withdraw(["match 0"])
-        assert list(store.waiting().items()) == [("many", 3), ("few", 1)]
+        assert list(store.waiting().items()) == [("many", 5), ("few", 1)]
+        assert list(store.waiting(3).items()) == [("many", 3), ("few", 1)]
+
+
+@given(st.integers(1, 64), st.integers(0, 500), st.integers(1, 300), st.integers(0, 10_000))
+def test_more_than_plenty_changes_no_share(idle: int, others: int, full: int, more: int) -> None:
+    at_work = idle + others
+    enough = plenty(at_work, full)
+    assert share(enough, idle, at_work, full) == share(enough + more, idle, at_work, full)
