@@ -10,7 +10,8 @@ from tempfile import TemporaryDirectory
 from typing import Protocol
 
 from nathlon.arena.match import Match
-from nathlon.policies.sources import COMPOSITE, DRIVER, OBJECT, PLUGIN, RANDOM, SUFFIXES
+from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, OBJECT, PLUGIN, RANDOM, SUFFIXES
+from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 
@@ -33,8 +34,10 @@ def _label(source: str, shared: bool) -> str | None:
     kind = source.partition(":")[0]
     if kind in (DRIVER, PLUGIN) or source == RANDOM:
         return source
-    if kind == OBJECT or (shared and source.endswith(COMPOSITE)):
+    if kind == OBJECT or (shared and (kind == MPPI or source.endswith(COMPOSITE))):
         return None
+    if kind == MPPI:
+        return PlannedSource.read(source).absolute
     return Path(source).suffix if shared else str(Path(source).absolute())
 
 

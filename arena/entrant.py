@@ -12,10 +12,11 @@ import polars as pl
 from nathlon.arena.results import ENTRANTS
 from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.load import load_file, load_policy
-from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.human import load_person
 from nathlon.policies.sources.identity import policy_id
+from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name
 
@@ -77,6 +78,8 @@ def _enter(source: str, circuit: str, car: str) -> Entrant:
     if kind == HUMAN:
         person = load_person(Path(name), circuit, car)
         return Entrant(person.id, f"{HUMAN}:{person.name}", source, "person", circuit, car, None, None)
+    if kind == MPPI:
+        return _enter_planner(source, circuit, car)
     if source.endswith(COMPOSITE):
         return _enter_composite(source, circuit, car)
     policy = load_file(Path(source))
@@ -86,6 +89,15 @@ def _enter(source: str, circuit: str, car: str) -> Entrant:
             raise InputError(f"{source}: {field} is {made_for!r}, expected {wanted!r}")
     algorithm = card.algorithm or "unknown"
     return Entrant(policy.id, Path(source).stem, source, algorithm, circuit, car, card.step, card.seed)
+
+
+def _enter_planner(source: str, circuit: str, car: str) -> Entrant:
+    planned = PlannedSource.read(source)
+    prior = enter(str(planned.path), circuit, car)
+    load_policy(source, circuit, car)
+    identity = planned.identity
+    name = f"{prior.name}+{identity[:6]}"
+    return replace(prior, id=identity, name=name, source=source, algorithm=f"MPPI around {prior.algorithm}")
 
 
 def _enter_composite(source: str, circuit: str, car: str) -> Entrant:
@@ -99,10 +111,12 @@ def _enter_composite(source: str, circuit: str, car: str) -> Entrant:
 
 
 def weights(sources: Iterable[str]) -> Iterator[Path]:
-    """The files of weights among some sources, those of composites in their place."""
+    """The files of weights among some sources, those of composites and planners in their place."""
     for source in sources:
         if source.endswith(COMPOSITE):
             yield from weights(CompositeSource.read(Path(source)).sources)
+        elif source.startswith(f"{MPPI}:"):
+            yield PlannedSource.read(source).path
         elif source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN):
             yield Path(source)
 

@@ -232,7 +232,7 @@ class _Meeting:
         relieved = self._relieved()
         for view in self._views:
             for team, seen, due in view.look(self.world):
-                actions, fault = team.act(seen, due, self._watch)
+                actions, fault = team.act(self.world, seen, due, self._watch)
                 asked = team.cars[due]
                 self._actions[asked] = actions[due]
                 if fault:
@@ -265,7 +265,7 @@ class _Meeting:
             [row] = np.flatnonzero(team.cars == relief.car)
             if not (now and due[row]):
                 continue
-            actions, fault = team.act(seen, due, self._watch)
+            actions, fault = team.act(self.world, seen, due, self._watch)
             self._actions[relief.car] = actions[row]
             if fault:
                 self._retire(team.cars[[row]], fault)

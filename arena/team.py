@@ -19,10 +19,12 @@ from nathlon.policies.checkpoint import NetworkPolicy
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.isolation import Apart
+from nathlon.policies.planning import Mppi, decide
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources.human import Person
 from nathlon.policies.sources.onnx import OnnxPolicy
 from nathlon.policies.sources.sb3 import Sb3Policy
+from nathlon.sim.world import World
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +32,7 @@ ROW_WISE = (Driver, EarlyBraker, Person)
 """Policies whose answer for a car does not depend, to the last bit, on the cars beside it in the batch. All
 others round differently with the number of rows: matrix products do."""
 
-OWN = (*ROW_WISE, NetworkPolicy, OnnxPolicy, Sb3Policy)
+OWN = (*ROW_WISE, Mppi, NetworkPolicy, OnnxPolicy, Sb3Policy)
 """Policies whose code is this program's, whatever file their weights come from."""
 HERE = nullcontext()
 
@@ -88,13 +90,14 @@ class Team:
             self._memory = self._memory[kept]
         return kept
 
-    def act(self, seen: Batch, due: NDArray[np.bool_], watch: Watch) -> tuple[Batch, str]:
+    def act(self, world: World, seen: Batch, due: NDArray[np.bool_], watch: Watch) -> tuple[Batch, str]:
         """Ask the policy.
 
         Cars whose turn it is not are asked for as well, so that the batch keeps its shape, and the
         answers thrown away.
 
         Args:
+            world: the world.
             seen: (n, size) float32, what the cars see.
             due: (n,) whose turn it is.
             watch: told before the policy is asked.
@@ -102,7 +105,7 @@ class Team:
         Returns:
             actions (n, 2) float32, not finite where they are illegal, and the fault of the policy or ''.
         """
-        n = len(self.cars)
+        n, grid = len(self.cars), world.state.shape[1]
         if self._row_wise:
             watch.work()
         else:
@@ -116,7 +119,7 @@ class Team:
             with self._entered():
                 if self._memory is None:
                     self._memory = _initial_memory(self.policy, n)
-                answer = self.policy.act(seen, self._memory)
+                answer = decide(self.policy, world, self.cars // grid, self.cars % grid, seen, self._memory)
         except _IllegalError as error:
             return self._refused(str(error))
         except MemoryError:

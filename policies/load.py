@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
+from nathlon.policies.planning import Mppi
+from nathlon.policies.planning.prior import Prior
 from nathlon.policies.policy import Policy
-from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN, driver_settings
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, driver_settings
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over
 from nathlon.policies.sources.human import load_person
 from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.policies.sources.onnx import OnnxPolicy
+from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import load_plugin
 from nathlon.policies.sources.sb3 import Sb3Policy
 
@@ -26,7 +29,7 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     Args:
         name: path of a file of weights or of a composite (`.toml`), `driver` with settings
             (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), `plugin:NAME`,
-            `human:FILE` of a person's inputs, or `object:NAME` of one that this process has been given.
+            `human:FILE` of a person's inputs, `mppi:FILE?objective=EXPRESSION`, or `object:NAME` of one that this process has been given.
         circuit: the circuit to drive.
         car: the car to drive.
 
@@ -42,6 +45,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
         return handed_over(name)
     if kind == HUMAN:
         return load_person(Path(settings), circuit, car)
+    if kind == MPPI:
+        return _planner(PlannedSource.read(name))
     if name.endswith(COMPOSITE):
         return CompositeSource.read(Path(name)).load(circuit, car, load_policy)
     return load_file(Path(name))
@@ -61,6 +66,12 @@ def load_file(path: Path) -> FilePolicy:
             case ".onnx":
                 return OnnxPolicy.load(path)
         return load_checkpoint(path)
+
+
+def _planner(source: PlannedSource) -> Mppi:
+    with memory_limit():
+        prior = Prior(*read_checkpoint(source.path))
+    return Mppi(prior, source.identity, source.objective)
 
 
 def _driver(source: str, circuit: str, car: str) -> Policy:

@@ -228,6 +228,7 @@ class World:
         ticks: (races,) int64, dynamics steps since each race's start.
         contacts: (races, pairs) CONTACT, the contacts that began in the last step, oldest first.
         contact_count: (races,) int64, how many of them there are.
+        track, car, conditions, rules: as given.
         parameters: the kernels' view of car, circuit, conditions and rules.
     """
 
@@ -256,6 +257,7 @@ class World:
         """
         self.track = track
         self.car = car
+        self.conditions, self.rules = conditions, rules
         self.parameters = WorldParameters(
             parameters(with_grip(car, conditions.grip.tarmac), conditions.compound),
             course_parameters(track, conditions.grip),

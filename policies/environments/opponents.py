@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
+from nathlon.policies.planning import decide
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.episode import Episodes, Moment, View
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.world import World
 
 Indices = NDArray[np.int64]
 
@@ -19,14 +21,18 @@ Indices = NDArray[np.int64]
 class Opponent:
     """A policy that may drive any of the opponents' cars, with a memory for each of them."""
 
-    def __init__(self, policy: Policy, view: View, cars: int) -> None:
-        """A policy, the view from all of those cars, and their number."""
-        self._policy, self._view = policy, view
-        self._memory = policy.initial_memory(cars)
+    def __init__(self, policy: Policy, view: View, world: World, races: Indices, cars: Indices) -> None:
+        """A policy, the view from all of those cars, the world, and (n,) their indices in it."""
+        self._policy, self._view, self._world = policy, view, world
+        self._races, self._cars = races, cars
+        self._memory = policy.initial_memory(len(cars))
 
     def act(self, cars: Indices) -> Batch:
         """Actions of some of the cars, (n, 2)."""
-        actions, self._memory[cars] = self._policy.act(self._view.seen[cars], self._memory[cars])
+        where = self._races[cars], self._cars[cars]
+        actions, self._memory[cars] = decide(
+            self._policy, self._world, *where, self._view.seen[cars], self._memory[cars]
+        )
         return actions
 
     def forget(self, cars: Indices) -> None:
@@ -85,7 +91,7 @@ class OpponentWrapper:
         spec = policy.observation_spec
         if spec not in self._views:
             self._views[spec] = self.episodes.watch(spec, self._other_races, self._other_cars)
-        return Opponent(policy, self._views[spec], len(self._other_races))
+        return Opponent(policy, self._views[spec], self.episodes.world, self._other_races, self._other_cars)
 
     def _share_out(self) -> None:
         self._shares = [np.flatnonzero(self._who == turn) for turn in range(len(self._opponents))]

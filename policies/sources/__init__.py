@@ -12,8 +12,9 @@ from typing import NamedTuple
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 
-DRIVER, PLUGIN, OBJECT, HUMAN = "driver", "plugin", "object", "human"
-"""Kinds of policies; `KIND:NAME` is the source of one. HUMAN is what a person did, `human:FILE`."""
+DRIVER, PLUGIN, OBJECT, HUMAN, MPPI = "driver", "plugin", "object", "human", "mppi"
+"""Kinds of policies; `KIND:NAME` is the source of one. HUMAN is what a person did, `human:FILE`; MPPI plans
+around a checkpoint, `mppi:FILE?objective=EXPRESSION`."""
 RANDOM = "random"
 """Source of the policy of other worlds that draws its actions."""
 COMPOSITE = ".toml"
@@ -85,6 +86,10 @@ def check_source(source: str) -> None:
     elif kind == HUMAN:
         if not Path(name).is_file():
             raise InputError(f"{printable(source)}: no such file, expected the inputs of a person")
+    elif kind == MPPI:
+        path = name.partition("?")[0]
+        if not Path(path).is_file():
+            raise InputError(f"{printable(path)}: no such file, expected a checkpoint to plan around")
     elif kind != OBJECT and source != RANDOM and not Path(source).exists():
         raise InputError(f"{printable(source)}: no such file, expected a policy")
 
@@ -116,7 +121,7 @@ def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]
     """
     found: list[str] = []
     for one in map(str, given):
-        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN) and Path(one).is_dir():
+        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir():
             inside = checkpoints_below(Path(one))
             if not inside:
                 raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from nathlon.policies.policy import Batch, Policy
-from nathlon.policies.sources import COMPOSITE, DRIVER, PLUGIN
+from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN
 from nathlon.sim.data_file import Name, Section, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -68,11 +68,11 @@ class CompositeSource:
         """Read a composite's file.
 
         Raises:
-            InputError: if it is none, or a part is a composite itself.
+            InputError: if it is none, or a part is a composite or a planner.
         """
         file = read_toml(path, CompositeFile, "composite")
         for part in file.part:
-            if part.policy.endswith(COMPOSITE):
+            if part.policy.endswith(COMPOSITE) or part.policy.startswith(f"{MPPI}:"):
                 raise InputError(
                     f"{path}: policy is {part.policy!r}, expected a file of weights, a driver or a plugin"
                 )

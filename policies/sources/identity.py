@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
-from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN, RANDOM
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over, object_id
+from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import plugin_id
 
 
@@ -15,7 +16,7 @@ def policy_id(source: str) -> str:
     """The id of the policy that a user calls by a path or a name.
 
     That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, of a plugin or a
-    composite that of all that decides how it drives, of an object that of what it consists of.
+    composite or a planner that of all that decides how it drives, of an object that of what it consists of.
 
     Raises:
         InputError: if there is no such file or plugin.
@@ -29,6 +30,8 @@ def policy_id(source: str) -> str:
         return object_id(handed_over(source), name)
     if kind == HUMAN:
         return checkpoint_id(Path(name))
+    if kind == MPPI:
+        return PlannedSource.read(source).identity
     if source.endswith(COMPOSITE):
         composite = CompositeSource.read(Path(source))
         return composite.identity([policy_id(part) for part in composite.sources])

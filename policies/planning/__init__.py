@@ -1,0 +1,36 @@
+"""Policies that look ahead: they are shown the world itself, and not only what their cars see."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nathlon.policies.planning.mppi import Mppi
+from nathlon.policies.planning.scene import Scene
+from nathlon.policies.policy import Batch, Policy
+from nathlon.sim.world import World
+
+__all__ = ["Mppi", "Scene", "decide"]
+
+
+def decide(
+    policy: Policy,
+    world: World,
+    races: NDArray[np.int64],
+    cars: NDArray[np.int64],
+    observations: Batch,
+    memory: Batch,
+) -> tuple[Batch, Batch]:
+    """What a policy does in a world; see `Policy.act`.
+
+    Only nathlon's own planner is shown the world: a policy that is anybody's code could change it.
+
+    Args:
+        policy: drives the cars.
+        world: as it is now.
+        races, cars: (n,) indices of the cars.
+        observations, memory: as of `Policy.act`.
+    """
+    if isinstance(policy, Mppi):
+        return policy.plan(Scene(world, races, cars), observations, memory)
+    return policy.act(observations, memory)

@@ -1,0 +1,151 @@
+"""Model-predictive path integral control around a trained policy, after Residual-MPPI (Wang et al., 2024).
+
+At each decision, sequences of deviations from the policy's own actions are drawn and driven ahead in the
+simulator. Each is weighed by what the objective says of it, plus the logarithm of how probable the policy holds
+its actions: that stands for everything that the policy was trained for. The car does the weighted mean.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nathlon.policies.planning.foresight import Foresight
+from nathlon.policies.planning.prior import Prior
+from nathlon.policies.planning.scene import Scene
+from nathlon.policies.policy import Batch
+from nathlon.sim.errors import InputError
+from nathlon.sim.expressions import Expression
+from nathlon.sim.world import World
+
+SAMPLES, STEPS = 100, 15
+"""Sequences that are drawn, and how many steps of 0.1 s they last."""
+KNOTS = np.array([0, 3, 6, 9])
+"""Steps at which deviations are drawn; they run straight between, and have ended STEPS_OUT later."""
+STEPS_OUT = 3
+SPREAD = np.array([0.25, 0.06])
+"""Deviation of what is drawn for pedals and steering."""
+OWN_SHARE = 0.1
+"""Weight of the policy's log-probability: neighbouring steps say much the same."""
+
+Floats = NDArray[np.float64]
+
+
+class _Shape(NamedTuple):
+    """What a foresight was made for."""
+
+    world: World
+    cars: int
+
+
+class Mppi:
+    """A policy that plans around another one.
+
+    It must be shown the world, see `nathlon.policies.planning.decide`. Its memory is the plan of the last
+    decision, from which the next one goes on: deviations at the knots.
+
+    Attributes:
+        id: of checkpoint and objective together.
+    """
+
+    def __init__(self, prior: Prior, identity: str, objective: Expression) -> None:
+        """A planner.
+
+        Args:
+            prior: the policy around which it plans.
+            identity: seeds what is drawn.
+            objective: what is added to the policy's own aims, a pure number a step: 1 counts as much as a
+                factor of e in probability.
+        """
+        self.observation_spec = prior.card.observation
+        self.id = identity
+        self._prior, self._objective = prior, objective
+        self._seed = int(hashlib.sha256(identity.encode()).hexdigest()[:16], 16)
+        self._between = _between()
+        # Scratch, kept because it is dear to make; nothing in it outlives a decision.
+        self._scratch: tuple[_Shape, Foresight] | None = None
+
+    def initial_memory(self, n: int) -> Batch:
+        """See `Policy.initial_memory`: no deviation from the policy."""
+        return np.zeros((n, 2 * len(KNOTS)), np.float32)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """Cannot be done without a world.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError("mppi: plans in the world itself, expected a race or an environment of nathlon's")
+
+    def plan(self, scene: Scene, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """As `Policy.act`, in a world; cars that no longer drive get the policy's own actions."""
+        actions = self._prior(observations).mean
+        memory = memory.copy()
+        driving = scene.world.state["driving"][scene.races, scene.cars]
+        if driving.any():
+            shown = Scene(scene.world, scene.races[driving], scene.cars[driving])
+            plan = self._improve(shown, actions[driving], memory[driving])
+            change = plan[:, 0]
+            actions[driving] = np.clip(actions[driving] + change, -1.0, 1.0)
+            memory[driving] = self._ahead(plan)
+        return actions, memory
+
+    def _improve(self, scene: Scene, actions: Batch, memory: Batch) -> Floats:
+        """Deviations at the knots, (n, knots, 2), that are the mean of those drawn around the last plan's."""
+        n = len(scene.races)
+        kept = memory.astype(np.float64).reshape(n, 1, len(KNOTS), 2)
+        drawn = kept + self._noise(scene)
+        drawn[:, 0] = 0.0
+        score = self._drive(scene, drawn, actions)
+        weight = np.exp(score - score.max(axis=1, keepdims=True))
+        weight /= weight.sum(axis=1, keepdims=True)
+        return np.einsum("ns,nskc->nkc", weight, drawn)
+
+    def _noise(self, scene: Scene) -> Floats:
+        """(n, samples, knots, 2), each with its opposite; the same for cars of races as far on."""
+        ticks, which = np.unique(scene.world.ticks[scene.races], return_inverse=True)
+        half = np.stack(
+            [
+                np.random.default_rng([self._seed, int(tick)]).standard_normal((SAMPLES // 2, len(KNOTS), 2))
+                for tick in ticks
+            ]
+        )
+        return (np.concatenate([half, -half], axis=1) * SPREAD)[which]
+
+    def _drive(self, scene: Scene, drawn: Floats, actions: Batch) -> Floats:
+        """What each of the drawn sequences is worth, (n, samples)."""
+        n = len(scene.races)
+        foresight = self._foresight(scene.world, n)
+        foresight.begin(scene)
+        deviations = np.einsum("tk,nskc->tnsc", self._between, drawn).reshape(STEPS, n * SAMPLES, 2)
+        score = np.zeros(n * SAMPLES)
+        for step in range(STEPS):
+            mean, deviation = self._prior(foresight.observe(self.observation_spec))
+            if step == 0:
+                # What the car sees may be late: the policy acts on that.
+                mean = np.repeat(actions, SAMPLES, axis=0)
+            action = np.clip(mean + deviations[step], -1.0, 1.0)
+            score -= OWN_SHARE * 0.5 * np.square((action - mean) / deviation).sum(axis=1)
+            score += self._objective(foresight.step(action, self._objective.names))
+        # A car that the simulator has flung away has no future to choose.
+        return np.where(np.isfinite(score), score, -1e12).reshape(n, SAMPLES)
+
+    def _ahead(self, plan: Floats) -> Batch:
+        """The plan as it is a step later, at the knots counted from there."""
+        later = np.einsum("tk,nkc->ntc", self._between, plan)[:, KNOTS + 1]
+        return later.reshape(len(plan), -1).astype(np.float32)
+
+    def _foresight(self, world: World, cars: int) -> Foresight:
+        shape = _Shape(world, cars)
+        if self._scratch is None or self._scratch[0].world is not world or self._scratch[0].cars != cars:
+            self._scratch = shape, Foresight(world, cars, SAMPLES)
+        return self._scratch[1]
+
+
+def _between() -> Floats:
+    """Shares of the knots in the deviation of each step, (steps, knots)."""
+    at = [*KNOTS, KNOTS[-1] + STEPS_OUT]
+    return np.stack([np.interp(np.arange(STEPS), at, row) for row in np.eye(len(at))[:-1]], axis=1)
