@@ -29,7 +29,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
     Args:
         name: path of a file of weights or of a composite (`.toml`), `driver` with settings
             (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), `plugin:NAME`,
-            `human:FILE` of a person's inputs, `mppi:FILE?objective=EXPRESSION`, or `object:NAME` of one that this process has been given.
+            `human:FILE` of a person's inputs, `mppi:FILE?objective=EXPRESSION` of one that plans, or
+            `object:NAME` of one that this process has been given.
         circuit: the circuit to drive.
         car: the car to drive.
 

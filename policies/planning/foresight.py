@@ -1,8 +1,8 @@
 """The future of some cars, many times over: copies of their races in a world of their own.
 
-The planned cars drive in the simulator itself. Their rivals are moved: each keeps the speed along the centre line
-and the distance from it that it has now. They slow nobody and push nobody, but they are seen, and touching them is
-noticed.
+The planned cars drive in the simulator itself. Their rivals are moved: each keeps the speed along the centre
+line and the distance from it that it has now. They slow nobody and push nobody, but they are seen, and
+touching them is noticed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NO_CONTACTS = np.zeros(0, CONTACT), np.zeros(0, np.int64)
 
 
 class Foresight:
-    """Copies of the planned cars with the rivals near them, to be driven ahead; the copies of a car together."""
+    """Copies of the planned cars with the rivals near them, to be driven ahead; those of a car together."""
 
     def __init__(self, world: World, cars: int, copies: int) -> None:
         """Nothing is foreseen yet.

@@ -1,14 +1,13 @@
 """Model-predictive path integral control around a trained policy, after Residual-MPPI (Wang et al., 2024).
 
 At each decision, sequences of deviations from the policy's own actions are drawn and driven ahead in the
-simulator. Each is weighed by what the objective says of it, plus the logarithm of how probable the policy holds
-its actions: that stands for everything that the policy was trained for. The car does the weighted mean.
+simulator. Each is weighed by what the objective says of it, plus the logarithm of how probable the policy
+holds its actions: that stands for everything that the policy was trained for. The car does the weighted mean.
 """
 
 from __future__ import annotations
 
 import hashlib
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +31,6 @@ OWN_SHARE = 0.1
 """Weight of the policy's log-probability: neighbouring steps say much the same."""
 
 Floats = NDArray[np.float64]
-
-
-class _Shape(NamedTuple):
-    """What a foresight was made for."""
-
-    world: World
-    cars: int
 
 
 class Mppi:
@@ -66,7 +58,7 @@ class Mppi:
         self._seed = int(hashlib.sha256(identity.encode()).hexdigest()[:16], 16)
         self._between = _between()
         # Scratch, kept because it is dear to make; nothing in it outlives a decision.
-        self._scratch: tuple[_Shape, Foresight] | None = None
+        self._scratch: tuple[World, int, Foresight] | None = None
 
     def initial_memory(self, n: int) -> Batch:
         """See `Policy.initial_memory`: no deviation from the policy."""
@@ -88,8 +80,7 @@ class Mppi:
         if driving.any():
             shown = Scene(scene.world, scene.races[driving], scene.cars[driving])
             plan = self._improve(shown, actions[driving], memory[driving])
-            change = plan[:, 0]
-            actions[driving] = np.clip(actions[driving] + change, -1.0, 1.0)
+            actions[driving] = np.clip(actions[driving] + plan[:, 0], -1.0, 1.0)
             memory[driving] = self._ahead(plan)
         return actions, memory
 
@@ -139,10 +130,9 @@ class Mppi:
         return later.reshape(len(plan), -1).astype(np.float32)
 
     def _foresight(self, world: World, cars: int) -> Foresight:
-        shape = _Shape(world, cars)
-        if self._scratch is None or self._scratch[0].world is not world or self._scratch[0].cars != cars:
-            self._scratch = shape, Foresight(world, cars, SAMPLES)
-        return self._scratch[1]
+        if self._scratch is None or self._scratch[0] is not world or self._scratch[1] != cars:
+            self._scratch = world, cars, Foresight(world, cars, SAMPLES)
+        return self._scratch[2]
 
 
 def _between() -> Floats:

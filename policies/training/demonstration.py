@@ -32,8 +32,9 @@ class Demonstrators:
         turns = np.arange(len(races)) % max(len(policies), 1)
         self._seats = [np.flatnonzero(turns == turn) for turn in range(len(policies))]
         self._drivers = [
-            Opponent(policy, episodes.watch(policy.observation_spec, races[seats], cars[seats]), len(seats))
+            Opponent(policy, view, episodes.world, races[seats], cars[seats])
             for policy, seats in zip(policies, self._seats, strict=True)
+            for view in [episodes.watch(policy.observation_spec, races[seats], cars[seats])]
         ]
 
     def __bool__(self) -> bool:
