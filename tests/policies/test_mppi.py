@@ -124,7 +124,7 @@ def test_a_rival_keeps_speed_and_lane_and_is_touched_where_it_is() -> None:
 def test_it_races_against_others(tmp_path: Path) -> None:
     short = tmp_path / "short.toml"
     shipped = DATA / "scenarios" / "braking_duel.toml"
-    short.write_text(re.sub(r"time_s = .*", "time_s = 3.0", shipped.read_text()))
+    short.write_text(re.sub(r"time_s = .*", "time_s = 1.0", shipped.read_text()))
     name = source("-out")
     entrant = enter(name, CIRCUIT, CAR)
     seats = (Seat(0), Seat(1))
