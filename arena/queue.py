@@ -113,6 +113,7 @@ class Taker:
         self._store, self._claimant, self._accepts, self._known = store, claimant, accepts, known
         self._arrivals = Arrivals(store)
         self._full: dict[str, int] = {}
+        self._surroundings: dict[str, dict[str, Any]] = {}
         self._next = 0.0
 
     def __call__(self, idle: int) -> list[list[Match]]:
@@ -133,6 +134,11 @@ class Taker:
         self._next = time.monotonic() + POLL_S
         return []
 
+    def _facts(self, digest: str) -> dict[str, Any]:
+        if digest not in self._surroundings:
+            self._surroundings[digest] = self._store.surroundings(digest)
+        return self._surroundings[digest]
+
     def _match(self, taken: Queued) -> Match | None:
         """A match from the queue; None, and its claim is dropped, where it cannot be run here."""
         if taken.match in self._known:
@@ -142,7 +148,7 @@ class Taker:
                 entrant: self._arrivals.source(entrant, label)
                 for entrant, label in zip(taken.spec["entrants"], taken.sources, strict=True)
             }
-            return Match.from_spec(self._store.surroundings(taken.surroundings) | taken.spec, sources)
+            return Match.from_spec(self._facts(taken.surroundings) | taken.spec, sources)
         except InputError as error:
             log.warning("%s", error)
             self._refused[taken.match] = error
