@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PlainSerializer, PlainValidator
+from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 
+from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.policy_file import content_id, open_policy_file, opening, read_policy_file
 from nathlon.policies.sources.weights import (
@@ -22,6 +23,8 @@ from nathlon.policies.sources.weights import (
     Versions,
     WeightsCard,
     Width,
+    layer_shapes,
+    layers_of,
     mean_network,
     parse_weights,
     read_header,
@@ -30,6 +33,8 @@ from nathlon.policies.sources.weights import (
 from nathlon.sim.observation import ObservationSpec
 
 ACTION_SIZE = 2
+ENCODER = "encoder."
+"""What the names of an encoder's tensors begin with."""
 
 
 def _observation_spec(value: Any) -> ObservationSpec:
@@ -52,6 +57,7 @@ class Card(WeightsCard):
         format: version of the checkpoint format.
         algorithm: what trained it.
         hidden: units of each hidden layer.
+        encoder: units of each layer that what does not change in a race goes through first; empty for none.
         observation: layout of the observations that it was trained on.
         circuit, car: names of what it was trained on.
         scenarios: names of the training scenarios.
@@ -64,6 +70,7 @@ class Card(WeightsCard):
     format: Literal[1] = 1
     algorithm: Text
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)]
+    encoder: Annotated[tuple[Width, ...], Field(max_length=4)] = ()
     observation: Observation
     circuit: Text
     car: Text
@@ -76,7 +83,21 @@ class Card(WeightsCard):
     @property
     def widths(self) -> tuple[int, ...]:
         """The last layer gives the means of the actions, then the logarithms of their deviations."""
-        return (self.observation.size, *self.hidden, 2 * ACTION_SIZE)
+        seen = self.observation.size
+        if self.encoder:
+            seen += self.encoder[-1] - self.observation.facts
+        return (seen, *self.hidden, 2 * ACTION_SIZE)
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        encoder = (self.observation.facts, *self.encoder) if self.encoder else ()
+        return layer_shapes(self.widths) | layer_shapes(encoder, ENCODER)
+
+    @model_validator(mode="after")
+    def _has_what_to_encode(self) -> Card:
+        if self.encoder and not self.observation.facts:
+            raise ValueError("encoder is given, but the observation has nothing that is the same all race")
+        return self
 
 
 def save_checkpoint(path: Path, policy_tensors: Mapping[str, NDArray[np.float32]], card: Card) -> None:
@@ -137,7 +158,11 @@ class NetworkPolicy:
         self.card = card
         self.id = identity
         self.observation_spec = card.observation
-        self.network = mean_network(tensors, ACTION_SIZE)
+        network = mean_network(tensors, ACTION_SIZE)
+        self.network: Mlp | EncodedMlp = network
+        if card.encoder:
+            encoder = Mlp(tuple(layers_of(tensors, ENCODER)), "relu", "relu")
+            self.network = EncodedMlp(encoder, network, card.observation.facts)
 
     @classmethod
     def load(cls, path: Path) -> NetworkPolicy:

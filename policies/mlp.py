@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -62,7 +62,7 @@ class Mlp:
 
     layers: tuple[tuple[Batch, Batch], ...]
     hidden: Literal["relu", "tanh"]
-    output: Literal["tanh", "clip", "linear"]
+    output: Literal["relu", "tanh", "clip", "linear"]
 
     def __call__(self, inputs: Batch) -> Batch:
         """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""
@@ -71,3 +71,46 @@ class Mlp:
             layer = _weigh(layer, weight)
             FUNCTIONS[self.hidden if index < len(self.layers) else self.output](layer, bias)
         return layer
+
+
+class EncodedMlp:
+    """Layers behind an encoder of the inputs' last numbers, which hardly ever change.
+
+    What the encoder adds to the first layer is a bias, made anew only where those numbers are others than before.
+    """
+
+    def __init__(self, encoder: Mlp, network: Mlp, facts: int) -> None:
+        """A network and its encoder.
+
+        Args:
+            encoder: of so many facts.
+            network: of the other inputs, then what the encoder gives.
+            facts: how many of the inputs, the last ones, are encoded.
+        """
+        (weight, bias), *others = network.layers
+        self._encoder, self._network, self._facts = encoder, network, facts
+        self._rows = len(weight) - len(encoder.layers[-1][1])
+        self._of_facts, self._bias = weight[self._rows :], bias
+        self._weight, self._others = np.ascontiguousarray(weight[: self._rows]), tuple(others)
+        self._known = np.full(facts, np.nan, np.float32)
+        self._folded = network
+
+    def __call__(self, inputs: Batch) -> Batch:
+        """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""
+        seen, facts = inputs[:, : self._rows], inputs[:, self._rows :]
+        if len(facts) and (facts == facts[0]).all():
+            return self._fold(facts[0])(seen)
+        outputs = np.empty((len(inputs), len(self._others[-1][1])), np.float32)
+        kinds, which = np.unique(facts, axis=0, return_inverse=True)
+        for kind, row in enumerate(kinds):
+            rows = np.flatnonzero(which == kind)
+            outputs[rows] = self._fold(row)(seen[rows])
+        return outputs
+
+    def _fold(self, facts: Batch) -> Mlp:
+        """The layers for these facts, (facts,)."""
+        if not np.array_equal(facts, self._known):
+            bias = self._bias + (self._encoder(facts[None]) @ self._of_facts)[0]
+            self._folded = replace(self._network, layers=((self._weight, bias), *self._others))
+            self._known = facts.copy()
+        return self._folded

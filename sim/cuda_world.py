@@ -57,7 +57,7 @@ class CudaWorld:
         """
         self._world = world
         self._parameters = _to_device(world.parameters)
-        self._view = view_parameters(self._parameters)
+        self._view = _to_device(view_parameters(world.parameters))
         self._races = _to_device(world.arrays())
 
     def step(self, actions: NDArray[np.floating], substeps: int = SUBSTEPS) -> None:

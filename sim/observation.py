@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.car_facts import FACTS
 from nathlon.sim.errors import InputError
 
-VERSION = 2
+VERSION, ANY_CAR = 2, 3
+"""Layouts: for policies of one circuit and car, and for those of any, which see what the car is."""
 
 TOP_SPEED = 90.0  # m/s
 STEEP = 0.1
@@ -95,6 +97,11 @@ OWN = (
 )
 """What a car sees of itself, with which every vector begins."""
 
+AXLE_SLIP = _flat("axle_slip", 2, "slip ratio front, rear", -0.3, 0.3)
+"""In the layout for any car, where the other one has the progress, which names a place of a circuit."""
+CAR = Field("car", "see FACTS", tuple(low for _, low, _ in FACTS), tuple(high for _, _, high in FACTS))
+"""In the layout for any car, the numbers that do not change in a race: the last ones."""
+
 
 @dataclass(frozen=True)
 class ObservationSpec:
@@ -106,7 +113,7 @@ class ObservationSpec:
             centre and right, then y, then z of the three. With none, there is no such field.
         horizon_s: seconds of travel at the present speed that the course points span.
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
-        version: layout version; a policy trained on another version cannot drive.
+        version: of the layout: VERSION or ANY_CAR.
     """
 
     course_points: int = 60
@@ -116,9 +123,10 @@ class ObservationSpec:
     version: int = VERSION
 
     def __post_init__(self) -> None:
-        if self.version != VERSION:
+        if self.version not in (VERSION, ANY_CAR):
             raise InputError(
-                f"observation spec: version is {self.version}, this simulator makes version {VERSION}"
+                f"observation spec: version is {self.version}, "
+                f"this simulator makes versions {VERSION} and {ANY_CAR}"
             )
         for name in ("course_points", "cars_ahead", "cars_behind"):
             value = getattr(self, name)
@@ -149,7 +157,15 @@ class ObservationSpec:
             for where, count in (("ahead", self.cars_ahead), ("behind", self.cars_behind))
             if count
         )
-        return OWN + course + lists
+        if self.version == VERSION:
+            return OWN + course + lists
+        own = tuple(AXLE_SLIP if field.name == "progress" else field for field in OWN)
+        return (*own, *course, *lists, CAR)
+
+    @property
+    def facts(self) -> int:
+        """How many of the numbers, the last ones, do not change in a race."""
+        return CAR.size if self.version == ANY_CAR else 0
 
     @cached_property
     def size(self) -> int:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.car_facts import car_facts
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import (
     ACCELERATION_X,
@@ -45,7 +46,8 @@ YAW_RATE = OWN.start("yaw_rate")
 ACCELERATION = OWN.start("acceleration")
 TYRE_LOAD = OWN.start("tyre_load")
 SLIP_ANGLE = OWN.start("slip_angle")
-PROGRESS = OWN.start("progress")
+PLACE = OWN.start("progress")
+"""Of the progress, or of the slip of the axles."""
 HEADING_ERROR = OWN.start("heading_error")
 INCLINATION = OWN.start("inclination")
 WALL_CONTACT = OWN.start("wall_contact")
@@ -68,6 +70,7 @@ class LayoutParameters(NamedTuple):
         points: on each line of the course.
         horizon: s of travel that they span.
         ahead: length of the list of cars ahead.
+        facts: how many numbers of the car there are, at the end.
     """
 
     mean: NDArray[np.float32]
@@ -75,6 +78,7 @@ class LayoutParameters(NamedTuple):
     points: int
     horizon: float
     ahead: int
+    facts: int
 
 
 @cache
@@ -82,7 +86,7 @@ def layout_parameters(spec: ObservationSpec) -> LayoutParameters:
     """The kernel's view of a spec."""
     mean, deviation = spec.scaling
     return LayoutParameters(
-        mean, np.float32(1.0) / deviation, spec.course_points, spec.horizon_s, spec.cars_ahead
+        mean, np.float32(1.0) / deviation, spec.course_points, spec.horizon_s, spec.cars_ahead, spec.facts
     )
 
 
@@ -92,17 +96,20 @@ class ViewParameters(NamedTuple):
     Attributes:
         full_lock: of the car's steering, rad.
         fuel_capacity: of the car, kg.
+        facts: of `nathlon.sim.car_facts`.
         course: the circuit.
     """
 
     full_lock: float
     fuel_capacity: float
+    facts: NDArray[np.float32]
     course: CourseParameters
 
 
 def view_parameters(p: WorldParameters) -> ViewParameters:
     """What observations need of a world."""
-    return ViewParameters(p.car.full_lock, p.car.fuel_capacity, p.course)
+    facts = car_facts(p.car, p.course.surface_grip)
+    return ViewParameters(p.car.full_lock, p.car.fuel_capacity, facts, p.course)
 
 
 class Nearby(NamedTuple):
@@ -175,9 +182,14 @@ def observe_car(
     """
     mean, scale = layout.mean, layout.scale
     lists = OWN_SIZE + POINT_SIZE * layout.points
+    facts = len(values) - layout.facts
     observe_self(field[index], values, p)
     find_opponents(field, index, layout.ahead, nearby, p.course)
-    observe_opponents(field, index, nearby.nearest, values[lists:])
+    observe_opponents(field, index, nearby.nearest, values[lists:facts])
+    if layout.facts > 0:
+        observe_slip(field[index], values)
+        for k in range(layout.facts):
+            values[facts + k] = p.facts[k]
     for k in range(OWN_SIZE):
         values[k] = (values[k] - mean[k]) * scale[k]
     for k in range(lists, len(values)):
@@ -195,7 +207,7 @@ def observe_self(car: CarRecord, values: np.ndarray, p: ViewParameters) -> None:
         values[TYRE_LOAD + wheel] = car.load[wheel]
         values[SLIP_ANGLE + wheel] = car.slip_angle[wheel]
     angle = 2.0 * math.pi * car.progress / p.course.length
-    values[PROGRESS], values[PROGRESS + 1] = math.sin(angle), math.cos(angle)
+    values[PLACE], values[PLACE + 1] = math.sin(angle), math.cos(angle)
     values[HEADING_ERROR] = car.heading_error
     values[INCLINATION], values[INCLINATION + 1] = car.slope_x, car.slope_y
     values[WALL_CONTACT] = 1.0 if car.wall_contact else 0.0
@@ -209,6 +221,13 @@ def observe_self(car: CarRecord, values: np.ndarray, p: ViewParameters) -> None:
     for wheel in range(4):
         values[TYRE_WEAR + wheel] = car.wear[wheel]
     values[FUEL] = car.fuel / p.fuel_capacity
+
+
+@lean_inlined
+def observe_slip(car: CarRecord, values: np.ndarray) -> None:
+    """The mean slip ratio of front and of rear wheels, before standardisation."""
+    slip = car.slip_ratio
+    values[PLACE], values[PLACE + 1] = 0.5 * (slip[0] + slip[1]), 0.5 * (slip[2] + slip[3])
 
 
 @lean_inlined

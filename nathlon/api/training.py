@@ -100,7 +100,10 @@ def train(
             note = f"{status.updates_per_s:.0f}/s, {lap}, {status.off_course_share:.1%} off course"
             bars.update(task, completed=status.updates, note=note)
 
-        trainer.run(on_status)
+        def on_pair(ready: int, count: int) -> None:
+            bars.update(task, note=f"{ready} of {count} circuits and cars practised")
+
+        trainer.run(on_status, on_pair)
     return TrainingResult(folder.absolute(), trainer.updates)
 
 

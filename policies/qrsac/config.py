@@ -16,6 +16,8 @@ class QRSACConfig(BaseModel):
 
     Attributes:
         hidden: units of each hidden layer, of the policy and of each critic.
+        encoder: units of each layer, with ReLU, that the last numbers of an observation, those that do not change
+            in a race, go through before they join the others; of the policy and of each critic. Empty for none.
         quantiles: quantiles of the return that each critic estimates.
         layer_norm: whether the critics standardise each hidden layer before its ReLU (Ba et al., 2016,
             without learned scale and shift); it keeps values bounded where there are no data, so that
@@ -43,6 +45,7 @@ class QRSACConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)] = (256, 256)
+    encoder: Annotated[tuple[Width, ...], Field(max_length=4)] = ()
     quantiles: Annotated[int, Field(ge=1, le=512)] = 32
     layer_norm: bool = False
     distributional: bool = True

@@ -61,6 +61,7 @@ class QRSAC:
         generator: torch.Generator,
         compiled: bool = True,
         updates: int | None = None,
+        facts: int = 0,
     ) -> None:
         """A learner with fresh networks on the generator's device.
 
@@ -72,13 +73,16 @@ class QRSAC:
             compiled: whether to compile the update, if a C++ compiler is found; the first update then takes
                 half a minute and a batch must always have the same size.
             updates: of the whole run, after which rates and alpha have fallen to their final shares.
+            facts: how many numbers of an observation, the last ones, the encoder takes.
 
         Raises:
-            InputError: if something is to fall and the updates of the run are not given.
+            InputError: if there is an encoder and nothing to encode, or something is to fall and the updates of the run are not given.
         """
         if updates is None and min(config.final_rates, config.final_alpha) < 1.0:
             name = "final_rates" if config.final_rates < 1.0 else "final_alpha"
             raise InputError(f"QR-SAC: {name} is below 1, which needs the count of updates of the run")
+        if config.encoder and not facts:
+            raise InputError("QR-SAC: encoder is given, but nothing in the observation is the same all race")
         self.config = config
         self.action_size = action_size
         self._generator = generator
@@ -87,7 +91,7 @@ class QRSAC:
             if config.precision == "auto"
             else getattr(torch, config.precision)
         )
-        self._update = Update(observation_size, action_size, config, precision, updates)
+        self._update = Update(observation_size, action_size, config, precision, updates, facts)
         if generator.device.type == "cpu":
             keep_freed_memory()
         self._run = _compiled(self._update) if compiled else self._update.in_place
@@ -187,12 +191,17 @@ class QRSAC:
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
         """The mean policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..
 
-        The last layer gives the means, then the logarithms of the standard deviations.
+        The last layer gives the means, then the logarithms of the standard deviations. Those of an encoder are
+        `encoder.0.weight` and so on.
         """
         tensors = self._update.policy.tensors(self._state.average)
+        encoded = len(self.config.encoder)
+        layers = [f"encoder.{i}" for i in range(encoded)] + [str(i) for i in range(len(tensors) // 2 - encoded)]
+        named = zip(layers, tensors[::2], tensors[1::2], strict=True)
         return {
-            f"{i // 2}.{'bias' if i % 2 else 'weight'}": (tensor[0] if i % 2 else tensor).cpu().numpy()
-            for i, tensor in enumerate(tensors)
+            name: tensor.cpu().numpy()
+            for layer, weight, bias in named
+            for name, tensor in ((f"{layer}.weight", weight), (f"{layer}.bias", bias[0]))
         }
 
     def state_dict(self) -> dict[str, Tensor]:

@@ -27,8 +27,13 @@ LOG_STD_RANGE = (-20.0, 2.0)
 class Perceptron:
     """Shape of a multi-layer perceptron with ReLU between its layers, or of a stack of equal ones.
 
+    With an encoder, the last numbers of the input first go through layers of their own: what they say in many
+    numbers, and always the same in a race, then reaches the others in few.
+
     Attributes:
-        widths: sizes of the input, each hidden layer and the output.
+        widths: sizes of the input, each hidden layer and the output; with an encoder, its output stands for
+            what it encodes.
+        encoder: sizes of what is encoded and of each of its layers, all with ReLU; empty for none.
         stack: () for one network, (n,) for n networks that run as one batched product.
         layer_norm: whether each hidden layer is standardised before its ReLU.
         precision: of the hidden layers' matrix products; all else is float32. So is the last product: returns
@@ -36,19 +41,24 @@ class Perceptron:
     """
 
     widths: tuple[int, ...]
+    encoder: tuple[int, ...] = ()
     stack: tuple[int, ...] = ()
     layer_norm: bool = False
     precision: torch.dtype = torch.float32
 
     @property
     def shapes(self) -> list[tuple[int, ...]]:
-        """Shapes of weight (*stack, in, out) and bias (*stack, 1, out) of each layer in turn."""
-        return [(*self.stack, rows, width) for fan_in, width in pairwise(self.widths) for rows in (fan_in, 1)]
+        """Shapes of weight (*stack, in, out) and bias (*stack, 1, out) of each layer, the encoder's first."""
+        return [(*self.stack, rows, width) for fan_in, width in self._layers for rows in (fan_in, 1)]
+
+    @property
+    def _layers(self) -> list[tuple[int, int]]:
+        return [*pairwise(self.encoder), *pairwise(self.widths)]
 
     def initial(self, generator: torch.Generator) -> Tensor:
         """Fresh parameters, (p,) float32: uniform within 1 / sqrt(fan in), as torch.nn.Linear."""
         parts = []
-        for (weight, bias), fan_in in zip(_pairs(self.shapes), self.widths, strict=False):
+        for (weight, bias), (fan_in, _) in zip(_pairs(self.shapes), self._layers, strict=True):
             for shape in (weight, bias):
                 uniform = torch.rand(math.prod(shape), generator=generator, device=generator.device)
                 parts.append((2.0 * uniform - 1.0) / math.sqrt(fan_in))
@@ -62,7 +72,7 @@ class Perceptron:
     def __call__(
         self, parameters: Tensor, inputs: Tensor, exact: Tensor | None = None, kept: Tensor | None = None
     ) -> Tensor:
-        """The outputs (*stack, n, widths[-1]) for inputs of widths[0] numbers in all.
+        """The outputs (*stack, n, widths[-1]) for inputs of widths[0] numbers in all, those encoded apart.
 
         Args:
             parameters: (p,).
@@ -75,6 +85,9 @@ class Perceptron:
         hidden = self.widths[1:-1]
         factors = torch.split(kept, list(hidden), dim=-1) if kept is not None else None
         *layers, (last_weight, last_bias) = _pairs(self.tensors(parameters))
+        if self.encoder:
+            steps = len(self.encoder) - 1
+            inputs, layers = self._encoded(inputs, layers[:steps]), layers[steps:]
         if exact is not None:
             (weight, bias), *others = layers
             rows = inputs.shape[-1]
@@ -87,6 +100,13 @@ class Perceptron:
             if factors is not None:
                 inputs = inputs * factors[i]
         return inputs @ last_weight + last_bias
+
+    def _encoded(self, inputs: Tensor, layers: list[tuple[Tensor, Tensor]]) -> Tensor:
+        """The inputs, of which the last ones have gone through these layers."""
+        facts = inputs[..., -self.encoder[0] :]
+        for weight, bias in layers:
+            facts = torch.relu((facts.to(self.precision) @ weight.to(self.precision)).float() + bias)
+        return torch.cat([inputs[..., : -self.encoder[0]], facts], dim=-1)
 
 
 def _pairs(items: list[T]) -> list[tuple[T, T]]:

@@ -151,14 +151,17 @@ class Update:
         config: QRSACConfig,
         precision: torch.dtype = torch.float32,
         updates: int | None = None,
+        facts: int = 0,
     ) -> None:
         self.config = config
         self._updates = updates
         outputs = config.quantiles if config.distributional else 1
-        inputs = observation_size + action_size
-        self.policy = Perceptron((observation_size, *config.hidden, 2 * action_size), precision=precision)
+        encoder, seen = (), observation_size
+        if config.encoder:
+            encoder, seen = (facts, *config.encoder), observation_size - facts + config.encoder[-1]
+        self.policy = Perceptron((seen, *config.hidden, 2 * action_size), encoder, precision=precision)
         self.critics = Perceptron(
-            (inputs, *config.hidden, outputs), (2,), layer_norm=config.layer_norm, precision=precision
+            (seen + action_size, *config.hidden, outputs), encoder, (2,), config.layer_norm, precision
         )
         self._loss = quantile_huber_loss if config.distributional else squared_loss
 

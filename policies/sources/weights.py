@@ -68,11 +68,22 @@ class WeightsCard(BaseModel):
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shape of each tensor by name: weights (in, out) and biases (out,) of each layer in turn."""
-        shapes: dict[str, tuple[int, ...]] = {}
-        for i, (fan_in, width) in enumerate(pairwise(self.widths)):
-            shapes[f"{i}.weight"] = (fan_in, width)
-            shapes[f"{i}.bias"] = (width,)
-        return shapes
+        return layer_shapes(self.widths)
+
+
+def layer_shapes(widths: tuple[int, ...], prefix: str = "") -> dict[str, tuple[int, ...]]:
+    """Shape of each tensor of layers of these widths, from the input on, by name."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for i, (fan_in, width) in enumerate(pairwise(widths)):
+        shapes[f"{prefix}{i}.weight"] = (fan_in, width)
+        shapes[f"{prefix}{i}.bias"] = (width,)
+    return shapes
+
+
+def layers_of(tensors: Mapping[str, NDArray[np.float32]], prefix: str = "") -> list[tuple[Batch, Batch]]:
+    """Weight and bias of each of those layers in turn."""
+    count = sum(name.startswith(prefix) and name[len(prefix) :].count(".") == 1 for name in tensors) // 2
+    return [(tensors[f"{prefix}{i}.weight"], tensors[f"{prefix}{i}.bias"]) for i in range(count)]
 
 
 def save_weights(path: Path, tensors: Mapping[str, NDArray[np.float32]], card: WeightsCard) -> None:
@@ -105,9 +116,7 @@ def mean_network(tensors: Mapping[str, NDArray[np.float32]], actions: int) -> Ml
             logarithms of their deviations, which are left out.
         actions: numbers of an action.
     """
-    *hidden, (weight, bias) = (
-        (tensors[f"{i}.weight"], tensors[f"{i}.bias"]) for i in range(len(tensors) // 2)
-    )
+    *hidden, (weight, bias) = layers_of(tensors)
     means: tuple[Batch, Batch] = (np.ascontiguousarray(weight[:, :actions]), bias[:actions])
     return Mlp((*hidden, means), "relu", "tanh")
 

@@ -11,7 +11,7 @@ from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.training.coached import CoachedStart
 from nathlon.policies.training.rewards import RewardWeights
 from nathlon.sim.data_file import Section, read_toml
-from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observation import VERSION, ObservationSpec
 from nathlon.sim.scenario import Delay
 
 Count = Annotated[int, Field(ge=1, le=10**12)]
@@ -20,6 +20,8 @@ Cars = Annotated[int, Field(ge=1, le=20)]
 CONFIGS = Path(__file__).parent / "configs"
 """The configurations that come with nathlon."""
 
+ANY = "any"
+"""Stands for the circuits and cars of a variety."""
 SELF, PAST = "self", "past"
 """Opponents: the policy in training, and one of its checkpoints so far."""
 
@@ -56,7 +58,8 @@ class Rollouts(Section):
 
     Attributes:
         scenario: name of a shipped one, or path.
-        races: how many.
+        races: how many, in each world.
+        worlds: how many worlds; of a variety each has another pair of circuit and car.
         learners: cars a race that the learner drives and learns from.
         places: their starting places, 1 is the first; without it they are spread from the last.
         opponents: who drive the others, each car drawn anew at each start; without any, those of the run.
@@ -69,6 +72,7 @@ class Rollouts(Section):
 
     scenario: str
     races: Annotated[int, Field(ge=1, le=10_000)]
+    worlds: Annotated[int, Field(ge=1, le=1000)] = 1
     learners: Cars
     places: tuple[Cars, ...] | None = None
     opponents: Opponents = ()
@@ -84,6 +88,26 @@ class Rollouts(Section):
         return self
 
 
+class Variety(Section):
+    """Pairs of circuit and car without end, which the rollouts drive in turn.
+
+    Attributes:
+        pairs: how many generated circuits, each with a generated car of its own.
+        first_seed: of the first circuit and car.
+        home: whether the circuits and cars that come with nathlon are among them, each with each.
+        slippery: share of the generated ones whose road is wet or worse.
+        held_out: further generated pairs, on which checkpoints are evaluated.
+        stint_s: simulated time, s, that a world of the rollouts stays with a pair.
+    """
+
+    pairs: Annotated[int, Field(ge=1, le=100_000)]
+    first_seed: Annotated[int, Field(ge=0, le=2**40)] = 0
+    home: bool = True
+    slippery: Annotated[float, Field(ge=0, le=1)] = 0.2
+    held_out: Annotated[int, Field(ge=1, le=100)] = 6
+    stint_s: Annotated[float, Field(gt=0, le=1e6)] = 120.0
+
+
 class ObservationSettings(Section):
     """The observation spec to train on; see nathlon.sim.observation."""
 
@@ -91,6 +115,7 @@ class ObservationSettings(Section):
     horizon_s: Annotated[float, Field(gt=0, le=60)] = 6.0
     cars_ahead: Annotated[int, Field(ge=0, le=500)] = 4
     cars_behind: Annotated[int, Field(ge=0, le=500)] = 4
+    version: Literal[2, 3] = VERSION
 
     def spec(self) -> ObservationSpec:
         """The spec itself."""
@@ -101,6 +126,8 @@ class TrainingConfig(Section):
     """A training run.
 
     Attributes:
+        circuit, car: what is driven; `any` where there is a variety.
+        variety: of circuits and cars, in place of one of each.
         updates: gradient updates of the whole run.
         updates_per_step: updates after each step of all rollouts.
         warm_up: transitions to gather before the first update.
@@ -115,8 +142,9 @@ class TrainingConfig(Section):
         keep_replay: whether a stop keeps the replay tables too, so that going on needs no warm-up.
     """
 
-    circuit: str
-    car: str
+    circuit: str = ANY
+    car: str = ANY
+    variety: Variety | None = None
     updates: Count
     updates_per_step: Annotated[int, Field(ge=1, le=100_000)]
     warm_up: Count
@@ -138,6 +166,13 @@ class TrainingConfig(Section):
         """Of each minibatch, by rollouts; they add up to 1."""
         given = [rollouts.share or 1.0 for rollouts in self.rollouts]
         return tuple(share / sum(given) for share in given)
+
+    @model_validator(mode="after")
+    def _one_or_many(self) -> TrainingConfig:
+        for name in ("circuit", "car"):
+            if (getattr(self, name) == ANY) != (self.variety is not None):
+                raise ValueError(f"{name} is {getattr(self, name)!r}, expected one, or a variety")
+        return self
 
     @model_validator(mode="after")
     def _shares_add_up(self) -> TrainingConfig:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.policies.training.pairs import Pair
 from nathlon.sim.car import load_car
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.scenario import load_scenario
@@ -27,19 +28,19 @@ class LapEvaluation(NamedTuple):
 
 
 def evaluate_laps(
-    circuit: str, car: str, spec: ObservationSpec, act: Callable[[Array], Array], seed: int
+    pair: Pair, spec: ObservationSpec, act: Callable[[Array], Array], seed: int
 ) -> LapEvaluation:
     """Drive the time trial from a few starts.
 
     Args:
-        circuit: name of the circuit.
-        car: name of the car.
+        pair: circuit, car and grip.
         spec: what the policy sees.
         act: actions (n, 2) for observations (n, spec.size).
         seed: of the starts.
     """
-    scenario, track = load_scenario(SCENARIO), load_track(circuit)
-    world = scenario.world(track, load_car(car), RUNS)
+    scenario, track = load_scenario(SCENARIO), load_track(pair.circuit)
+    scenario = scenario.model_copy(update={"grip": pair.surfaces})
+    world = scenario.world(track, load_car(pair.car), RUNS)
     rng = np.random.default_rng(seed)
     for race in range(RUNS):
         world.reset(race, scenario.place(track, rng))
@@ -49,3 +50,8 @@ def evaluate_laps(
     state = world.state[:, 0]
     driven = np.where(np.isnan(state["finish_s"]), world.time, state["finish_s"])
     return LapEvaluation(float(state["best_lap_s"].mean()), float(state["off_course_s"].sum() / driven.sum()))
+
+
+def mean_laps(evaluations: Iterable[LapEvaluation]) -> LapEvaluation:
+    """The mean over circuits and cars."""
+    return LapEvaluation(*(float(mean) for mean in np.mean(list(evaluations), axis=0)))

@@ -24,6 +24,7 @@ from nathlon.policies.checkpoint import checkpoint_id, load_checkpoint, read_che
 from nathlon.policies.replay_buffer.tables import apportion
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
 from nathlon.policies.training.proximal import Proximal
 from nathlon.policies.training.trial import Trial
@@ -156,7 +157,7 @@ class Polish:
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         network = load_checkpoint(path).network
-        laps = evaluate_laps(card.circuit, card.car, card.observation, network, self._seed)
+        laps = evaluate_laps(Pair(card.circuit, card.car), card.observation, network, self._seed)
         row = [[self.rounds, card.step, card.transitions, reward, laps.lap_s, laps.off_course_share]]
         self._curve = np.concatenate([self._curve, row])
         write_curve(self._folder, self._curve)

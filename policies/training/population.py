@@ -12,6 +12,7 @@ from nathlon.policies.apart import load_guest
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import PAST, SELF, Opponent
+from nathlon.policies.training.pairs import Pair
 
 
 class Population:
@@ -23,14 +24,18 @@ class Population:
         policies: one for each opponent of the configuration, in their order.
     """
 
-    def __init__(self, opponents: Sequence[Opponent], circuit: str, car: str) -> None:
+    def __init__(self, opponents: Sequence[Opponent], pair: Pair) -> None:
         """Opponents on a circuit and in a car; at least one is neither `self` nor `past`.
 
         Raises:
             InputError: if one is not known or cannot be read.
         """
         self._names = [opponent.policy for opponent in opponents]
-        loaded = {name: load_guest(name, circuit, car) for name in self._names if name not in (SELF, PAST)}
+        loaded = {
+            name: load_guest(pair.wise(name), pair.circuit, pair.car)
+            for name in self._names
+            if name not in (SELF, PAST)
+        }
         self.policies: list[Policy] = [loaded.get(name, next(iter(loaded.values()))) for name in self._names]
         weights = np.array([opponent.weight for opponent in opponents])
         self._chances = weights / weights.sum()

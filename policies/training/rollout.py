@@ -16,6 +16,7 @@ from nathlon.policies.training.coached import SHARE, Coached
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import Demonstrators
 from nathlon.policies.training.mistakes import Mistakes
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import Reward, Rewards
 from nathlon.sim.episode import Episodes
@@ -41,9 +42,11 @@ class Step(NamedTuple):
     valid: Flags
 
 
-def scenario_of(rollouts: Rollouts) -> Scenario:
-    """The scenario of the races, with the perception delay that they have in place of its own."""
+def scenario_of(rollouts: Rollouts, pair: Pair) -> Scenario:
+    """The scenario of the races, with the perception delay and grip that they have in place of its own."""
     scenario = load_scenario(rollouts.scenario)
+    if pair.grip != 1.0:
+        scenario = scenario.model_copy(update={"grip": pair.surfaces})
     delay = rollouts.perception_delay_s
     if delay is None:
         return scenario
@@ -81,24 +84,30 @@ class Rollout:
         driven_s, off_course_s: time driven by the learner's cars, and that off course, s.
     """
 
-    def __init__(self, config: TrainingConfig, rollouts: Rollouts, rng: np.random.Generator) -> None:
+    def __init__(
+        self, config: TrainingConfig, rollouts: Rollouts, pair: Pair, rng: np.random.Generator
+    ) -> None:
         """Races at their start.
+
+        Args:
+            config: of which the rollouts are a part.
+            rollouts: scenario, learners and opponents.
+            pair: circuit and car.
+            rng: draws starts and opponents.
 
         Raises:
             InputError: if the scenario has fewer cars than learners, or nobody drives the others.
         """
-        episodes = Episodes(
-            config.circuit, config.car, scenario_of(rollouts), rollouts.races, stuck_s=STUCK_S
-        )
+        scenario = scenario_of(rollouts, pair)
+        episodes = Episodes(pair.circuit, pair.car, scenario, rollouts.races, stuck_s=STUCK_S)
         learners = learners_of(rollouts, episodes.scenario.cars)
-        opponents = rollouts.opponents or config.opponents
-        self._population = Population(opponents, config.circuit, config.car)
+        self._population = Population(rollouts.opponents or config.opponents, pair)
         self.episodes, self._learners = episodes, learners
         self._env = OpponentWrapper(
             episodes, learners.tolist(), config.observation.spec(), self._population.policies
         )
         self._demonstrators = Demonstrators(
-            load_opponents(rollouts.demonstrators, config.circuit, config.car),
+            load_opponents([pair.wise(name) for name in rollouts.demonstrators], pair.circuit, pair.car),
             episodes,
             self._env.races,
             self._env.cars,

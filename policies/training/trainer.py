@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -18,8 +18,9 @@ from nathlon.policies.checkpoint import Card, save_checkpoint
 from nathlon.policies.qrsac.learner import QRSAC
 from nathlon.policies.replay_buffer.tables import ReplayTables
 from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
 from nathlon.policies.training.log import Status, TrainingLog
+from nathlon.policies.training.pairs import Pair, prepare
 from nathlon.policies.training.state import (
     REPLAY_FILE,
     STATE_FILE,
@@ -38,6 +39,8 @@ from nathlon.sim.whole_file import whole_file
 
 CONFIG_FILE = "run.json"
 CHECKPOINTS = "checkpoints"
+PAIRS = "pairs"
+"""Folder of the circuits and cars of a variety."""
 ACTION_SIZE = 2
 LOG_EVERY = 250
 
@@ -68,7 +71,14 @@ class Trainer:
         self._rng = np.random.default_rng(replay)
         generator = torch.Generator(device).manual_seed(int(learner.generate_state(1)[0]))
         self._spec = config.observation.spec()
-        self.learner = QRSAC(self._spec.size, ACTION_SIZE, config.qrsac, generator, updates=config.updates)
+        self.learner = QRSAC(
+            self._spec.size,
+            ACTION_SIZE,
+            config.qrsac,
+            generator,
+            updates=config.updates,
+            facts=self._spec.facts,
+        )
         self.replay = _tables(config)
         self.updates = self.transitions = 0
         self._wall_s = 0.0
@@ -155,17 +165,21 @@ class Trainer:
         self.updates, self.transitions, self._wall_s = state.updates, state.transitions, state.wall_s
         self._rng.bit_generator.state = state.rng
 
-    def run(self, on_status: Callable[[Status], None]) -> None:
+    def run(
+        self, on_status: Callable[[Status], None], on_pair: Callable[[int, int], None] = lambda *_: None
+    ) -> None:
         """Train to the end of the configuration, or until KeyboardInterrupt; either way the state is kept.
 
         Args:
             on_status: called every few hundred updates.
+            on_pair: told how many pairs of a variety are ready, and of how many.
 
         Raises:
             InputError: if training diverges, a rollout cannot be made or the disk is full; the last
                 checkpoint and the last state are left as they are.
         """
-        log, workers = TrainingLog(self.folder), self._worker_pool()
+        pairs, self._evaluated = self._pairs(on_pair)
+        log, workers = TrainingLog(self.folder), self._worker_pool(pairs)
         began, first = time.perf_counter() - self._wall_s, self.updates
         started, next_log = time.perf_counter(), self.updates
         try:
@@ -193,13 +207,20 @@ class Trainer:
             workers.close()
             log.close()
 
-    def _worker_pool(self) -> WorkerPool:
+    def _pairs(self, on_pair: Callable[[int, int], None]) -> tuple[list[Pair], list[Pair]]:
+        """Circuits and cars to train on, and to evaluate checkpoints on."""
+        if self.config.variety is not None:
+            return prepare(self.folder / PAIRS, self.config.variety, on_pair)
+        only = [Pair(self.config.circuit, self.config.car)]
+        return only, only
+
+    def _worker_pool(self, pairs: Sequence[Pair]) -> WorkerPool:
         # Episodes to come must not repeat those before a stop.
         seed = np.random.SeedSequence([self.seed, self.updates])
         network, news = self.learner.policy_network, self._news()
         if self.config.workers:
-            return ProcessWorkers(self.config, network, news, seed)
-        return LocalWorkers(RolloutWorker(self.config, network, news, seed))
+            return ProcessWorkers(self.config, pairs, network, news, seed)
+        return LocalWorkers(RolloutWorker(self.config, pairs, network, news, seed))
 
     def _news(self) -> News:
         past = tuple(sorted((self.folder / CHECKPOINTS).glob("*.safetensors")))
@@ -246,6 +267,7 @@ class Trainer:
         card = Card(
             algorithm="QR-SAC" if config.qrsac.distributional else "SAC",
             hidden=config.qrsac.hidden,
+            encoder=config.qrsac.encoder,
             observation=self._spec,
             circuit=config.circuit,
             car=config.car,
@@ -261,12 +283,9 @@ class Trainer:
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         self._save_state()
-        laps = evaluate_laps(
-            config.circuit,
-            config.car,
-            self._spec,
-            lambda seen: self.learner.act(seen, stochastic=False),
-            self.seed,
+        laps = mean_laps(
+            evaluate_laps(pair, self._spec, lambda seen: self.learner.act(seen, stochastic=False), self.seed)
+            for pair in self._evaluated
         )
         log.checkpoint(self.updates, self.transitions, self._wall_s, laps, self._metrics)
 
@@ -287,7 +306,7 @@ def _workers(config: TrainingConfig) -> int:
 
 def _tables(config: TrainingConfig) -> ReplayTables:
     """A table for the experience of each worker in each rollout, or in all."""
-    slots = [rollouts.races * rollouts.learners for rollouts in config.rollouts]
+    slots = [rollouts.worlds * rollouts.races * rollouts.learners for rollouts in config.rollouts]
     shares = list(config.shares)
     if config.tables == "one":
         slots, shares = [sum(slots)], [1.0]

@@ -19,6 +19,7 @@ from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.training.advantage import advantages, discounted
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.failures import Failure, Failures
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import CONTACTS, Reward
 from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of
@@ -99,11 +100,12 @@ class Trial:
         Raises:
             InputError: if the races cannot be made.
         """
-        scenario = scenario_of(rollouts)
+        pair = Pair(config.circuit, config.car)
+        scenario = scenario_of(rollouts, pair)
         self._starts, self._again = starts, round(rollouts.mistakes * starts)
         self._episodes = Episodes(config.circuit, config.car, scenario, starts * GROUP, threads, STUCK_S)
         learners = learners_of(rollouts, scenario.cars)
-        self._population = Population(rollouts.opponents or config.opponents, config.circuit, config.car)
+        self._population = Population(rollouts.opponents or config.opponents, pair)
         policy = load_checkpoint(checkpoint)
         self._population.meet(policy, (checkpoint,), np.random.default_rng(0))  # nothing to choose from
         self._env = OpponentWrapper(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,37 +14,11 @@ from torch import Tensor
 
 from nathlon.policies.policy import Batch
 from nathlon.policies.qrsac.networks import Perceptron, act
-from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.rewards import Rewards
-from nathlon.policies.training.rollout import Rollout, Step
+from nathlon.policies.training.config import Rollouts, TrainingConfig
+from nathlon.policies.training.pairs import Pair, PairDraw
+from nathlon.policies.training.rollout import Step
+from nathlon.policies.training.stint import Stint, Tally
 from nathlon.sim.observation import ObservationSpec
-
-
-@dataclass
-class Tally:
-    """What happened in some steps of rollouts.
-
-    Attributes:
-        laps: lap times driven, s.
-        steps: steps of single cars.
-        driven_s, off_course_s: time driven by the learner's cars, and that off course, s.
-        components: sum of each component of the reward over those steps, unweighted.
-    """
-
-    laps: list[float] = field(default_factory=list)
-    steps: int = 0
-    driven_s: float = 0.0
-    off_course_s: float = 0.0
-    components: dict[str, float] = field(default_factory=dict)
-
-    def add(self, other: Tally) -> None:
-        """Take in another tally."""
-        self.laps += other.laps
-        self.steps += other.steps
-        self.driven_s += other.driven_s
-        self.off_course_s += other.off_course_s
-        for name, value in other.components.items():
-            self.components[name] = self.components.get(name, 0.0) + value
 
 
 class Experience(NamedTuple):
@@ -100,12 +74,18 @@ class RolloutWorker:
     """Steps all rollouts of a configuration."""
 
     def __init__(
-        self, config: TrainingConfig, network: Perceptron, news: News, seed: np.random.SeedSequence
+        self,
+        config: TrainingConfig,
+        pairs: Sequence[Pair],
+        network: Perceptron,
+        news: News,
+        seed: np.random.SeedSequence,
     ) -> None:
         """Rollouts at their start.
 
         Args:
             config: the training run.
+            pairs: of circuit and car to drive.
             network: the policy that drives the learner's cars.
             news: its parameters to begin with.
             seed: of all that is drawn.
@@ -114,11 +94,12 @@ class RolloutWorker:
             InputError: if a rollout of the configuration cannot be made.
         """
         exploration, *streams = seed.spawn(1 + len(config.rollouts))
+        draw = PairDraw(pairs, np.random.default_rng(exploration))
         self._generator = torch.Generator().manual_seed(int(exploration.generate_state(1)[0]))
         self._policy = CurrentPolicy(config.observation.spec(), network, torch.from_numpy(news.parameters))
         self._network = network
-        self._rollouts = [
-            Rollout(config, rollouts, np.random.default_rng(stream))
+        self._worlds = [
+            [Stint(config, rollouts, draw, np.random.default_rng(each)) for each in _spawned(stream, rollouts)]
             for rollouts, stream in zip(config.rollouts, streams, strict=True)
         ]
         self.hear(news)
@@ -126,28 +107,26 @@ class RolloutWorker:
     def hear(self, news: News) -> None:
         """Act with these parameters from now on, and race against these checkpoints."""
         self._policy.parameters = torch.from_numpy(news.parameters)
-        for rollout in self._rollouts:
-            rollout.meet(self._policy, news.past)
+        for stint in chain(*self._worlds):
+            stint.meet(self._policy, news.past)
 
     def step(self) -> Gathered:
         """Advance every rollout by one step."""
-        seen = [rollout.observation for rollout in self._rollouts]
+        seen = [stint.observation for stint in chain(*self._worlds)]
         actions = act(self._network, self._policy.parameters, np.concatenate(seen), self._generator)
         experience, tally, first = [], Tally(), 0
-        for rollout, observation in zip(self._rollouts, seen, strict=True):
-            step, components = rollout.step(actions[first : first + rollout.slots])
-            first += rollout.slots
-            experience.append(Experience(observation, step))
-            tally.add(_tally(rollout, step, components))
+        for worlds in self._worlds:
+            parts = []
+            for stint in worlds:
+                observation, slots = stint.observation, len(stint.observation)
+                step, happened = stint.step(actions[first : first + slots])
+                first += slots
+                parts.append(Experience(observation, step))
+                tally.add(happened)
+            experience.append(Experience.join(parts) if len(parts) > 1 else parts[0])
         return Gathered(experience, tally)
 
 
-def _tally(rollout: Rollout, step: Step, components: dict[str, Rewards]) -> Tally:
-    """What happened in the last step of a rollout; demonstrations tell nothing of the learner."""
-    laps, rollout.laps = rollout.laps, []
-    driven_s, rollout.driven_s = rollout.driven_s, 0.0
-    off_course_s, rollout.off_course_s = rollout.off_course_s, 0.0
-    if rollout.demonstrated:
-        return Tally()
-    sums = {name: float(value[step.valid].sum()) for name, value in components.items()}
-    return Tally(laps, int(step.valid.sum()), driven_s, off_course_s, sums)
+def _spawned(stream: np.random.SeedSequence, rollouts: Rollouts) -> list[np.random.SeedSequence]:
+    """A seed for each world of the rollouts; of a single one that of them all."""
+    return [stream] if rollouts.worlds == 1 else stream.spawn(rollouts.worlds)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from typing import Protocol
@@ -13,6 +14,7 @@ import torch
 
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.worker import Gathered, News, RolloutWorker
 from nathlon.sim.errors import InputError
 
@@ -62,7 +64,12 @@ class ProcessWorkers:
     """Workers in processes of their own, which go on stepping until they are `STEPS_AHEAD`."""
 
     def __init__(
-        self, config: TrainingConfig, network: Perceptron, news: News, seed: np.random.SeedSequence
+        self,
+        config: TrainingConfig,
+        pairs: Sequence[Pair],
+        network: Perceptron,
+        news: News,
+        seed: np.random.SeedSequence,
     ) -> None:
         """Start the processes, as many as the configuration says; for the arguments see `RolloutWorker`."""
         context = multiprocessing.get_context("spawn")
@@ -70,7 +77,8 @@ class ProcessWorkers:
         self._processes = []
         for stream in seed.spawn(config.workers):
             here, there = context.Pipe()
-            process = context.Process(target=_serve, args=(there, config, network, news, stream), daemon=True)
+            arguments = (there, config, pairs, network, news, stream)
+            process = context.Process(target=_serve, args=arguments, daemon=True)
             process.start()
             there.close()
             self._pipes.append(here)
@@ -119,13 +127,18 @@ class ProcessWorkers:
 
 
 def _serve(
-    pipe: Connection, config: TrainingConfig, network: Perceptron, news: News, seed: np.random.SeedSequence
+    pipe: Connection,
+    config: TrainingConfig,
+    pairs: Sequence[Pair],
+    network: Perceptron,
+    news: News,
+    seed: np.random.SeedSequence,
 ) -> None:
     # Ctrl-C reaches the whole group; the learner's process decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
     try:
-        worker = RolloutWorker(config, network, news, seed)
+        worker = RolloutWorker(config, pairs, network, news, seed)
     except InputError as error:
         pipe.send(error)
         return

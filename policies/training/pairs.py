@@ -1,0 +1,150 @@
+"""Pairs of circuit and car: which there are, and which is driven next.
+
+Those that go badly, against the built-in driver, are drawn more often.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from nathlon.policies.driver import Driver
+from nathlon.policies.sources import DRIVER
+from nathlon.policies.training.config import Variety
+from nathlon.sim.car_family import PARENTS, generate_car, write_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.physics.course import SurfaceGrip
+from nathlon.sim.track import load_track
+from nathlon.sim.track.generating import write_generated
+from nathlon.sim.track.styles import STYLES
+from nathlon.sim.untrusted_file import read_text
+from nathlon.sim.whole_file import whole_file
+
+HOME = ("lindenring", "porto-sereno", "grandes-landes")
+SLIPPERY = (0.6, 0.95)
+"""Grip of a wet road, as a multiple of that of a dry one."""
+EASY, HARD = 0.05, 1.0
+"""Least and greatest weight of a pair in the draw."""
+WELL = 1.05
+"""Share of the driver's speed at which a pair is as easy as can be."""
+FORGETTING = 0.5
+"""Share of what is known of a pair that a further stint replaces."""
+
+
+class Pair(NamedTuple):
+    """A circuit and a car.
+
+    Attributes:
+        circuit, car: names or paths.
+        grip: of all surfaces, as a multiple of that when dry.
+        lap_s: of the built-in driver; nan where nobody asks.
+    """
+
+    circuit: str
+    car: str
+    grip: float = 1.0
+    lap_s: float = float("nan")
+
+    @property
+    def surfaces(self) -> SurfaceGrip:
+        """Grip of each surface."""
+        return SurfaceGrip(tarmac=self.grip, kerb=self.grip, grass=self.grip, gravel=self.grip)
+
+    def wise(self, policy: str) -> str:
+        """A policy's name, of built-in drivers that of one who has practised on this grip."""
+        kind, _, settings = policy.partition(":")
+        if kind != DRIVER or self.grip == 1.0:
+            return policy
+        return f"{DRIVER}:{','.join(filter(None, (settings, f'grip={self.grip:g}')))}"
+
+
+class PairDraw:
+    """Draws pairs, more often those that went badly when they were last driven."""
+
+    def __init__(self, pairs: Sequence[Pair], rng: np.random.Generator) -> None:
+        """Nothing is known of any of the pairs yet."""
+        self._pairs, self._rng = tuple(pairs), rng
+        self._weights = np.full(len(pairs), HARD)
+
+    def draw(self) -> Pair:
+        """The next pair."""
+        if len(self._pairs) == 1:
+            return self._pairs[0]
+        return self._pairs[self._rng.choice(len(self._pairs), p=self._weights / self._weights.sum())]
+
+    def note(self, pair: Pair, speed: float) -> None:
+        """Learn at what mean speed a pair was driven, m/s of progress on the course."""
+        pace = speed * pair.lap_s / load_track(pair.circuit).length
+        weight = min(max(WELL - pace, EASY), HARD)
+        index = self._pairs.index(pair)
+        self._weights[index] += FORGETTING * (weight - self._weights[index])
+
+
+def prepare(
+    folder: Path, variety: Variety, on_pair: Callable[[int, int], None]
+) -> tuple[list[Pair], list[Pair]]:
+    """The pairs of a variety, those to train on and those held out; made and practised where they are not yet.
+
+    Args:
+        folder: where the files of circuits and cars are; what it holds already is taken.
+        variety: which.
+        on_pair: told how many pairs are ready, and of how many.
+
+    Raises:
+        InputError: if the folder cannot be written or holds something else.
+    """
+    wanted = [("generated", variety.first_seed + i) for i in range(variety.pairs + variety.held_out)]
+    if variety.home:
+        wanted += [("home", i) for i in range(len(HOME) * len(PARENTS))]
+    ready: dict[tuple[str, int], Pair | None] = {}
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as processes:
+        waiting = {key: processes.submit(_prepared, folder, *key, variety.slippery) for key in wanted}
+        for key, pair in waiting.items():
+            ready[key] = pair.result()
+            on_pair(len(ready), len(wanted))
+    held_out = set(wanted[variety.pairs : variety.pairs + variety.held_out])
+    trained = [pair for key, pair in ready.items() if key not in held_out and pair is not None]
+    return trained, [pair for key, pair in ready.items() if key in held_out and pair is not None]
+
+
+def _prepared(folder: Path, kind: str, number: int, slippery: float) -> Pair | None:
+    """A pair with the lap of a driver who has practised; None if no driver gets round."""
+    note = folder / f"{kind}-{number}.json"
+    if note.exists():
+        try:
+            known = json.loads(read_text(note, "pair"))
+            return None if known is None else Pair(*known)
+        except (ValueError, TypeError):
+            raise InputError(f"{note}: expected the JSON of a circuit, a car, a grip and a lap time") from None
+    folder.mkdir(parents=True, exist_ok=True)
+    if kind == "generated":
+        pair = _generated(folder, number, slippery)
+    else:
+        pair = Pair(HOME[number // len(PARENTS)], PARENTS[number % len(PARENTS)])
+    try:
+        driver = Driver(pair.circuit, pair.car, grip=pair.grip)
+    except InputError:
+        made = None
+    else:
+        made = pair._replace(lap_s=driver.lap_s)
+    with whole_file(note) as partial:
+        partial.write_text(json.dumps(made), "utf-8")
+    return made
+
+
+def _generated(folder: Path, seed: int, slippery: float) -> Pair:
+    rng = np.random.default_rng(seed)
+    style = list(STYLES)[seed % len(STYLES)]
+    circuit, car = folder / f"{style}-{seed}", folder / f"car-{seed}.toml"
+    if not circuit.exists():
+        write_generated(folder, seed, style)
+    if not car.exists():
+        write_car(car, generate_car(seed))
+    grip = round(float(rng.uniform(*SLIPPERY)), 2) if rng.random() < slippery else 1.0
+    return Pair(str(circuit), str(car), grip)
