@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
@@ -75,6 +76,7 @@ def _planner(source: PlannedSource) -> Mppi:
     return Mppi(prior, source.identity, source.objective)
 
 
+@lru_cache(maxsize=1000)
 def _driver(source: str, circuit: str, car: str) -> Policy:
     settings = driver_settings(source)
     driver = Driver(circuit, car, settings.pace, settings.lane, settings.grip)

@@ -77,21 +77,20 @@ class EncodedMlp:
     """Layers behind an encoder of the inputs' last numbers, which hardly ever change.
 
     What the encoder adds to the first layer is a bias, made anew only where those numbers are others than before.
+
+    Attributes:
+        encoder: of the facts.
+        network: of the other inputs, then what the encoder gives.
+        facts: how many of the inputs, the last ones, are encoded.
     """
 
     def __init__(self, encoder: Mlp, network: Mlp, facts: int) -> None:
-        """A network and its encoder.
-
-        Args:
-            encoder: of so many facts.
-            network: of the other inputs, then what the encoder gives.
-            facts: how many of the inputs, the last ones, are encoded.
-        """
+        """A network and its encoder; see the attributes."""
         (weight, bias), *others = network.layers
-        self._encoder, self._network, self._facts = encoder, network, facts
+        self.encoder, self.network, self.facts = encoder, network, facts
         self._rows = len(weight) - len(encoder.layers[-1][1])
         self._of_facts, self._bias = weight[self._rows :], bias
-        self._weight, self._others = np.ascontiguousarray(weight[: self._rows]), tuple(others)
+        self._weight, self._others = weight[: self._rows], tuple(others)
         self._known = np.full(facts, np.nan, np.float32)
         self._folded = network
 
@@ -110,7 +109,7 @@ class EncodedMlp:
     def _fold(self, facts: Batch) -> Mlp:
         """The layers for these facts, (facts,)."""
         if not np.array_equal(facts, self._known):
-            bias = self._bias + (self._encoder(facts[None]) @ self._of_facts)[0]
-            self._folded = replace(self._network, layers=((self._weight, bias), *self._others))
+            bias = self._bias + (self.encoder(facts[None]) @ self._of_facts)[0]
+            self._folded = replace(self.network, layers=((self._weight, bias), *self._others))
             self._known = facts.copy()
         return self._folded

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from nathlon.policies.checkpoint import ACTION_SIZE, NetworkPolicy
+from nathlon.policies.checkpoint import ACTION_SIZE, ENCODER, NetworkPolicy
+from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
 from nathlon.policies.sources.onnx_graph import OnnxGraph, checked_card, open_session, shapes
@@ -93,17 +94,18 @@ def export_onnx(policy: NetworkPolicy, path: Path) -> None:
 def _graph(policy: NetworkPolicy) -> bytes:
     from onnx import TensorProto, helper, numpy_helper
 
-    operators = {"relu": "Relu", "tanh": "Tanh"}
     network, size = policy.network, policy.observation_spec.size
     nodes, weights, layer = [], [], "observation"
-    for index, tensors in enumerate(network.layers):
-        names = [f"{index}.weight", f"{index}.bias"]
-        weights += [numpy_helper.from_array(array, name) for array, name in zip(tensors, names, strict=True)]
-        nodes.append(helper.make_node("Gemm", [layer, *names], [f"{index}.sum"]))
-        last = index == len(network.layers) - 1
-        layer = "action" if last else f"{index}.out"
-        function = operators[network.output if last else network.hidden]
-        nodes.append(helper.make_node(function, [f"{index}.sum"], [layer]))
+    if isinstance(network, EncodedMlp):
+        sizes = np.array([size - network.facts, network.facts])
+        weights.append(numpy_helper.from_array(sizes, "sizes"))
+        nodes.append(helper.make_node("Split", [layer, "sizes"], ["seen", "facts"], axis=1))
+        layers = _layers(network.encoder, "facts", "encoded", ENCODER)
+        nodes, weights = nodes + layers[0], weights + layers[1]
+        nodes.append(helper.make_node("Concat", ["seen", "encoded"], ["inputs"], axis=1))
+        layer, network = "inputs", network.network
+    layers = _layers(network, layer, "action")
+    nodes, weights = nodes + layers[0], weights + layers[1]
     graph = helper.make_graph(
         nodes,
         "policy",
@@ -114,5 +116,28 @@ def _graph(policy: NetworkPolicy) -> bytes:
     model = helper.make_model(
         graph, producer_name="nathlon", opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION
     )
-    helper.set_model_props(model, {CARD_KEY: policy.card.model_dump_json(exclude={"hidden"})})
+    helper.set_model_props(model, {CARD_KEY: policy.card.model_dump_json(exclude={"hidden", "encoder"})})
     return model.SerializeToString(deterministic=True)
+
+
+def _layers(network: Mlp, layer: str, output: str, prefix: str = "") -> tuple[list[Any], list[Any]]:
+    """The nodes of a perceptron and their weights.
+
+    Args:
+        network: the perceptron.
+        layer, output: names of what it takes and gives.
+        prefix: of the names of all between.
+    """
+    from onnx import helper, numpy_helper
+
+    operators = {"relu": "Relu", "tanh": "Tanh"}
+    nodes, weights = [], []
+    for index, tensors in enumerate(network.layers):
+        name, last = f"{prefix}{index}", index == len(network.layers) - 1
+        names = [f"{name}.weight", f"{name}.bias"]
+        weights += [numpy_helper.from_array(array, each) for array, each in zip(tensors, names, strict=True)]
+        nodes.append(helper.make_node("Gemm", [layer, *names], [f"{name}.sum"]))
+        layer = output if last else f"{name}.out"
+        function = operators[network.output if last else network.hidden]
+        nodes.append(helper.make_node(function, [f"{name}.sum"], [layer]))
+    return nodes, weights

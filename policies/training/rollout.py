@@ -101,7 +101,8 @@ class Rollout:
         scenario = scenario_of(rollouts, pair)
         episodes = Episodes(pair.circuit, pair.car, scenario, rollouts.races, stuck_s=STUCK_S)
         learners = learners_of(rollouts, episodes.scenario.cars)
-        self._population = Population(rollouts.opponents or config.opponents, pair)
+        opponents = (rollouts.opponents or config.opponents) if len(learners) < scenario.cars else ()
+        self._population = Population(opponents, pair)
         self.episodes, self._learners = episodes, learners
         self._env = OpponentWrapper(
             episodes, learners.tolist(), config.observation.spec(), self._population.policies
