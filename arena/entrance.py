@@ -9,6 +9,7 @@ from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, only_once, weights
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file
 from nathlon.sim.errors import InputError
 
@@ -81,7 +82,8 @@ def home(path: Path) -> tuple[str | None, str | None]:
         InputError: if it cannot be read.
     """
     card = load_file(path).card
-    return card.circuit, card.car
+    circuit, car = (None if name == ANY else name for name in (card.circuit, card.car))
+    return circuit, car
 
 
 def check_opponents(pool: Pool, sources: Iterable[str], beside: Entrant, field: str) -> None:

@@ -11,6 +11,7 @@ import polars as pl
 
 from nathlon.arena.results import ENTRANTS
 from nathlon.arena.worlds.registry import RACING
+from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file, load_policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN
 from nathlon.policies.sources.composite import CompositeSource
@@ -85,7 +86,7 @@ def _enter(source: str, circuit: str, car: str) -> Entrant:
     policy = load_file(Path(source))
     card = policy.card
     for field, made_for, wanted in (("circuit", card.circuit, circuit), ("car", card.car, car)):
-        if made_for not in (None, wanted):
+        if made_for not in (None, ANY, wanted):
             raise InputError(f"{source}: {field} is {made_for!r}, expected {wanted!r}")
     algorithm = card.algorithm or "unknown"
     return Entrant(policy.id, Path(source).stem, source, algorithm, circuit, car, card.step, card.seed)

@@ -33,6 +33,8 @@ from nathlon.policies.sources.weights import (
 from nathlon.sim.observation import ObservationSpec
 
 ACTION_SIZE = 2
+ANY = "any"
+"""Circuit and car of a policy that drives all of them."""
 ENCODER = "encoder."
 """What the names of an encoder's tensors begin with."""
 
@@ -59,7 +61,7 @@ class Card(WeightsCard):
         hidden: units of each hidden layer.
         encoder: units of each layer that what does not change in a race goes through first; empty for none.
         observation: layout of the observations that it was trained on.
-        circuit, car: names of what it was trained on.
+        circuit, car: names of what it was trained on, or ANY.
         scenarios: names of the training scenarios.
         step: gradient updates so far.
         transitions: environment steps so far.

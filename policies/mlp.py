@@ -76,7 +76,7 @@ class Mlp:
 class EncodedMlp:
     """Layers behind an encoder of the inputs' last numbers, which hardly ever change.
 
-    What the encoder adds to the first layer is a bias, made anew only where those numbers are others than before.
+    What the encoder adds to the first layer is a bias, made anew only where those numbers change.
 
     Attributes:
         encoder: of the facts.

@@ -16,8 +16,8 @@ class QRSACConfig(BaseModel):
 
     Attributes:
         hidden: units of each hidden layer, of the policy and of each critic.
-        encoder: units of each layer, with ReLU, that the last numbers of an observation, those that do not change
-            in a race, go through before they join the others; of the policy and of each critic. Empty for none.
+        encoder: units of each layer, with ReLU, that what does not change in a race goes through before it
+            joins the rest of an observation; of the policy and of each critic. Empty for none.
         quantiles: quantiles of the return that each critic estimates.
         layer_norm: whether the critics standardise each hidden layer before its ReLU (Ba et al., 2016,
             without learned scale and shift); it keeps values bounded where there are no data, so that

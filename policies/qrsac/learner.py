@@ -76,7 +76,8 @@ class QRSAC:
             facts: how many numbers of an observation, the last ones, the encoder takes.
 
         Raises:
-            InputError: if there is an encoder and nothing to encode, or something is to fall and the updates of the run are not given.
+            InputError: if there is an encoder and nothing to encode, or something is to fall and the updates
+                of the run are not given.
         """
         if updates is None and min(config.final_rates, config.final_alpha) < 1.0:
             name = "final_rates" if config.final_rates < 1.0 else "final_alpha"
@@ -191,12 +192,14 @@ class QRSAC:
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
         """The mean policy's weights (in, out) and biases (out,) by layer: `0.weight`, `0.bias`, `1.weight` ..
 
-        The last layer gives the means, then the logarithms of the standard deviations. Those of an encoder are
+        The last layer gives the means, then the logarithms of the standard deviations. An encoder's are
         `encoder.0.weight` and so on.
         """
         tensors = self._update.policy.tensors(self._state.average)
         encoded = len(self.config.encoder)
-        layers = [f"encoder.{i}" for i in range(encoded)] + [str(i) for i in range(len(tensors) // 2 - encoded)]
+        layers = [f"encoder.{i}" for i in range(encoded)] + [
+            str(i) for i in range(len(tensors) // 2 - encoded)
+        ]
         named = zip(layers, tensors[::2], tensors[1::2], strict=True)
         return {
             name: tensor.cpu().numpy()

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from nathlon.policies.checkpoint import ANY
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.training.coached import CoachedStart
 from nathlon.policies.training.rewards import RewardWeights
@@ -20,8 +21,6 @@ Cars = Annotated[int, Field(ge=1, le=20)]
 CONFIGS = Path(__file__).parent / "configs"
 """The configurations that come with nathlon."""
 
-ANY = "any"
-"""Stands for the circuits and cars of a variety."""
 SELF, PAST = "self", "past"
 """Opponents: the policy in training, and one of its checkpoints so far."""
 

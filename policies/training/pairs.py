@@ -89,7 +89,7 @@ class PairDraw:
 def prepare(
     folder: Path, variety: Variety, on_pair: Callable[[int, int], None]
 ) -> tuple[list[Pair], list[Pair]]:
-    """The pairs of a variety, those to train on and those held out; made and practised where they are not yet.
+    """The pairs of a variety, to train on and held out; made and practised where they are not yet.
 
     Args:
         folder: where the files of circuits and cars are; what it holds already is taken.
@@ -121,7 +121,9 @@ def _prepared(folder: Path, kind: str, number: int, slippery: float) -> Pair | N
             known = json.loads(read_text(note, "pair"))
             return None if known is None else Pair(*known)
         except (ValueError, TypeError):
-            raise InputError(f"{note}: expected the JSON of a circuit, a car, a grip and a lap time") from None
+            raise InputError(
+                f"{note}: expected the JSON of a circuit, a car, a grip and a lap time"
+            ) from None
     folder.mkdir(parents=True, exist_ok=True)
     if kind == "generated":
         pair = _generated(folder, number, slippery)

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nathlon.policies.checkpoint import checkpoint_id, load_checkpoint, read_checkpoint, save_checkpoint
+from nathlon.policies.mlp import EncodedMlp
 from nathlon.policies.replay_buffer.tables import apportion
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps
@@ -94,7 +95,10 @@ class Polish:
             "rounds": str(rounds),
             "seed": str(seed),
         }
-        self._learner = Proximal(load_checkpoint(checkpoint).network.layers)
+        network = load_checkpoint(checkpoint).network
+        if isinstance(network, EncodedMlp):
+            raise InputError(f"{checkpoint}: has an encoder, expected a checkpoint without one")
+        self._learner = Proximal(network.layers)
         self.rounds = self.updates = self.transitions = 0
         self._curve = np.zeros((0, len(CURVE)))
         state = load_state(folder, self._facts)

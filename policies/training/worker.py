@@ -99,7 +99,10 @@ class RolloutWorker:
         self._policy = CurrentPolicy(config.observation.spec(), network, torch.from_numpy(news.parameters))
         self._network = network
         self._worlds = [
-            [Stint(config, rollouts, draw, np.random.default_rng(each)) for each in _spawned(stream, rollouts)]
+            [
+                Stint(config, rollouts, draw, np.random.default_rng(each))
+                for each in _spawned(stream, rollouts)
+            ]
             for rollouts, stream in zip(config.rollouts, streams, strict=True)
         ]
         self.hear(news)
@@ -127,6 +130,7 @@ class RolloutWorker:
         return Gathered(experience, tally)
 
 
-def _spawned(stream: np.random.SeedSequence, rollouts: Rollouts) -> list[np.random.SeedSequence]:
-    """A seed for each world of the rollouts; of a single one that of them all."""
-    return [stream] if rollouts.worlds == 1 else stream.spawn(rollouts.worlds)
+def _generators(stream: np.random.SeedSequence, rollouts: Rollouts) -> list[np.random.Generator]:
+    """One for each world of the rollouts; a single one has the stream to itself."""
+    streams = [stream] if rollouts.worlds == 1 else stream.spawn(rollouts.worlds)
+    return [np.random.default_rng(each) for each in streams]

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from nathlon.policies.mlp import FEW, Mlp
+from nathlon.policies.mlp import FEW, EncodedMlp, Mlp
 
 SIZES = (7, 16, 9, 2)
 Function = Callable[[np.ndarray], np.ndarray]
@@ -57,3 +57,19 @@ def test_what_is_not_a_number_stays_so(rows: int, hidden: Literal["relu", "tanh"
     came = Mlp(layers(np.random.default_rng(0)), hidden, "tanh")(inputs)
     assert np.isnan(came[-1]).all()
     assert np.isfinite(came[:-1]).all()
+
+
+@pytest.mark.parametrize("rows", [0, 1, FEW, 40])
+@pytest.mark.parametrize("kinds", [1, 2, 40])
+def test_encoded_inputs_join_the_others(rows: int, kinds: int) -> None:
+    """Also where what is encoded differs from row to row, and from call to call."""
+    rng = np.random.default_rng(rows + kinds)
+    weights = layers(rng)
+    encoder = ((rng.standard_normal((5, 3), np.float32), rng.standard_normal(3, np.float32)),)
+    network = EncodedMlp(Mlp(encoder, "relu", "relu"), Mlp(weights, "relu", "tanh"), 5)
+    for _ in range(2):
+        seen = rng.standard_normal((rows, SIZES[0] - 3), np.float32)
+        facts = rng.standard_normal((kinds, 5), np.float32)[rng.integers(0, kinds, rows)]
+        joined = np.concatenate([seen, np.maximum(facts @ encoder[0][0] + encoder[0][1], 0.0)], axis=1)
+        expected = Mlp(weights, "relu", "tanh")(joined.astype(np.float32))
+        np.testing.assert_allclose(network(np.concatenate([seen, facts], axis=1)), expected, atol=2e-6)

@@ -17,13 +17,14 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 
 BUNDLED = sorted((bundled.BUNDLED / "lindenring").glob("*.safetensors"))[:3]
+PAIR = Pair("lindenring", "gt3")
 
 
 def population(*opponents: str | tuple[str, float]) -> Population:
     entries = [
         Opponent(policy=o) if isinstance(o, str) else Opponent(policy=o[0], weight=o[1]) for o in opponents
     ]
-    return Population(entries, "lindenring", "gt3")
+    return Population(entries, PAIR)
 
 
 class Constant:
@@ -149,7 +150,7 @@ CONFIG = TrainingConfig.model_validate(
 
 def experience(seed: int) -> list[bytes]:
     """What a rollout with all kinds of opponents and starts makes of random actions."""
-    rollout = Rollout(CONFIG, CONFIG.rollouts[0], np.random.default_rng(seed))
+    rollout = Rollout(CONFIG, CONFIG.rollouts[0], PAIR, np.random.default_rng(seed))
     rng = np.random.default_rng(100)
     made = []
     for step in range(150):
@@ -168,7 +169,7 @@ def test_the_same_seed_gives_the_same_experience() -> None:
 
 
 def test_a_restart_from_a_mistake_has_the_full_time() -> None:
-    rollout = Rollout(CONFIG, CONFIG.rollouts[0], np.random.default_rng(1))
+    rollout = Rollout(CONFIG, CONFIG.rollouts[0], PAIR, np.random.default_rng(1))
     rng = np.random.default_rng(0)
     again = 0
     for _ in range(200):
@@ -187,7 +188,7 @@ def test_a_restart_from_a_mistake_has_the_full_time() -> None:
 class TestPlaces:
     def cars(self, **settings: object) -> list[int]:
         rollouts = Rollouts.model_validate({"scenario": "1v3", "races": 1, "learners": 1, **settings})
-        rollout = Rollout(CONFIG, rollouts, np.random.default_rng(0))
+        rollout = Rollout(CONFIG, rollouts, PAIR, np.random.default_rng(0))
         return rollout._learners.tolist()
 
     def test_learners_start_from_the_last_place_or_from_those_given(self) -> None:
@@ -211,7 +212,7 @@ class TestPlaces:
 
 def test_a_delay_of_its_own_takes_the_place_of_the_scenarios() -> None:
     rollouts = CONFIG.rollouts[0].model_copy(update={"perception_delay_s": 0.2})
-    rollout = Rollout(CONFIG, rollouts, np.random.default_rng(0))
+    rollout = Rollout(CONFIG, rollouts, PAIR, np.random.default_rng(0))
     seen = [rollout.observation]
     for _ in range(4):
         step, _ = rollout.step(np.full((6, 2), 0.1, np.float32))

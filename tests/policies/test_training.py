@@ -14,6 +14,7 @@ from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training import rewards
 from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
 from nathlon.policies.training.log import Status
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
 from nathlon.policies.training.state import RunState, load_state, save_state
 from nathlon.policies.training.trainer import Trainer
@@ -24,6 +25,7 @@ from nathlon.sim.state import CAR_STATE
 
 pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
 
+PAIR = Pair("lindenring", "gt3")
 SMALL = TrainingConfig.model_validate(
     {
         "circuit": "lindenring",
@@ -191,7 +193,7 @@ def test_messages_that_no_pipe_holds_pass_both_ways() -> None:
     config = changed(workers=1, rollouts=rollouts)
     network = Perceptron((config.observation.spec().size, 512, 512, 4))
     news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
-    workers = ProcessWorkers(config, network, news, np.random.SeedSequence(1))
+    workers = ProcessWorkers(config, [PAIR], network, news, np.random.SeedSequence(1))
     taken: list[int] = []
 
     def exchange() -> None:
@@ -222,7 +224,7 @@ def test_one_table_takes_the_experience_of_all_rollouts(tmp_path: Path) -> None:
 
 def test_demonstrators_drive_in_the_learners_place() -> None:
     shown = Rollouts(scenario="time_trial", races=2, learners=1, demonstrators=("driver",))
-    rollout = Rollout(SMALL, shown, np.random.default_rng(0))
+    rollout = Rollout(SMALL, shown, PAIR, np.random.default_rng(0))
     for _ in range(300):
         step, _ = rollout.step(np.full((2, 2), -1.0, np.float32))
     assert (step.action != -1.0).all()
@@ -253,7 +255,7 @@ def test_a_folder_with_a_run_is_not_overwritten(tmp_path: Path) -> None:
 
 
 def test_a_stuck_car_terminates_and_a_time_limit_truncates() -> None:
-    rollout = Rollout(SMALL, Rollouts(scenario="1v0", races=2, learners=1), np.random.default_rng(0))
+    rollout = Rollout(SMALL, Rollouts(scenario="1v0", races=2, learners=1), PAIR, np.random.default_rng(0))
     braking = np.array([[-1.0, 0.0]] * 2, np.float32)
     ends = []
     for _ in range(120):
@@ -273,7 +275,7 @@ def test_a_stuck_car_terminates_and_a_time_limit_truncates() -> None:
 
 
 def test_the_final_observation_is_the_one_before_the_reset() -> None:
-    rollout = Rollout(SMALL, Rollouts(scenario="1v0", races=1, learners=1), np.random.default_rng(0))
+    rollout = Rollout(SMALL, Rollouts(scenario="1v0", races=1, learners=1), PAIR, np.random.default_rng(0))
     rollout.episodes.limit_s[:] = 0.05
     step, _ = rollout.step(np.zeros((1, 2), np.float32))
     assert step.truncated.all()

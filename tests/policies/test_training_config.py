@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from nathlon.policies.checkpoint import ANY
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import Reward
 from nathlon.policies.training.rollout import Rollout
@@ -18,6 +20,7 @@ from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 
 SHIPPED = sorted(CONFIGS.glob("*.toml"))
+PAIR = Pair("lindenring", "gt3")
 
 GOOD = """
 circuit = "lindenring"
@@ -46,8 +49,9 @@ def tables(*lines: str) -> str:
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_a_shipped_configuration_fits_its_circuit_and_scenarios(path: Path) -> None:
     config = read_config(path)
-    track = load_track(config.circuit)
-    Reward(config.reward, Instruments(track, load_car(config.car), 0.1))
+circuit, car = ("lindenring", "gt3") if config.circuit == ANY else (config.circuit, config.car)
+    track = load_track(circuit)
+    Reward(config.reward, Instruments(track, load_car(car), 0.1))
     assert sum(config.shares) == pytest.approx(1.0)
     for rollouts in config.rollouts:
         scenario = load_scenario(rollouts.scenario)
@@ -59,7 +63,11 @@ def test_a_shipped_configuration_fits_its_circuit_and_scenarios(path: Path) -> N
 
 def test_three_circuits_have_a_time_trial_and_racing() -> None:
     trained = {(c.circuit, c.car) for c in map(read_config, SHIPPED)}
-    assert trained == {("lindenring", "gt3"), ("porto-sereno", "coupe"), ("grandes-landes", "prototype")}
+    assert trained - {(ANY, ANY)} == {
+        ("lindenring", "gt3"),
+        ("porto-sereno", "coupe"),
+        ("grandes-landes", "prototype"),
+    }
     names = {path.stem for path in SHIPPED}
     for circuit in ("", "porto-sereno-", "grandes-landes-"):
         assert {f"{circuit}time_trial", f"{circuit}racing"} <= names
@@ -79,7 +87,9 @@ def test_rollouts_without_opponents_race_those_of_the_run(tmp_path: Path) -> Non
     opponents = 'opponents = ["driver:pace=0.9", { policy = "past", weight = 2 }]\n'
     config = read(tmp_path, opponents + '[[rollouts]]\nscenario = "1v1"\nraces = 1\nlearners = 1\n')
     assert [(o.policy, o.weight) for o in config.opponents] == [("driver:pace=0.9", 1.0), ("past", 2.0)]
-    assert isinstance(Rollout(config, config.rollouts[0], np.random.default_rng(0))._population, Population)
+    assert isinstance(
+        Rollout(config, config.rollouts[0], PAIR, np.random.default_rng(0))._population, Population
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,4 +129,14 @@ def test_a_fault_is_named(tmp_path: Path, rollouts: str, complaint: str) -> None
 def test_nobody_to_race_against_is_refused(tmp_path: Path) -> None:
     config = read(tmp_path, '[[rollouts]]\nscenario = "1v1"\nraces = 1\nlearners = 1\n')
     with pytest.raises(InputError, match="opponents is empty, expected someone for 1 of the 2 cars"):
-        Rollout(config, config.rollouts[0], np.random.default_rng(0))
+        Rollout(config, config.rollouts[0], PAIR, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("text", ['car = "any"\n', "[variety]\npairs = 3\n"])
+def test_a_circuit_and_car_or_a_variety_of_them_is_expected(tmp_path: Path, text: str) -> None:
+    given = GOOD.replace('car = "gt3"\n', text if text.startswith("car") else "")
+    rollouts = '[[rollouts]]\nscenario = "1v0"\nraces = 1\nlearners = 1\n'
+    path = tmp_path / "run.toml"
+    path.write_text(given + rollouts + (text if text.startswith("[") else ""))
+    with pytest.raises(InputError, match="expected one, or a variety"):
+        read_config(path)

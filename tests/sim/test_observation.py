@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from nathlon.sim.car_facts import FACTS
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import OPPONENT, OPPONENT_SIZE, VERSION, ObservationSpec
+from nathlon.sim.observation import ANY_CAR, OPPONENT, OPPONENT_SIZE, VERSION, ObservationSpec
 from nathlon.sim.track import Track
 from nathlon.sim.world import Conditions, World
 from tests.driving import GT3, drive, road, stadium, world_with
@@ -75,9 +76,21 @@ class TestSpec:
         np.testing.assert_allclose(scaled.mean(axis=0), 0.0, atol=1e-4)
         np.testing.assert_allclose(scaled.std(axis=0), 1.0, rtol=1e-4)
 
+    def test_the_layout_for_any_car_ends_with_the_car_and_names_no_place_of_a_circuit(self) -> None:
+        spec = ObservationSpec(course_points=5, version=ANY_CAR)
+        names = [field.name for field in spec.fields]
+        assert names[-1] == "car"
+        assert spec.facts == spec.fields[-1].size == len(FACTS)
+        assert spec.size == ObservationSpec(course_points=5).size + spec.facts
+        assert "progress" not in names
+        assert spec.slice("axle_slip") == ObservationSpec(course_points=5).slice("progress")
+        assert ObservationSpec.from_dict(spec.to_dict()) == spec
+
     def test_another_version_cannot_drive(self) -> None:
-        data = ObservationSpec().to_dict() | {"version": VERSION + 1}
-        with pytest.raises(InputError, match=f"version is {VERSION + 1}, this simulator makes version"):
+        data = ObservationSpec().to_dict() | {"version": ANY_CAR + 1}
+        with pytest.raises(
+            InputError, match=f"version is {ANY_CAR + 1}, this simulator makes versions 2 and 3"
+        ):
             ObservationSpec.from_dict(data)
 
     @pytest.mark.parametrize(

@@ -1,0 +1,128 @@
+"""Pairs of circuit and car: what is drawn, what is made, and a policy trained on them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nathlon.arena.entrance import home
+from nathlon.arena.entrant import enter
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint, save_checkpoint
+from nathlon.policies.sources.onnx import OnnxPolicy, export_onnx
+from nathlon.policies.training.config import TrainingConfig, Variety
+from nathlon.policies.training.pairs import Pair, PairDraw, prepare
+from nathlon.policies.training.polish import Polish
+from nathlon.policies.training.trainer import Trainer
+from nathlon.sim.errors import InputError
+from nathlon.sim.track import load_track
+
+pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
+
+CONFIG = TrainingConfig.model_validate(
+    {
+        "variety": {
+            "pairs": 1,
+            "held_out": 1,
+            "first_seed": 2,
+            "home": False,
+            "slippery": 1.0,
+            "stint_s": 1.0,
+        },
+        "updates": 8,
+        "updates_per_step": 1,
+        "warm_up": 60,
+        "replay": 800,
+        "checkpoint_every": 8,
+        "rollouts": [{"scenario": "1v1", "races": 2, "worlds": 2, "learners": 1, "opponents": ["driver"]}],
+        "observation": {"course_points": 3, "cars_ahead": 1, "cars_behind": 1, "version": 3},
+        "qrsac": {"hidden": [8, 8], "encoder": [6, 4], "quantiles": 4, "batch": 16, "n_step": 3},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("variety") / "run"
+    Trainer.start(folder, CONFIG, 1).run(lambda _: None)
+    return folder
+
+
+@pytest.fixture
+def checkpoint(run: Path) -> Path:
+    [path] = (run / "checkpoints").iterdir()
+    return path
+
+
+def test_what_goes_badly_is_drawn_more_often() -> None:
+    pairs = [Pair("lindenring", car, lap_s=100.0) for car in ("gt3", "coupe", "prototype")]
+    draw = PairDraw(pairs, np.random.default_rng(0))
+    full = load_track("lindenring").length / 100.0
+    for _ in range(20):
+        draw.note(pairs[0], full)
+        draw.note(pairs[1], 0.85 * full)
+    drawn = Counter(draw.draw().car for _ in range(2000))
+    # Weights 0.05, 0.2 and 1, of which 1 stands for what was never driven.
+    expected = {"gt3": 80, "coupe": 320, "prototype": 1600}
+    assert all(abs(drawn[car] - count) < 6 * count**0.5 for car, count in expected.items())
+
+
+def test_drivers_practise_for_the_road_as_it_is() -> None:
+    wet = Pair("lindenring", "gt3", 0.7)
+    assert wet.wise("driver") == "driver:grip=0.7"
+    assert wet.wise("driver:pace=0.9") == "driver:pace=0.9,grip=0.7"
+    assert wet.wise("past") == "past"
+    assert Pair("lindenring", "gt3").wise("driver:pace=0.9") == "driver:pace=0.9"
+
+
+def test_pairs_are_made_once_and_those_held_out_are_others(run: Path) -> None:
+    assert CONFIG.variety is not None
+    before = {path: path.stat().st_mtime_ns for path in (run / "pairs").rglob("*")}
+    told: list[tuple[int, int]] = []
+    trained, held_out = prepare(run / "pairs", CONFIG.variety, lambda *ready: told.append(ready))
+    assert told == [(1, 2), (2, 2)]
+    assert {path: path.stat().st_mtime_ns for path in (run / "pairs").rglob("*")} == before
+    assert len({pair.circuit for pair in trained + held_out}) == 2
+    for pair in trained + held_out:
+        assert 20.0 < pair.lap_s < 300.0
+        assert 0.6 <= pair.grip <= 0.95
+
+
+def test_a_note_that_is_none_is_named(tmp_path: Path) -> None:
+    (tmp_path / "generated-5.json").write_text("{")
+    with pytest.raises(InputError, match=r"generated-5\.json: expected the JSON of a circuit"):
+        prepare(tmp_path, Variety(pairs=1, held_out=1, home=False, first_seed=5), lambda *_: None)
+
+
+def test_a_policy_of_any_pair_drives_everywhere(run: Path, checkpoint: Path) -> None:
+    policy = load_checkpoint(checkpoint)
+    assert (policy.card.circuit, policy.card.car, policy.card.encoder) == ("any", "any", (6, 4))
+    assert home(checkpoint) == (None, None)
+    for place in (("lindenring", "gt3"), ("porto-sereno", "coupe")):
+        entrant = enter(str(checkpoint), *place)
+        assert (entrant.circuit, entrant.car) == place
+
+
+def test_the_checkpoint_acts_as_the_learner_does(run: Path, checkpoint: Path, tmp_path: Path) -> None:
+    policy = NetworkPolicy.load(checkpoint)
+    seen = np.random.default_rng(0).standard_normal((30, policy.observation_spec.size)).astype(np.float32)
+    seen[:20, -policy.observation_spec.facts :] = seen[0, -policy.observation_spec.facts :]
+    actions, _ = policy.act(seen, policy.initial_memory(30))
+    learner = Trainer.resume(run).learner
+    np.testing.assert_allclose(actions, learner.act(seen, stochastic=False), atol=2e-3)  # stored as float16
+    export_onnx(policy, tmp_path / "policy.onnx")
+    graph = OnnxPolicy.load(tmp_path / "policy.onnx")
+    assert graph.card.circuit == "any"
+    np.testing.assert_allclose(graph.act(seen, graph.initial_memory(30))[0], actions, atol=1e-6)
+
+
+def test_polishing_refuses_an_encoder(checkpoint: Path, tmp_path: Path) -> None:
+    place = {"circuit": "lindenring", "car": "gt3"}
+    card, tensors = read_checkpoint(checkpoint)
+    path = tmp_path / "one.safetensors"
+    save_checkpoint(path, tensors, card.model_copy(update=place))
+    config = TrainingConfig.model_validate(CONFIG.model_dump() | place | {"variety": None})
+    with pytest.raises(InputError, match="has an encoder, expected a checkpoint without one"):
+        Polish(path, config, tmp_path / "out", 1, 1)
