@@ -99,10 +99,7 @@ class RolloutWorker:
         self._policy = CurrentPolicy(config.observation.spec(), network, torch.from_numpy(news.parameters))
         self._network = network
         self._worlds = [
-            [
-                Stint(config, rollouts, draw, np.random.default_rng(each))
-                for each in _spawned(stream, rollouts)
-            ]
+            [Stint(config, rollouts, draw, rng) for rng in _generators(stream, rollouts)]
             for rollouts, stream in zip(config.rollouts, streams, strict=True)
         ]
         self.hear(news)

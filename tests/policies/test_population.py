@@ -10,6 +10,7 @@ from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
 from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.policy import Batch
 from nathlon.policies.training.config import Opponent, Rollouts, TrainingConfig
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rollout import Rollout
 from nathlon.sim.episode import Episodes

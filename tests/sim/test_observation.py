@@ -88,9 +88,7 @@ class TestSpec:
 
     def test_another_version_cannot_drive(self) -> None:
         data = ObservationSpec().to_dict() | {"version": ANY_CAR + 1}
-        with pytest.raises(
-            InputError, match=f"version is {ANY_CAR + 1}, this simulator makes versions 2 and 3"
-        ):
+        with pytest.raises(InputError, match="version is 4, this simulator makes versions 2 and 3"):
             ObservationSpec.from_dict(data)
 
     @pytest.mark.parametrize(
