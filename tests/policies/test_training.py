@@ -299,7 +299,7 @@ def test_every_shipped_configuration_reads() -> None:
     [
         ("circuit = 1", "circuit"),
         ("[", "not a TOML file"),
-        ("wheels = 4", "circuit: Field required"),
+        ("wheels = 4", "updates: Field required"),
     ],
 )
 def test_a_wrong_configuration_names_file_and_field(tmp_path: Path, text: str, said: str) -> None:

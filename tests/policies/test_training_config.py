@@ -49,7 +49,7 @@ def tables(*lines: str) -> str:
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_a_shipped_configuration_fits_its_circuit_and_scenarios(path: Path) -> None:
     config = read_config(path)
-circuit, car = ("lindenring", "gt3") if config.circuit == ANY else (config.circuit, config.car)
+    circuit, car = ("lindenring", "gt3") if config.circuit == ANY else (config.circuit, config.car)
     track = load_track(circuit)
     Reward(config.reward, Instruments(track, load_car(car), 0.1))
     assert sum(config.shares) == pytest.approx(1.0)
