@@ -18,6 +18,7 @@ DECISIVE = (
     "sim/physics",
     "sim/data",
     "sim/car.py",
+    "sim/car_facts.py",
     "sim/track/centre_line.py",
     "sim/track/crossing.py",
     "sim/data_file.py",

@@ -156,7 +156,8 @@ class Update:
         self.config = config
         self._updates = updates
         outputs = config.quantiles if config.distributional else 1
-        encoder, seen = (), observation_size
+        encoder: tuple[int, ...] = ()
+        seen = observation_size
         if config.encoder:
             encoder, seen = (facts, *config.encoder), observation_size - facts + config.encoder[-1]
         self.policy = Perceptron((seen, *config.hidden, 2 * action_size), encoder, precision=precision)

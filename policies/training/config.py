@@ -12,7 +12,7 @@ from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.training.coached import CoachedStart
 from nathlon.policies.training.rewards import RewardWeights
 from nathlon.sim.data_file import Section, read_toml
-from nathlon.sim.observation import VERSION, ObservationSpec
+from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.scenario import Delay
 
 Count = Annotated[int, Field(ge=1, le=10**12)]
@@ -114,7 +114,7 @@ class ObservationSettings(Section):
     horizon_s: Annotated[float, Field(gt=0, le=60)] = 6.0
     cars_ahead: Annotated[int, Field(ge=0, le=500)] = 4
     cars_behind: Annotated[int, Field(ge=0, le=500)] = 4
-    version: Literal[2, 3] = VERSION
+    version: Literal[2, 3] = 2
 
     def spec(self) -> ObservationSpec:
         """The spec itself."""

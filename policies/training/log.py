@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
 from nathlon.policies.training.evaluation import LapEvaluation
-from nathlon.policies.training.worker import Tally
+from nathlon.policies.training.stint import Tally
 
 CURVE_FILE = "curve.csv"
 CURVE = ("updates", "transitions", "wall_s", "lap_s", "off_course_share", "mean_q", "entropy")

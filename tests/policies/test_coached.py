@@ -19,6 +19,7 @@ from nathlon.policies.training.coached import (
     read_coach,
 )
 from nathlon.policies.training.config import TrainingConfig, read_config
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
 from nathlon.sim.episode import Episodes
 from tests.command_line import nathlon as command
@@ -70,7 +71,9 @@ def test_a_fifth_of_the_races_of_one_car_begin_there(tmp_path: Path) -> None:
     races = 500
     settings = config(tmp_path, races, coached)
     places = [
-        Rollout(settings, rollouts, np.random.default_rng(3)).episodes.world.state["progress"][:, 0]
+        Rollout(settings, rollouts, Pair(*PLACE), np.random.default_rng(3)).episodes.world.state["progress"][
+            :, 0
+        ]
         for rollouts in settings.rollouts
     ]
     alone, grid = (

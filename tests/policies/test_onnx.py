@@ -21,6 +21,7 @@ from nathlon.arena.runner import run_match
 from nathlon.cli import app
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.load import load_policy
+from nathlon.policies.mlp import Mlp
 from nathlon.policies.sources.onnx import OnnxPolicy, export_onnx
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -78,6 +79,7 @@ def test_an_export_gives_the_same_actions(exported: Path) -> None:
     actions, memory = theirs.act(observations, theirs.initial_memory(64))
     # Both round sums of hundreds of products, each in its own order: neither is nearer to the exact ones.
     layer = observations.astype(np.float64)
+    assert isinstance(ours.network, Mlp)
     for weight, bias in ours.network.layers[:-1]:
         layer = np.maximum(layer @ weight.astype(np.float64) + bias, 0.0)
     weight, bias = ours.network.layers[-1]
