@@ -145,6 +145,14 @@ def read_checkpoint(path: Path) -> tuple[Card, dict[str, NDArray[np.float32]]]:
         return parse_weights(path, read_policy_file(path), Card)
 
 
+def encoded(card: Card, tensors: Mapping[str, NDArray[np.float32]], network: Mlp) -> Mlp | EncodedMlp:
+    """A network of these tensors, behind its encoder if there is one."""
+    if not card.encoder:
+        return network
+    encoder = Mlp(tuple(layers_of(tensors, ENCODER)), "relu", "relu")
+    return EncodedMlp(encoder, network, card.observation.facts)
+
+
 class NetworkPolicy:
     """The policy of a checkpoint: drives with the squashed mean of its actions, without noise.
 
@@ -160,11 +168,7 @@ class NetworkPolicy:
         self.card = card
         self.id = identity
         self.observation_spec = card.observation
-        network = mean_network(tensors, ACTION_SIZE)
-        self.network: Mlp | EncodedMlp = network
-        if card.encoder:
-            encoder = Mlp(tuple(layers_of(tensors, ENCODER)), "relu", "relu")
-            self.network = EncodedMlp(encoder, network, card.observation.facts)
+        self.network = encoded(card, tensors, mean_network(tensors, ACTION_SIZE))
 
     @classmethod
     def load(cls, path: Path) -> NetworkPolicy:

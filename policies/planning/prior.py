@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.checkpoint import ACTION_SIZE, Card
+from nathlon.policies.checkpoint import ACTION_SIZE, Card, encoded
 from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
+from nathlon.policies.sources.weights import layers_of
 
 LEAST, MOST = 0.02, 0.5
 """Of deviations: less would hold the car to the policy, more tells nothing."""
@@ -39,8 +40,7 @@ class Prior:
     def __init__(self, card: Card, tensors: Mapping[str, NDArray[np.float32]]) -> None:
         """A policy of tensors as described by `card.shapes`."""
         self.card = card
-        layers = tuple((tensors[f"{i}.weight"], tensors[f"{i}.bias"]) for i in range(len(tensors) // 2))
-        self._network = Mlp(layers, "relu", "linear")
+        self._network = encoded(card, tensors, Mlp(tuple(layers_of(tensors)), "relu", "linear"))
 
     def __call__(self, observations: Batch) -> Actions:
         """For observations (n, size)."""
