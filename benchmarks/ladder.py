@@ -125,8 +125,9 @@ class Ladder:
 
 
 def circuits() -> list[str]:
-    """Those with bundled checkpoints."""
-    return sorted(folder.name for folder in BUNDLED.iterdir() if any(folder.glob("*.safetensors")))
+    """Those with bundled checkpoints of their own."""
+    known = (folder.name for folder in (DATA / "circuits").iterdir())
+    return sorted(name for name in known if any((BUNDLED / name).glob("*.safetensors")))
 
 
 @contextmanager

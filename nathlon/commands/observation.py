@@ -12,12 +12,15 @@ from nathlon.terminal import print_json
 
 def observation(
     course_points: Annotated[int, typer.Option(help="Points on each line of the course.")] = 60,
+    version: Annotated[
+        int, typer.Option(min=2, max=3, help="3 is the layout for policies of any car and circuit.")
+    ] = 2,
     as_json: AsJson = False,
 ) -> None:
     """Print the layout of the observations that a policy gets."""
     from nathlon.sim.observation import ObservationSpec
 
-    spec = ObservationSpec(course_points=course_points)
+    spec = ObservationSpec(course_points=course_points, version=version)
     if as_json:
         fields = [{"name": field.name, "size": field.size, "unit": field.unit} for field in spec.fields]
         print_json({"version": spec.version, "size": spec.size, "fields": fields})

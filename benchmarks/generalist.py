@@ -1,0 +1,185 @@
+"""How well one policy drives circuits and cars that it was never trained on.
+
+`python -m benchmarks.generalist --json FILE [CHECKPOINT] [--circuits DIR] [--cars N] [--races N] [--workers N]`
+takes the bundled generalist, or another checkpoint for any pair. Circuits are generated ones of seeds that no
+training draws, or every CSV of a folder of the TUM racetrack database; each with the three cars that come with
+nathlon, and N generated ones, each on one of the circuits in turn. With the three home pairs of the specialists.
+
+`pairs` has a row for each `circuit` and `car`:
+
+- `lap_s`: median of the best of two laps from each of 8 rolling starts; null where half of them gave none;
+- `driver_ratio`: over that of the built-in driver, who has planned and practised there; `limit_ratio`: over
+  the limit by optimal control, where it is known; `off_course_share` of the time;
+- of N races of eight over two laps, from the last place against built-in drivers at 0.95: `finished`, and
+  `wins_from_back`; `contacts_per_km`, and `at_fault_per_km` of those laid to it.
+
+`unseen` sums up the rows but those of the home pairs; `goals` says which are met.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+from rich.console import Console
+from rich.progress import track
+
+from benchmarks.champions import race_match
+from benchmarks.result import write_result
+from benchmarks.time_trial import FLYING, TimeTrial, drive_alone, limits
+from nathlon.arena.entrant import enter
+from nathlon.arena.match import Match
+from nathlon.arena.pool import run_matches
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.sources import DRIVER
+from nathlon.sim.car_family import generate_car, write_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.track.generating import write_generated
+from nathlon.sim.track.importing import import_circuit
+from nathlon.sim.track.styles import STYLES
+
+GENERALIST = BUNDLED / "generalist"
+HELD_OUT = 1_000_000
+"""Seed of the first circuit and car; trainings count from 0."""
+CIRCUITS = 6
+CARS = ("gt3", "coupe", "prototype")
+HOME = (("lindenring", "gt3"), ("porto-sereno", "coupe"), ("grandes-landes", "prototype"))
+OTHERS = f"{DRIVER}:pace=0.95"
+SEED = 4711
+
+Row = dict[str, Any]
+
+
+def pairs(folder: Path, real: Path | None, cars: int) -> list[tuple[str, str]]:
+    """Circuits and cars that no training has seen; files go into a folder."""
+    if real is None:
+        styles = list(STYLES)
+        seeds = range(HELD_OUT, HELD_OUT + CIRCUITS)
+        circuits = [str(write_generated(folder, seed, styles[seed % len(styles)])) for seed in seeds]
+    else:
+        files = sorted(real.glob("*.csv"))
+        circuits = [str(import_circuit(file, file.stem.lower(), folder)) for file in files]
+    if not circuits:
+        raise InputError(f"{real}: no CSV file, expected those of circuits")
+    made = []
+    for place in range(cars):
+        path = folder / f"car-{place}.toml"
+        write_car(path, generate_car(HELD_OUT + place))
+        made.append((circuits[place % len(circuits)], str(path)))
+    return [(circuit, car) for circuit in circuits for car in CARS] + made
+
+
+def alone(checkpoint: str, circuit: str, car: str) -> Row:
+    """Laps alone, beside those of the built-in driver."""
+    laps, driver = (drive_alone(enter(source, circuit, car), FLYING) for source in (checkpoint, DRIVER))
+    limit_s = limits().get((circuit, car))
+    return {
+        "circuit": Path(circuit).parent.name if circuit.endswith(".toml") else circuit,
+        "car": Path(car).stem,
+        "lap_s": _number(laps.lap_s, 3),
+        "driver_ratio": _ratio(laps, driver.lap_s),
+        "limit_ratio": None if limit_s is None else _ratio(laps, limit_s),
+        "off_course_share": round(laps.off_course_share, 5),
+        "clean_starts": laps.clean,
+    }
+
+
+def _ratio(laps: TimeTrial, other_s: float) -> float | None:
+    return _number(laps.lap_s / other_s, 4)
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def in_races(rows: pl.DataFrame) -> Row:
+    """Places and contacts of RESULTS, a row a race."""
+    finished = pl.col("ending") == "finished"
+    km = float(rows["distance_m"].sum()) / 1000.0
+    return {
+        "races": rows.height,
+        "finished": rows.filter(finished).height,
+        "wins_from_back": rows.filter(finished & (pl.col("place") == 1)).height,
+        "mean_place": round(float(rows["place"].to_numpy().mean()), 2),
+        "contacts_per_km": round(float(rows["contacts"].sum()) / km, 3),
+        "at_fault_per_km": round(float(rows["contacts_at_fault"].sum()) / km, 3),
+    }
+
+
+def summary(rows: Sequence[Row]) -> Row:
+    """Of all pairs together."""
+    ratios = np.array([row["driver_ratio"] or math.inf for row in rows])
+    raced = sum(row["races"] for row in rows)
+    return {
+        "pairs": len(rows),
+        "no_lap": int(np.isinf(ratios).sum()),
+        "driver_ratio": _number(float(np.median(ratios)), 4),
+        "driver_ratio_worst": _number(float(ratios.max()), 4),
+        "off_course_share": round(float(np.mean([row["off_course_share"] for row in rows])), 5),
+        "finished_share": round(sum(row["finished"] for row in rows) / raced, 3),
+        "wins_share": round(sum(row["wins_from_back"] for row in rows) / raced, 3),
+        "at_fault_per_km": round(float(np.mean([row["at_fault_per_km"] for row in rows])), 3),
+    }
+
+
+def goals(unseen: Row) -> dict[str, bool]:
+    """Which goals are met."""
+    median, worst = unseen["driver_ratio"], unseen["driver_ratio_worst"]
+    return {
+        "median no slower than the built-in driver": median is not None and median <= 1.0,
+        "worst within 6 %": worst is not None and worst <= 1.06,
+        "off course under 0.5 % of the time": unseen["off_course_share"] < 0.005,
+        "95 % of races finished": unseen["finished_share"] >= 0.95,
+        "70 % won from the back": unseen["wins_share"] >= 0.7,
+    }
+
+
+def measure(checkpoint: str, found: Sequence[tuple[str, str]], races: int, workers: int) -> list[Row]:
+    """A row for each pair."""
+    console = Console(stderr=True)
+    rows = [alone(checkpoint, *pair) for pair in track(found, "Laps alone", console=console)]
+    matches: list[Match] = [
+        race_match(enter(checkpoint, *pair), races, OTHERS, seed=SEED + place)
+        for place, pair in enumerate(found)
+    ]
+    ended = track(run_matches(matches, workers), "Races", len(matches), console=console)
+    raced = {
+        match.key: in_races(results.filter(pl.col("slot") == pl.col("slot").max()))
+        for match, results in ended
+    }
+    return [row | raced[match.key] for row, match in zip(rows, matches, strict=True)]
+
+
+def main() -> None:
+    """Measure, and write the JSON."""
+    parser = argparse.ArgumentParser(prog="benchmarks.generalist", description="One policy for any car")
+    parser.add_argument("checkpoint", nargs="?", type=Path, help="default: the bundled one")
+    parser.add_argument("--circuits", type=Path, help="folder of CSV files; default: generated circuits")
+    parser.add_argument("--cars", type=int, default=20, help="generated ones")
+    parser.add_argument("--races", type=int, default=5, help="of each pair")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--json", type=Path, required=True, help="file for the figures")
+    chosen = parser.parse_args()
+    checkpoint = str(chosen.checkpoint or max(GENERALIST.glob("*.safetensors")))
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            found = pairs(Path(folder), chosen.circuits, chosen.cars)
+            rows = measure(checkpoint, [*HOME, *found], chosen.races, chosen.workers)
+    except InputError as error:
+        parser.error(str(error))
+    unseen = summary(rows[len(HOME) :])
+    write_result(
+        chosen.json,
+        {"checkpoint": Path(checkpoint).stem, "unseen": unseen, "goals": goals(unseen), "pairs": rows},
+    )
+
+
+if __name__ == "__main__":
+    main()
