@@ -34,6 +34,7 @@ from nathlon.selection.pipeline import select
 from nathlon.selection.round_robin import plan
 from nathlon.selection.run import Run
 from nathlon.selection.single_run import single_run
+from nathlon.sim.data_file import DATA
 
 FRESH = 20_261_125
 """Seed of the fresh races."""

@@ -45,7 +45,7 @@ from sim import OWN
 def test_a_bundled_checkpoint() -> None:
     assert "{site}" in nathlon.__file__
     for path in sorted(BUNDLED.glob("*/*.safetensors")):
-        assert load_file(path).card.circuit == path.parent.name
+        assert load_file(path).card.circuit in (path.parent.name, "any")
     assert OWN and gain
 """
 
