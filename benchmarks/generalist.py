@@ -2,7 +2,7 @@
 
 `python -m benchmarks.generalist --json FILE [CHECKPOINT] [--circuits DIR] [--cars N] [--races N]` takes the
 bundled generalist, or another checkpoint for any pair. Circuits are generated ones of seeds that no training
-draws, or every CSV of a folder of the TUM racetrack database; each with the three cars that come with nathlon,
+draws, or every CSV of a folder of the TUM racetrack database; each with the three cars that nathlon has,
 and N generated cars, each on one of the circuits in turn. The three home pairs of the specialists come first.
 
 `pairs` has a row for each `circuit` and `car`:
