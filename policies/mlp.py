@@ -91,13 +91,14 @@ class EncodedMlp:
         self._rows = len(weight) - len(encoder.layers[-1][1])
         self._of_facts, self._bias = weight[self._rows :], bias
         self._weight, self._others = weight[: self._rows], tuple(others)
-        self._known = np.full(facts, np.nan, np.float32)
-        self._folded = network
+        self._fold(np.zeros(facts, np.float32))
 
     def __call__(self, inputs: Batch) -> Batch:
         """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""
         seen, facts = inputs[:, : self._rows], inputs[:, self._rows :]
-        if len(facts) and (facts == facts[0]).all():
+        if (facts == self._known).all():
+            return self._folded(seen)
+        if (facts == facts[0]).all():
             return self._fold(facts[0])(seen)
         outputs = np.empty((len(inputs), len(self._others[-1][1])), np.float32)
         kinds, which = np.unique(facts, axis=0, return_inverse=True)
@@ -108,8 +109,7 @@ class EncodedMlp:
 
     def _fold(self, facts: Batch) -> Mlp:
         """The layers for these facts, (facts,)."""
-        if not np.array_equal(facts, self._known):
-            bias = self._bias + (self.encoder(facts[None]) @ self._of_facts)[0]
-            self._folded = replace(self.network, layers=((self._weight, bias), *self._others))
-            self._known = facts.copy()
+        bias = self._bias + (self.encoder(facts[None]) @ self._of_facts)[0]
+        self._folded = replace(self.network, layers=((self._weight, bias), *self._others))
+        self._known = facts.copy()
         return self._folded

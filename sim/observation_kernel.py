@@ -15,7 +15,9 @@ from nathlon.sim.observation import (
     ACCELERATION_X,
     ACCELERATION_Y,
     AHEAD_M,
+    ANY_CAR,
     BEHIND_M,
+    CAR,
     LINES,
     OPPONENT_SIZE,
     POINT_SIZE,
@@ -96,7 +98,7 @@ class ViewParameters(NamedTuple):
     Attributes:
         full_lock: of the car's steering, rad.
         fuel_capacity: of the car, kg.
-        facts: of `nathlon.sim.car_facts`.
+        facts: of `nathlon.sim.car_facts`, standardised.
         course: the circuit.
     """
 
@@ -108,7 +110,8 @@ class ViewParameters(NamedTuple):
 
 def view_parameters(p: WorldParameters) -> ViewParameters:
     """What observations need of a world."""
-    facts = car_facts(p.car, p.course.surface_grip)
+    mean, deviation = (part[-CAR.size :] for part in ObservationSpec(version=ANY_CAR).scaling)
+    facts = ((car_facts(p.car, p.course.surface_grip) - mean) / deviation).astype(np.float32)
     return ViewParameters(p.car.full_lock, p.car.fuel_capacity, facts, p.course)
 
 
@@ -192,7 +195,7 @@ def observe_car(
             values[facts + k] = p.facts[k]
     for k in range(OWN_SIZE):
         values[k] = (values[k] - mean[k]) * scale[k]
-    for k in range(lists, len(values)):
+    for k in range(lists, facts):
         values[k] = (values[k] - mean[k]) * scale[k]
     observe_course(field[index], values[OWN_SIZE:lists], layout, p.course)
 
