@@ -22,10 +22,7 @@ from nathlon.driving.server import DriveServer
 from nathlon.driving.wheel import LARGEST_FRAME, MOST_FRAMES
 from tests.command_line import nathlon, refused
 from tests.drives import choice, inputs, served
-
-PATIENCE_S = 60.0
-CUT = 1006
-"""Stands for a connection that has ended without a word."""
+from tests.sockets import CUT, PATIENCE_S, closed
 
 
 @pytest.fixture(scope="module")
@@ -89,15 +86,6 @@ def see(connection: ClientConnection) -> Any:
 
 def say(connection: ClientConnection, **words: Any) -> None:
     connection.send(json.dumps(words))
-
-
-def closed(connection: ClientConnection) -> int:
-    """The code with which the server ends a connection."""
-    try:
-        while True:
-            connection.recv(timeout=PATIENCE_S)
-    except ConnectionClosed as end:
-        return int(end.rcvd.code) if end.rcvd else CUT
 
 
 def test_the_page_comes_with_a_policy_that_names_its_own_socket_alone(server: DriveServer) -> None:

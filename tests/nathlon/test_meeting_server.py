@@ -28,10 +28,7 @@ from nathlon.sim.errors import InputError
 from tests.command_line import nathlon, refused
 from tests.committees import PEOPLE, RUN, ask, ids
 from tests.meetings import met
-
-PATIENCE_S = 60.0
-CUT = 1006
-"""Stands for a connection that has ended without a word."""
+from tests.sockets import CUT, PATIENCE_S, closed
 
 
 @pytest.fixture(scope="module")
@@ -89,15 +86,6 @@ def hear(connection: ClientConnection, kind: str) -> dict[str, Any]:
         words: dict[str, Any] = json.loads(connection.recv(timeout=PATIENCE_S))
         if words["type"] == kind:
             return words
-
-
-def closed(connection: ClientConnection) -> int:
-    """The code with which the server ends a connection."""
-    try:
-        while True:
-            connection.recv(timeout=PATIENCE_S)
-    except ConnectionClosed as end:
-        return int(end.rcvd.code) if end.rcvd else CUT
 
 
 def entries(folder: Path) -> int:
