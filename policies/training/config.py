@@ -171,6 +171,8 @@ class TrainingConfig(Section):
         for name in ("circuit", "car"):
             if (getattr(self, name) == ANY) != (self.variety is not None):
                 raise ValueError(f"{name} is {getattr(self, name)!r}, expected one, or a variety")
+        if self.coached and self.variety is not None:
+            raise ValueError("coached is given, which is of one circuit, expected no variety beside it")
         return self
 
     @model_validator(mode="after")

@@ -38,8 +38,7 @@ def evaluate_laps(
         act: actions (n, 2) for observations (n, spec.size).
         seed: of the starts.
     """
-    scenario, track = load_scenario(SCENARIO), load_track(pair.circuit)
-    scenario = scenario.model_copy(update={"grip": pair.surfaces})
+    scenario, track = pair.conditions(load_scenario(SCENARIO)), load_track(pair.circuit)
     world = scenario.world(track, load_car(pair.car), RUNS)
     rng = np.random.default_rng(seed)
     for race in range(RUNS):

@@ -6,6 +6,7 @@ Those that go badly, against the built-in driver, are drawn more often.
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -20,6 +21,7 @@ from nathlon.policies.training.config import Variety
 from nathlon.sim.car_family import PARENTS, generate_car, write_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.course import SurfaceGrip
+from nathlon.sim.scenario import Scenario
 from nathlon.sim.track import load_track
 from nathlon.sim.track.generating import write_generated
 from nathlon.sim.track.styles import STYLES
@@ -51,10 +53,12 @@ class Pair(NamedTuple):
     grip: float = 1.0
     lap_s: float = float("nan")
 
-    @property
-    def surfaces(self) -> SurfaceGrip:
-        """Grip of each surface."""
-        return SurfaceGrip(tarmac=self.grip, kerb=self.grip, grass=self.grip, gravel=self.grip)
+    def conditions(self, scenario: Scenario) -> Scenario:
+        """The scenario on this grip; on its own where the pair's is that of a dry road."""
+        if self.grip == 1.0:
+            return scenario
+        grip = SurfaceGrip(tarmac=self.grip, kerb=self.grip, grass=self.grip, gravel=self.grip)
+        return scenario.model_copy(update={"grip": grip})
 
     def wise(self, policy: str) -> str:
         """A policy's name, of built-in drivers that of one who has practised on this grip."""
@@ -103,11 +107,17 @@ def prepare(
     if variety.home:
         wanted += [("home", i) for i in range(len(HOME) * len(PARENTS))]
     ready: dict[tuple[str, int], Pair | None] = {}
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as processes:
+    # Ctrl-C reaches the whole group; this process decides what it means.
+    with ProcessPoolExecutor(
+        mp_context=get_context("spawn"), initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
+    ) as processes:
         waiting = {key: processes.submit(_prepared, folder, *key, variety.slippery) for key in wanted}
-        for key, pair in waiting.items():
-            ready[key] = pair.result()
-            on_pair(len(ready), len(wanted))
+        try:
+            for key, pair in waiting.items():
+                ready[key] = pair.result()
+                on_pair(len(ready), len(wanted))
+        finally:
+            processes.shutdown(cancel_futures=True)
     held_out = set(wanted[variety.pairs : variety.pairs + variety.held_out])
     trained = [pair for key, pair in ready.items() if key not in held_out and pair is not None]
     return trained, [pair for key, pair in ready.items() if key in held_out and pair is not None]

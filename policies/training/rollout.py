@@ -44,9 +44,7 @@ class Step(NamedTuple):
 
 def scenario_of(rollouts: Rollouts, pair: Pair) -> Scenario:
     """The scenario of the races, with the perception delay and grip that they have in place of its own."""
-    scenario = load_scenario(rollouts.scenario)
-    if pair.grip != 1.0:
-        scenario = scenario.model_copy(update={"grip": pair.surfaces})
+    scenario = pair.conditions(load_scenario(rollouts.scenario))
     delay = rollouts.perception_delay_s
     if delay is None:
         return scenario

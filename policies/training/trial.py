@@ -103,7 +103,7 @@ class Trial:
         pair = Pair(config.circuit, config.car)
         scenario = scenario_of(rollouts, pair)
         self._starts, self._again = starts, round(rollouts.mistakes * starts)
-        self._episodes = Episodes(config.circuit, config.car, scenario, starts * GROUP, threads, STUCK_S)
+        self._episodes = Episodes(pair.circuit, pair.car, scenario, starts * GROUP, threads, STUCK_S)
         learners = learners_of(rollouts, scenario.cars)
         self._population = Population(rollouts.opponents or config.opponents, pair)
         policy = load_checkpoint(checkpoint)
