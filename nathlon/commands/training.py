@@ -87,5 +87,8 @@ def polish(
         def on_round(done: Round) -> None:
             progress.update(task, completed=done.rounds, note=f"reward {done.reward:.1f}")
 
-        work.run(on_round)
+        def on_pair(ready: int, count: int) -> None:
+            progress.update(task, note=f"{ready} of {count} circuits and cars practised")
+
+        work.run(on_round, on_pair)
     tell({"rounds": work.rounds, "checkpoints": out / "checkpoints"}, as_json)

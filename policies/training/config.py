@@ -107,6 +107,18 @@ class Variety(Section):
     stint_s: Annotated[float, Field(gt=0, le=1e6)] = 120.0
 
 
+class PolishSettings(Section):
+    """How fast polishing moves; see `nathlon.policies.training.polish`.
+
+    Attributes:
+        rate: of Adam at first; it falls by half a cosine to a twentieth.
+        batch: steps of cars in a minibatch.
+    """
+
+    rate: Annotated[float, Field(gt=0, le=1)] = 5e-5
+    batch: Count = 8192
+
+
 class ObservationSettings(Section):
     """The observation spec to train on; see nathlon.sim.observation."""
 
@@ -159,6 +171,7 @@ class TrainingConfig(Section):
     observation: ObservationSettings = ObservationSettings()
     qrsac: QRSACConfig = QRSACConfig()
     reward: RewardWeights = RewardWeights()
+    polish: PolishSettings = PolishSettings()
 
     @property
     def shares(self) -> tuple[float, ...]:

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nathlon.policies.driver import Driver
 from nathlon.policies.sources import DRIVER
-from nathlon.policies.training.config import Variety
+from nathlon.policies.training.config import TrainingConfig, Variety
 from nathlon.sim.car_family import PARENTS, generate_car, write_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.course import SurfaceGrip
@@ -28,6 +29,8 @@ from nathlon.sim.track.styles import STYLES
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.whole_file import whole_file
 
+PAIRS = "pairs"
+"""Folder of a run in which the files of its circuits and cars are."""
 HOME = ("lindenring", "porto-sereno", "grandes-landes")
 SLIPPERY = (0.6, 0.95)
 """Grip of a wet road, as a multiple of that of a dry one."""
@@ -69,25 +72,48 @@ class Pair(NamedTuple):
 
 
 class PairDraw:
-    """Draws pairs, more often those that went badly when they were last driven."""
+    """Draws pairs, more often those that went badly when they were last driven alone.
 
-    def __init__(self, pairs: Sequence[Pair], rng: np.random.Generator) -> None:
-        """Nothing is known of any of the pairs yet."""
-        self._pairs, self._rng = tuple(pairs), rng
-        self._weights = np.full(len(pairs), HARD)
+    Attributes:
+        weights: (pairs,) how often each is drawn, relative to the others.
+    """
 
-    def draw(self) -> Pair:
+    def __init__(self, pairs: Sequence[Pair], weights: NDArray[np.float64] | None = None) -> None:
+        """Some pairs, of which nothing is known yet without weights."""
+        self._pairs = tuple(pairs)
+        self.weights = np.full(len(pairs), HARD) if weights is None else weights.copy()
+
+    def draw(self, rng: np.random.Generator) -> Pair:
         """The next pair."""
         if len(self._pairs) == 1:
             return self._pairs[0]
-        return self._pairs[self._rng.choice(len(self._pairs), p=self._weights / self._weights.sum())]
+        return self._pairs[rng.choice(len(self._pairs), p=self.weights / self.weights.sum())]
 
     def note(self, pair: Pair, speed: float) -> None:
         """Learn at what mean speed a pair was driven, m/s of progress on the course."""
         pace = speed * pair.lap_s / load_track(pair.circuit).length
         weight = min(max(WELL - pace, EASY), HARD)
         index = self._pairs.index(pair)
-        self._weights[index] += FORGETTING * (weight - self._weights[index])
+        self.weights[index] += FORGETTING * (weight - self.weights[index])
+
+
+def ready_pairs(
+    folder: Path, config: TrainingConfig, on_pair: Callable[[int, int], None]
+) -> tuple[list[Pair], list[Pair]]:
+    """Circuits and cars of a run, to train on, and to evaluate checkpoints on.
+
+    Args:
+        folder: of the run.
+        config: its configuration.
+        on_pair: told how many pairs of a variety are ready, and of how many.
+
+    Raises:
+        InputError: as `prepare`.
+    """
+    if config.variety is not None:
+        return prepare(folder / PAIRS, config.variety, on_pair)
+    only = [Pair(config.circuit, config.car)]
+    return only, only
 
 
 def prepare(

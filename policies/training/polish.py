@@ -13,28 +13,34 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from nathlon.policies.checkpoint import checkpoint_id, load_checkpoint, read_checkpoint, save_checkpoint
-from nathlon.policies.mlp import EncodedMlp
+from nathlon.policies.checkpoint import (
+    checkpoint_id,
+    load_checkpoint,
+    read_checkpoint,
+    save_checkpoint,
+)
 from nathlon.policies.replay_buffer.tables import apportion
-from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.evaluation import evaluate_laps
-from nathlon.policies.training.pairs import Pair
+from nathlon.policies.training.config import Rollouts, TrainingConfig
+from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
+from nathlon.policies.training.pairs import Pair, PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
 from nathlon.policies.training.proximal import Proximal
 from nathlon.policies.training.trial import Trial
 from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 
 STARTS = 16
 """Differing ones in a round."""
-RATE, FINAL_RATE = 5e-5, 2.5e-6
-"""Of Adam, at first and at the end; it falls by half a cosine."""
+FINAL_RATE = 0.05
+"""Share of Adam's rate that is left at the end; it falls by half a cosine."""
 CHECKPOINT_EVERY = 10
 POLISHED = ", polished"
 """What a card says behind its algorithm, once, however often it was."""
@@ -69,8 +75,8 @@ class Polish:
             seed: of all that is drawn.
 
         Raises:
-            InputError: if the checkpoint cannot be read or is for another circuit or car, the races cannot be
-                made, or the folder holds something else.
+            InputError: if the checkpoint cannot be read or is for another circuit or car, or the folder holds
+                something else.
         """
         self.card, self._tensors = read_checkpoint(checkpoint)
         for name in ("circuit", "car"):
@@ -79,26 +85,21 @@ class Polish:
                     f"{checkpoint}: {name} is {getattr(self.card, name)}, expected {getattr(config, name)}, "
                     "as in the training configuration"
                 )
+        self._path, self._config = checkpoint, config
         self._folder, self._total, self._seed = folder, rounds, seed
         own = [rollouts for rollouts in config.rollouts if not rollouts.demonstrators]
         if not own:
             raise InputError(f"{checkpoint}: all rollouts of the training configuration are demonstrations")
         counts = apportion(STARTS, [rollouts.share or 1.0 for rollouts in own])
-        self._trials = [
-            Trial(config, rollouts, count, checkpoint, os.cpu_count() or 1)
-            for rollouts, count in zip(own, counts, strict=True)
-            if count
-        ]
+        self._races = [(rollouts, count) for rollouts, count in zip(own, counts, strict=True) if count]
         self._facts = {
             "checkpoint": checkpoint_id(checkpoint),
             "configuration": config.model_dump_json(),
             "rounds": str(rounds),
             "seed": str(seed),
         }
-        network = load_checkpoint(checkpoint).network
-        if isinstance(network, EncodedMlp):
-            raise InputError(f"{checkpoint}: has an encoder, expected a checkpoint without one")
-        self._learner = Proximal(network.layers)
+        self._weights: NDArray[np.float64] | None = None
+        self._learner = Proximal(load_checkpoint(checkpoint).network)
         self.rounds = self.updates = self.transitions = 0
         self._curve = np.zeros((0, len(CURVE)))
         state = load_state(folder, self._facts)
@@ -106,13 +107,24 @@ class Polish:
             self.rounds, self.updates, self.transitions = state.rounds, state.updates, state.transitions
             self._curve = state.curve
             self._learner.load(state.learner)
+            self._weights = state.weights
 
-    def run(self, on_round: Callable[[Round], None]) -> None:
+    def run(
+        self, on_round: Callable[[Round], None], on_pair: Callable[[int, int], None] = lambda *_: None
+    ) -> None:
         """All rounds to the end, or until KeyboardInterrupt; what is done is kept either way.
 
+        Args:
+            on_round: told of each round that is done.
+            on_pair: told how many pairs of a variety are ready, and of how many.
+
         Raises:
-            InputError: if a file cannot be written.
+            InputError: if the races cannot be made or a file cannot be written.
         """
+        pairs, self._evaluated = ready_pairs(self._folder, self._config, on_pair)
+        self._draw = PairDraw(pairs, self._weights)
+        varied = self._config.variety is not None
+        self._kept = [] if varied else [self._trial(*races, pairs[0]) for races in self._races]
         while self.rounds < self._total:
             reward = self._round()
             if self.rounds % CHECKPOINT_EVERY == 0 or self.rounds == self._total:
@@ -120,7 +132,12 @@ class Polish:
             save_state(
                 self._folder,
                 PolishState(
-                    self.rounds, self.updates, self.transitions, self._learner.tensors(), self._curve
+                    self.rounds,
+                    self.updates,
+                    self.transitions,
+                    self._learner.tensors(),
+                    self._draw.weights,
+                    self._curve,
                 ),
                 self._facts,
             )
@@ -130,22 +147,42 @@ class Polish:
         """Drive, and improve on it; the mean reward of a car."""
         rng = np.random.default_rng([self._seed, self.rounds])
         network = self._learner.network
-        drives = [trial.drive(network, rng) for trial in self._trials]
+        drives, cars = [], []
+        for trial in self._trials(rng):
+            drive = trial.drive(network, rng)
+            if trial.alone:
+                self._draw.note(trial.pair, drive.speed)
+            drives.append(drive)
+            cars.append(trial.cars)
         driven = [each for drive in drives for each in drive.driven]
         left = 0.5 + 0.5 * math.cos(math.pi * self.rounds / self._total)
-        self.updates += self._learner.improve(driven, FINAL_RATE + (RATE - FINAL_RATE) * left, rng)
+        rate = self._config.polish.rate * (FINAL_RATE + (1.0 - FINAL_RATE) * left)
+        self.updates += self._learner.improve(driven, rate, self._config.polish.batch, rng)
         self.rounds += 1
         self.transitions += sum(drive.steps for drive in drives)
-        rewards = [drive.reward for drive in drives]
-        return float(np.average(rewards, weights=[trial.cars for trial in self._trials]))
+        return float(np.average([drive.reward for drive in drives], weights=cars))
+
+    def _trials(self, rng: np.random.Generator) -> Iterable[Trial]:
+        """The races of a round; of a variety each start is on a pair of its own."""
+        if self._kept:
+            yield from self._kept
+            return
+        for rollouts, count in self._races:
+            for _ in range(count):
+                yield self._trial(rollouts, 1, self._draw.draw(rng))
+
+    def _trial(self, rollouts: Rollouts, starts: int, pair: Pair) -> Trial:
+        return Trial(self._config, rollouts, pair, starts, self._path, os.cpu_count() or 1)
 
     def _checkpoint(self, reward: float) -> None:
         tensors = dict(self._tensors)
-        for index, (weight, bias) in enumerate(self._learner.network.layers):
-            for name, layer in ((f"{index}.weight", weight), (f"{index}.bias", bias)):
-                tensors[name] = tensors[name].copy()
-                tensors[name][..., : layer.shape[-1]] = layer  # the last one's deviations are left alone
-        scenarios = (*self.card.scenarios, *(trial.scenario for trial in self._trials))
+        for name, layer in self._learner.named():
+            tensors[name] = tensors[name].copy()
+            tensors[name][..., : layer.shape[-1]] = layer  # the last one's deviations are left alone
+        scenarios = (
+            *self.card.scenarios,
+            *(load_scenario(rollouts.scenario).name for rollouts, _ in self._races),
+        )
         card = self.card.model_copy(
             update={
                 "algorithm": self.card.algorithm.removesuffix(POLISHED) + POLISHED,
@@ -161,7 +198,9 @@ class Polish:
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         network = load_checkpoint(path).network
-        laps = evaluate_laps(Pair(card.circuit, card.car), card.observation, network, self._seed)
+        laps = mean_laps(
+            evaluate_laps(pair, card.observation, network, self._seed) for pair in self._evaluated
+        )
         row = [[self.rounds, card.step, card.transitions, reward, laps.lap_s, laps.off_course_share]]
         self._curve = np.concatenate([self._curve, row])
         write_curve(self._folder, self._curve)

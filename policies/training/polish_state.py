@@ -20,7 +20,7 @@ from nathlon.sim.untrusted_file import open_regular
 from nathlon.sim.whole_file import whole_file
 
 CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")
-COUNTS, CURVE_KEY = "counts", "curve"
+COUNTS, WEIGHTS, CURVE_KEY = "counts", "weights", "curve"
 COUNTED = ("rounds", "updates", "transitions")
 
 
@@ -30,6 +30,7 @@ class PolishState(NamedTuple):
     Attributes:
         rounds, updates, transitions: done so far.
         learner: what `Proximal.tensors` gave.
+        weights: (pairs,) of the draw of pairs.
         curve: (checkpoints, 6) what `CURVE` names.
     """
 
@@ -37,6 +38,7 @@ class PolishState(NamedTuple):
     updates: int
     transitions: int
     learner: dict[str, Tensor]
+    weights: NDArray[np.float64]
     curve: NDArray[np.float64]
 
 
@@ -48,6 +50,7 @@ def save_state(folder: Path, state: PolishState, facts: Mapping[str, str]) -> No
     """
     own = {
         COUNTS: torch.tensor([state.rounds, state.updates, state.transitions]),
+        WEIGHTS: torch.from_numpy(state.weights),
         CURVE_KEY: torch.from_numpy(state.curve),
     }
     write_tensors(folder / STATE_FILE, {**state.learner, **own}, dict(facts))
@@ -78,13 +81,14 @@ def load_state(folder: Path, facts: Mapping[str, str]) -> PolishState | None:
         if found.get(name) != value:
             raise InputError(f"{path}: is of another {name}; choose another folder")
     try:
-        counts, curve = tensors.pop(COUNTS).tolist(), tensors.pop(CURVE_KEY).numpy()
+        counts = tensors.pop(COUNTS).tolist()
+        weights, curve = tensors.pop(WEIGHTS).numpy(), tensors.pop(CURVE_KEY).numpy()
     except KeyError as missing:
         raise InputError(f"{path}: tensor {missing} is missing") from None
     if len(counts) != len(COUNTED):
         raise InputError(f"{path}: {COUNTS} has {len(counts)} numbers, expected {', '.join(COUNTED)}")
     rounds, updates, transitions = counts
-    return PolishState(rounds, updates, transitions, tensors, curve)
+    return PolishState(rounds, updates, transitions, tensors, weights, curve)
 
 
 def write_curve(folder: Path, curve: NDArray[np.float64]) -> None:

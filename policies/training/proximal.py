@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import linear
 
-from nathlon.policies.mlp import Mlp
+from nathlon.policies.checkpoint import ENCODER
+from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.training.trial import DEVIATION, Driven
 
-BATCH = 8192
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
 LEAST_SLOPE, UTMOST = 0.1, 0.9993
@@ -47,37 +47,47 @@ class Proximal:
 
     Attributes:
         layers: weight (in, out) and bias (out,) of each, float32.
+        encoder: the same of the encoder; empty where there is none.
     """
 
-    def __init__(self, layers: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]) -> None:
-        """Copies of the layers, to be improved."""
-        self.layers = [
-            (torch.from_numpy(weight.copy()).requires_grad_(), torch.from_numpy(bias.copy()).requires_grad_())
-            for weight, bias in layers
-        ]
-        self._adam = torch.optim.Adam([tensor for layer in self.layers for tensor in layer])
+    def __init__(self, network: Mlp | EncodedMlp) -> None:
+        """Copies of a network's layers, to be improved."""
+        trunk = network.network if isinstance(network, EncodedMlp) else network
+        self.layers = _parameters(trunk)
+        self.encoder = _parameters(network.encoder) if isinstance(network, EncodedMlp) else []
+        self._facts = network.facts if isinstance(network, EncodedMlp) else 0
+        self._all = [tensor for layer in (*self.layers, *self.encoder) for tensor in layer]
+        self._adam = torch.optim.Adam(self._all)
 
     @property
-    def network(self) -> Mlp:
+    def network(self) -> Mlp | EncodedMlp:
         """The layers as they are, to drive with."""
-        layers = [(weight.detach().numpy(), bias.detach().numpy()) for weight, bias in self.layers]
-        return Mlp(tuple(layers), "relu", "tanh")
+        trunk = Mlp(_arrays(self.layers), "relu", "tanh")
+        if not self.encoder:
+            return trunk
+        return EncodedMlp(Mlp(_arrays(self.encoder), "relu", "relu"), trunk, self._facts)
 
     def means(self, seen: Tensor) -> Tensor:
         """Mean actions (n, 2) for observations (n, size)."""
         *hidden, (weight, bias) = self.layers
         layer = seen
+        if self.encoder:
+            facts = seen[:, -self._facts :]
+            for each, shift in self.encoder:
+                facts = torch.relu(linear(facts, each.T, shift))
+            layer = torch.cat([seen[:, : -self._facts], facts], dim=1)
         for each, shift in hidden:
             layer = torch.relu(linear(layer, each.T, shift))
         means: Tensor = Saturating.apply(linear(layer, weight.T, bias))
         return means
 
-    def improve(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> int:
+    def improve(self, driven: Sequence[Driven], rate: float, batch: int, rng: np.random.Generator) -> int:
         """Go once through all that was driven, in minibatches.
 
         Args:
             driven: of the policy as it is; what is left over of the last minibatch is not used.
             rate: of Adam.
+            batch: rows of a minibatch.
             rng: draws the order.
 
         Returns:
@@ -89,18 +99,25 @@ class Proximal:
         for group in self._adam.param_groups:
             group["lr"] = rate
         order = torch.from_numpy(rng.permutation(len(seen)))
-        batches = max(1, len(order) // BATCH)
-        for rows in order[: batches * BATCH].chunk(batches):
+        batches = max(1, len(order) // batch)
+        for rows in order[: batches * batch].chunk(batches):
             moved = (self.means(seen[rows]) - means[rows]) / torch.from_numpy(DEVIATION)
             self._adam.zero_grad()
             torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
             self._adam.step()
         return batches
 
+    def named(self) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        """The layers as they are, by the names that they have in a checkpoint."""
+        for prefix, layers in (("", self.layers), (ENCODER, self.encoder)):
+            for index, (weight, bias) in enumerate(_arrays(layers)):
+                yield f"{prefix}{index}.weight", weight
+                yield f"{prefix}{index}.bias", bias
+
     def tensors(self) -> dict[str, Tensor]:
         """Layers and the optimiser's state, by name."""
         tensors = {}
-        for index, tensor in enumerate(tensor for layer in self.layers for tensor in layer):
+        for index, tensor in enumerate(self._all):
             tensors[f"parameter.{index}"] = tensor.detach().clone()
             for name, value in self._adam.state[tensor].items():
                 tensors[f"adam.{index}.{name}"] = value.clone()
@@ -113,13 +130,26 @@ class Proximal:
             KeyError: if one is missing.
             ValueError: if one is of another shape.
         """
-        for index, tensor in enumerate(tensor for layer in self.layers for tensor in layer):
+        for index, tensor in enumerate(self._all):
             found = tensors[f"parameter.{index}"]
             moments = {name: tensors[f"adam.{index}.{name}"] for name in ("step", "exp_avg", "exp_avg_sq")}
             if not found.shape == tensor.shape == moments["exp_avg"].shape == moments["exp_avg_sq"].shape:
                 raise ValueError(f"parameter.{index}")
             tensor.data.copy_(found)
             self._adam.state[tensor] = moments
+
+
+def _parameters(network: Mlp) -> list[tuple[Tensor, Tensor]]:
+    return [
+        (torch.from_numpy(weight.copy()).requires_grad_(), torch.from_numpy(bias.copy()).requires_grad_())
+        for weight, bias in network.layers
+    ]
+
+
+def _arrays(
+    layers: Sequence[tuple[Tensor, Tensor]],
+) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
+    return tuple((weight.detach().numpy(), bias.detach().numpy()) for weight, bias in layers)
 
 
 def proximal_loss(moved: Tensor, noise: Tensor, advantage: Tensor) -> Tensor:

@@ -129,6 +129,11 @@ class Rollout:
         return len(self._env.cars)
 
     @property
+    def alone(self) -> bool:
+        """Whether each race has one car."""
+        return self._env.others == 0 and len(self._env.cars) == len(self.episodes.endings)
+
+    @property
     def demonstrated(self) -> bool:
         """Whether demonstrators drive the learner's cars."""
         return bool(self._demonstrators)

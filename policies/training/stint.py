@@ -62,7 +62,7 @@ class Stint:
             self._left_s *= rng.uniform(0.2, 1.0)
 
     def _begin(self) -> None:
-        self._pair = self._draw.draw()
+        self._pair = self._draw.draw(self._rng)
         self._rollout = Rollout(self._config, self._rollouts, self._pair, self._rng)
         self._rollout.meet(*self._met)
         self._driven = Tally()
@@ -90,7 +90,8 @@ class Stint:
         self._left_s -= self._rollout.episodes.step_s
         if self._left_s <= 0.0:
             step = step._replace(truncated=step.valid & ~step.terminated)
-            if self._driven.driven_s:
+            # Traffic and standing starts slow any car down, and say little of the pair.
+            if self._driven.driven_s and self._rollout.alone:
                 speed = self._driven.components["progress"] / self._driven.driven_s
                 self._draw.note(self._pair, speed)
             self._begin()

@@ -20,7 +20,7 @@ from nathlon.policies.replay_buffer.tables import ReplayTables
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
 from nathlon.policies.training.log import Status, TrainingLog
-from nathlon.policies.training.pairs import Pair, prepare
+from nathlon.policies.training.pairs import Pair, ready_pairs
 from nathlon.policies.training.state import (
     REPLAY_FILE,
     STATE_FILE,
@@ -39,8 +39,6 @@ from nathlon.sim.whole_file import whole_file
 
 CONFIG_FILE = "run.json"
 CHECKPOINTS = "checkpoints"
-PAIRS = "pairs"
-"""Folder of the circuits and cars of a variety."""
 ACTION_SIZE = 2
 LOG_EVERY = 250
 
@@ -178,7 +176,7 @@ class Trainer:
             InputError: if training diverges, a rollout cannot be made or the disk is full; the last
                 checkpoint and the last state are left as they are.
         """
-        pairs, self._evaluated = self._pairs(on_pair)
+        pairs, self._evaluated = ready_pairs(self.folder, self.config, on_pair)
         log, workers = TrainingLog(self.folder), self._worker_pool(pairs)
         began, first = time.perf_counter() - self._wall_s, self.updates
         started, next_log = time.perf_counter(), self.updates
@@ -206,13 +204,6 @@ class Trainer:
         finally:
             workers.close()
             log.close()
-
-    def _pairs(self, on_pair: Callable[[int, int], None]) -> tuple[list[Pair], list[Pair]]:
-        """Circuits and cars to train on, and to evaluate checkpoints on."""
-        if self.config.variety is not None:
-            return prepare(self.folder / PAIRS, self.config.variety, on_pair)
-        only = [Pair(self.config.circuit, self.config.car)]
-        return only, only
 
     def _worker_pool(self, pairs: Sequence[Pair]) -> WorkerPool:
         # Episodes to come must not repeat those before a stop.

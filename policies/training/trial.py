@@ -69,11 +69,13 @@ class Drive(NamedTuple):
     Attributes:
         driven: from the starts, and again if anything went wrong.
         reward: mean of a car from the starts, without discount.
+        speed: mean progress on the course from the starts, m/s.
         steps: driven by the policy's cars, all together.
     """
 
     driven: tuple[Driven, ...]
     reward: float
+    speed: float
     steps: int
 
 
@@ -82,17 +84,26 @@ class Trial:
 
     Attributes:
         scenario: name of the scenario.
+        pair: circuit and car.
         cars: that the policy drives, in all races.
+        alone: whether each race has one car.
     """
 
     def __init__(
-        self, config: TrainingConfig, rollouts: Rollouts, starts: int, checkpoint: Path, threads: int
+        self,
+        config: TrainingConfig,
+        rollouts: Rollouts,
+        pair: Pair,
+        starts: int,
+        checkpoint: Path,
+        threads: int,
     ) -> None:
         """Races yet to be started.
 
         Args:
             config: of which the rollouts are a part.
             rollouts: scenario, learners and opponents.
+            pair: circuit and car.
             starts: how many differing ones.
             checkpoint: drives where `self` and `past` do.
             threads: on which the world works.
@@ -100,12 +111,12 @@ class Trial:
         Raises:
             InputError: if the races cannot be made.
         """
-        pair = Pair(config.circuit, config.car)
         scenario = scenario_of(rollouts, pair)
         self._starts, self._again = starts, round(rollouts.mistakes * starts)
         self._episodes = Episodes(pair.circuit, pair.car, scenario, starts * GROUP, threads, STUCK_S)
         learners = learners_of(rollouts, scenario.cars)
-        self._population = Population(rollouts.opponents or config.opponents, pair)
+        opponents = (rollouts.opponents or config.opponents) if len(learners) < scenario.cars else ()
+        self._population = Population(opponents, pair)
         policy = load_checkpoint(checkpoint)
         self._population.meet(policy, (checkpoint,), np.random.default_rng(0))  # nothing to choose from
         self._env = OpponentWrapper(
@@ -114,7 +125,8 @@ class Trial:
         weights = config.reward.model_copy(update={"steering": 0.0})
         world = self._episodes.world
         self._reward = Reward(weights, Instruments(world.track, world.car, self._episodes.step_s))
-        self.scenario, self.cars = scenario.name, len(self._env.races)
+        self.scenario, self.pair, self.cars = scenario.name, pair, len(self._env.races)
+        self.alone = scenario.cars == 1
 
     def drive(self, act: Act, rng: np.random.Generator) -> Drive:
         """Drive all races once, with noise; then some again, from moments before what went wrong.
@@ -125,13 +137,13 @@ class Trial:
         """
         self._start(rng)
         failures = Failures(self._episodes, self._env.races, self._env.cars, rng) if self._again else None
-        driven, reward, steps = self._drive(HORIZON_S, act, rng, failures=failures)
+        first = self._drive(HORIZON_S, act, rng, failures=failures)
         again = failures.draw(self._again) if failures else []
         if not again:
-            return Drive((driven,), reward, steps)
+            return first
         self._start_again(again)
-        more, _, further = self._drive(AGAIN_S, act, rng, BOLDNESS, KEPT)
-        return Drive((driven, more), reward, steps + further)
+        more = self._drive(AGAIN_S, act, rng, BOLDNESS, KEPT)
+        return first._replace(driven=first.driven + more.driven, steps=first.steps + more.steps)
 
     def _drive(
         self,
@@ -141,8 +153,8 @@ class Trial:
         boldness: float = 1.0,
         kept: float = 0.0,
         failures: Failures | None = None,
-    ) -> tuple[Driven, float, int]:
-        """What was done, the mean reward of a car without discount, and the steps driven by all."""
+    ) -> Drive:
+        """All races for so long, as they stand."""
         step_s = self._episodes.step_s
         length, until = round(length_s / step_s), round((length_s - UNTOLD_S) / step_s)
         shape = (length, self.cars)
@@ -151,6 +163,7 @@ class Trial:
         noise = lasting(rng.standard_normal((*shape, 2), np.float32), kept)
         rewards, charges, driving = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
         motion = np.empty((*shape, len(MOTION)))
+        begun = self._progress
         for step in range(length):
             cars = self._episodes.world.state[self._env.races, self._env.cars]
             motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
@@ -168,7 +181,14 @@ class Trial:
         advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
         advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
         chosen = (seen[:until][told], means[:until][told], noise[:until][told] / boldness)
-        return Driven(*chosen, advantage.astype(np.float32)), reward, int(driving.sum())
+        driven = Driven(*chosen, advantage.astype(np.float32))
+        speed = float((self._progress - begun).mean()) / length_s
+        return Drive((driven,), reward, speed, int(driving.sum()))
+
+    @property
+    def _progress(self) -> NDArray[np.float64]:
+        """Of the policy's cars, (cars,), m."""
+        return self._episodes.world.state["progress"][self._env.races, self._env.cars]
 
     def _grouped(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """(steps, cars, ..) as (steps, starts and their cars, group, ..)."""

@@ -94,7 +94,7 @@ class RolloutWorker:
             InputError: if a rollout of the configuration cannot be made.
         """
         exploration, *streams = seed.spawn(1 + len(config.rollouts))
-        draw = PairDraw(pairs, np.random.default_rng(exploration))
+        draw = PairDraw(pairs)
         self._generator = torch.Generator().manual_seed(int(exploration.generate_state(1)[0]))
         self._policy = CurrentPolicy(config.observation.spec(), network, torch.from_numpy(news.parameters))
         self._network = network

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
+from nathlon.policies.mlp import Mlp
 from nathlon.policies.training.advantage import OUTLYING, advantages, discounted
 from nathlon.policies.training.proximal import CLIP, LEAST_SLOPE, UTMOST, Proximal, Saturating, proximal_loss
 from nathlon.policies.training.trial import DEVIATION, Driven
@@ -106,12 +107,11 @@ def test_what_saturates_can_be_unlearnt(at: float, push: float) -> None:
 
 def learner() -> Proximal:
     widths = (5, 16, 2)
-    return Proximal(
-        [
-            (drawn(i, a, b).astype(np.float32) * 0.3, np.zeros(b, np.float32))
-            for i, (a, b) in enumerate(pairwise(widths))
-        ]
-    )
+    layers = [
+        (drawn(i, a, b).astype(np.float32) * 0.3, np.zeros(b, np.float32))
+        for i, (a, b) in enumerate(pairwise(widths))
+    ]
+    return Proximal(Mlp(tuple(layers), "relu", "tanh"))
 
 
 def some(work: Proximal) -> Driven:
@@ -124,7 +124,7 @@ def test_the_policy_moves_to_what_brought_more() -> None:
     work = learner()
     driven = some(work)
     for _ in range(5):
-        work.improve([driven], 1e-4, np.random.default_rng(0))
+        work.improve([driven], 1e-4, 8192, np.random.default_rng(0))
     moved = (work.network(driven.seen) - driven.means) / DEVIATION
     assert moved[:, 1].mean() < -0.02
     assert abs(moved[:, 0].mean()) < 0.5 * abs(moved[:, 1].mean())
@@ -133,10 +133,10 @@ def test_the_policy_moves_to_what_brought_more() -> None:
 def test_going_on_from_its_tensors_is_the_same() -> None:
     work, other = learner(), learner()
     driven = some(work)
-    work.improve([driven], 1e-3, np.random.default_rng(0))
+    work.improve([driven], 1e-3, 8192, np.random.default_rng(0))
     other.load(work.tensors())
     for each in (work, other):
-        each.improve([driven], 1e-3, np.random.default_rng(1))
+        each.improve([driven], 1e-3, 8192, np.random.default_rng(1))
     assert np.array_equal(work.network(driven.seen), other.network(driven.seen))
     with pytest.raises(KeyError):
         other.load({})

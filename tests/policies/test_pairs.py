@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -10,11 +11,12 @@ import pytest
 
 from nathlon.arena.entrance import home
 from nathlon.arena.entrant import enter
-from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint, save_checkpoint
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
 from nathlon.policies.sources.onnx import OnnxPolicy, export_onnx
+from nathlon.policies.training import polish, trial
 from nathlon.policies.training.config import TrainingConfig, Variety
 from nathlon.policies.training.pairs import Pair, PairDraw, prepare
-from nathlon.policies.training.polish import Polish
+from nathlon.policies.training.polish import Polish, Round
 from nathlon.policies.training.trainer import Trainer
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import load_track
@@ -58,12 +60,13 @@ def checkpoint(run: Path) -> Path:
 
 def test_what_goes_badly_is_drawn_more_often() -> None:
     pairs = [Pair("lindenring", car, lap_s=100.0) for car in ("gt3", "coupe", "prototype")]
-    draw = PairDraw(pairs, np.random.default_rng(0))
+    draw = PairDraw(pairs)
+    rng = np.random.default_rng(0)
     full = load_track("lindenring").length / 100.0
     for _ in range(20):
         draw.note(pairs[0], full)
         draw.note(pairs[1], 0.85 * full)
-    drawn = Counter(draw.draw().car for _ in range(2000))
+    drawn = Counter(draw.draw(rng).car for _ in range(2000))
     # Weights 0.05, 0.2 and 1, of which 1 stands for what was never driven.
     expected = {"gt3": 80, "coupe": 320, "prototype": 1600}
     assert all(abs(drawn[car] - count) < 6 * count**0.5 for car, count in expected.items())
@@ -118,11 +121,29 @@ def test_the_checkpoint_acts_as_the_learner_does(run: Path, checkpoint: Path, tm
     np.testing.assert_allclose(graph.act(seen, graph.initial_memory(30))[0], actions, atol=1e-6)
 
 
-def test_polishing_refuses_an_encoder(checkpoint: Path, tmp_path: Path) -> None:
-    place = {"circuit": "lindenring", "car": "gt3"}
-    card, tensors = read_checkpoint(checkpoint)
-    path = tmp_path / "one.safetensors"
-    save_checkpoint(path, tensors, card.model_copy(update=place))
-    config = TrainingConfig.model_validate(CONFIG.model_dump() | place | {"variety": None})
-    with pytest.raises(InputError, match="has an encoder, expected a checkpoint without one"):
-        Polish(path, config, tmp_path / "out", 1, 1)
+def polished(checkpoint: Path, folder: Path, rounds: int, stop_after: int | None = None) -> Path:
+    def on_round(done: Round) -> None:
+        if done.rounds == stop_after:
+            raise KeyboardInterrupt
+
+    Polish(checkpoint, CONFIG, folder, rounds, seed=3).run(on_round)
+    return folder / "checkpoints" / f"round-{rounds:05d}.safetensors"
+
+
+def test_a_policy_of_any_pair_is_polished_on_many(
+    run: Path, checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Encoder and all; and going on after a stop comes to the same, draw of pairs included."""
+    for name, value in {"GROUP": 4, "HORIZON_S": 3.0, "UNTOLD_S": 1.0}.items():
+        monkeypatch.setattr(trial, name, value)
+    monkeypatch.setattr(polish, "STARTS", 3)
+    for folder in ("whole", "halves"):
+        shutil.copytree(run / "pairs", tmp_path / folder / "pairs")
+    whole = polished(checkpoint, tmp_path / "whole", 3)
+    with pytest.raises(KeyboardInterrupt):
+        polished(checkpoint, tmp_path / "halves", 3, stop_after=1)
+    assert whole.read_bytes() == polished(checkpoint, tmp_path / "halves", 3).read_bytes()
+    card, tensors = read_checkpoint(whole)
+    assert (card.circuit, card.encoder, card.algorithm) == ("any", (6, 4), "QR-SAC, polished")
+    before = read_checkpoint(checkpoint)[1]
+    assert [name for name, tensor in tensors.items() if np.array_equal(tensor, before[name])] == []

@@ -42,6 +42,7 @@ def config(*rollouts: dict, **more: object) -> TrainingConfig:
     return TrainingConfig.model_validate({**COMMON, "checkpoint_every": 1, "rollouts": rollouts, **more})
 
 
+HOME = Pair("lindenring", "gt3")
 ALONE = config({"scenario": "1v0", "races": 1, "learners": 1})
 TRAFFIC = config({"scenario": "1v1", "races": 1, "learners": 1, "opponents": ["driver", "self", "past"]})
 
@@ -67,7 +68,7 @@ def polished(folder: Path, rounds: int, stop_after: int | None = None) -> None:
 
 def drive(settings: TrainingConfig, seed: int = 5) -> tuple[Driven, float]:
     network = load_checkpoint(CHECKPOINT).network
-    races = Trial(settings, settings.rollouts[0], 2, CHECKPOINT, threads=1)
+    races = Trial(settings, settings.rollouts[0], HOME, 2, CHECKPOINT, threads=1)
     drive = races.drive(network, np.random.default_rng(seed))
     assert len(drive.driven) == 1
     return drive.driven[0], drive.reward
@@ -113,7 +114,7 @@ def test_what_went_wrong_is_driven_again(settings: TrainingConfig, monkeypatch: 
 
     monkeypatch.setattr(Failures, "draw", draw)
     rollouts = settings.rollouts[0].model_copy(update={"mistakes": 0.5})
-    races = Trial(settings, rollouts, 2, CHECKPOINT, threads=1)
+    races = Trial(settings, rollouts, HOME, 2, CHECKPOINT, threads=1)
     network = load_checkpoint(CHECKPOINT).network
     done = races.drive(network, np.random.default_rng(5))
     first, again = done.driven
