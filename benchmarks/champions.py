@@ -55,7 +55,8 @@ from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.statistics import interval, spread
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import read_card
-from nathlon.policies.sources import DRIVER, find_sources
+from nathlon.policies.sources import DRIVER
+from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.data_file import Section, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario

@@ -21,7 +21,7 @@ from benchmarks.result import write_result
 from nathlon.api.selection import entered
 from nathlon.arena.pool import Pool
 from nathlon.policies.bundled import BUNDLED
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.progress import stage_progress
 from nathlon.reports.summary import Summary
 from nathlon.selection.config import Config

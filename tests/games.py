@@ -152,6 +152,19 @@ class Nested(Game):
         return Dict({"light": self.seen[seat]})
 
 
+class Unlike(Game):
+    """The prey sees a number more, which tells nothing."""
+
+    def observation_space(self, seat):
+        return Box(0.0, 1.0, (4,), np.float32) if seat == "prey" else self.seen[seat]
+
+    def look(self):
+        seen = super().look()
+        if "prey" in seen:
+            seen["prey"] = np.append(seen["prey"], np.float32(1.0))
+        return seen
+
+
 def duel():
     return Game("left", "right")
 
@@ -178,6 +191,10 @@ def leaves():
 
 def chase():
     return Game("hunter_1", "hunter_2", "prey", "tree")
+
+
+def hunt():
+    return Unlike("hunter_1", "hunter_2", "prey")
 
 
 def nested():
@@ -209,15 +226,18 @@ def world_of(folder: Path, made: str, file: str = "worlds.py") -> str:
     return f"{folder / file}:world"
 
 
-def player(path: Path, right: int) -> str:
-    """The source of a policy that names so many of the three lights rightly, as an ONNX graph."""
-    weights = np.zeros((3, 3), np.float32)
+def player(path: Path, right: int, inputs: int = 3) -> str:
+    """The source of a policy that names so many of the three lights rightly, as an ONNX graph.
+
+    Inputs beyond the three lights are ignored.
+    """
+    weights = np.zeros((inputs, 3), np.float32)
     for light in range(3):
         weights[light, light if light < right else (light + 1) % 3] = 1.0
     graph = helper.make_graph(
         [helper.make_node("MatMul", ["x", "w"], ["y"])],
         "policy",
-        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["batch", 3])],
+        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["batch", inputs])],
         [helper.make_tensor_value_info("y", TensorProto.FLOAT, ["batch", 3])],
         [numpy_helper.from_array(weights, "w")],
     )

@@ -64,6 +64,8 @@ class Setup:
             score.
         time_s: of an episode, at most; by it matches that run together are made equally long.
         ends: whether it has an end of its own, before the time is up.
+        roles: of each seat, where an entrant has a policy for each role; '' of a seat of no side. Empty where
+            one policy takes all seats.
     """
 
     seats: tuple[str, ...]
@@ -71,6 +73,7 @@ class Setup:
     points: Points = "score"
     time_s: float = 60.0
     ends: bool = True
+    roles: tuple[str, ...] = ()
 
     @property
     def free(self) -> set[int]:

@@ -84,6 +84,7 @@ class PettingZooWorld(EpisodeWorld):
         scenarios: Mapping[str, Factory],
         *,
         sides: Sequence[Sequence[str]] | None = None,
+        roles: Mapping[str, Sequence[str]] | None = None,
         points: Points = "score",
         score: Source = lambda seat: seat.total,
         measures: Mapping[str, Declared] | None = None,
@@ -103,6 +104,8 @@ class PettingZooWorld(EpisodeWorld):
                 folder of the file that the world is in.
             sides: names of the seats of each side that entrants take; by default each seat is one. Seats of
                 no side are the baseline's.
+            roles: names of the seats of each role, where an entrant has a policy for each; every seat of a
+                side has one.
             points: whether points of a match are by place or by score.
             score: of a seat in an episode, the sum of its rewards by default.
             measures: what else is measured of a seat, by name.
@@ -128,6 +131,7 @@ class PettingZooWorld(EpisodeWorld):
         }
         self.baseline, self.episode = baseline, episode
         self._make, self._sides, self._points = dict(scenarios), sides, points
+        self._roles = {seat: role for role, named in (roles or {}).items() for seat in named}
         self._score, self._declared = score, dict(measures or {})
         self._packages, self._most_steps, self._step_s = tuple(packages), most_steps, step_s
         self._python, self._answer_s = python, answer_s
@@ -140,17 +144,21 @@ class PettingZooWorld(EpisodeWorld):
         """As of `nathlon.arena.worlds.contract.World`."""
         seats = tuple(self._known(scenario))
         sides = [[seat] for seat in seats] if self._sides is None else self._sides
-        unknown = {seat for side in sides for seat in side} - set(seats)
+        taken = {seat for side in sides for seat in side}
+        where = f"world {self.name!r}, scenario {scenario!r}"
+        unknown = (taken | self._roles.keys()) - set(seats)
         if unknown:
+            raise InputError(f"{where}: has no seat {sorted(unknown)[0]!r}, expected {', '.join(seats)}")
+        if self._roles and (without := taken - self._roles.keys()):
             raise InputError(
-                f"world {self.name!r}, scenario {scenario!r}: has no seat {sorted(unknown)[0]!r}, "
-                f"expected {', '.join(seats)}"
+                f"{where}: seat {sorted(without)[0]!r} has no role, expected one for every seat of a side"
             )
         return Setup(
             seats,
             tuple(tuple(seats.index(seat) for seat in side) for side in sides),
             self._points,
             self._most_steps * self._step_s,
+            roles=tuple(self._roles.get(seat, "") for seat in seats) if self._roles else (),
         )
 
     def spaces(self, scenario: str) -> list[tuple[Space, Space]]:

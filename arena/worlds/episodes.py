@@ -6,7 +6,7 @@ import json
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,9 +30,10 @@ from nathlon.arena.worlds.contract import (
 from nathlon.arena.worlds.player import Asking, Space
 from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
+from nathlon.policies.general.roles import RolePolicies, Spaces
 from nathlon.policies.isolation import Apart
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
-from nathlon.policies.sources import PLUGIN
+from nathlon.policies.sources import PLUGIN, ROLES
 from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
 
@@ -98,26 +99,38 @@ class EpisodeWorld(ABC):
         """As of `nathlon.arena.worlds.contract.World`."""
         policy = self.policy(source)
         algorithm = policy.algorithm or "unknown"
-        name = PurePath(source).stem.removeprefix(f"{PLUGIN}:")
+        name = Path(source).name.removesuffix(ROLES) if source.endswith(ROLES) else Path(source).stem
+        name = name.removeprefix(f"{PLUGIN}:")
         return Entrant(policy.id, name, source, algorithm, "", "", policy.step, policy.seed, self.name)
 
-    def policy(self, source: str) -> GeneralPolicy:
+    def policy(self, source: str) -> GeneralPolicy | RolePolicies:
         """As of `nathlon.arena.worlds.contract.World`.
 
         Raises:
             InputError: if it cannot be loaded, or does not fit a seat that entrants take.
         """
         seats = self._seats()
-        policy = load_general(source, *seats[0][1])
-        for _, spaces in seats[1:]:
-            policy.check(*spaces)
+        if source.endswith(ROLES):
+            return RolePolicies.load(source, seats if "" not in seats else {})
+        first, *others = (spaces for role in seats.values() for spaces in role)
+        try:
+            policy = load_general(source, *first)
+            for spaces in others:
+                policy.check(*spaces)
+        except InputError as error:
+            hint = "" if "" in seats else f"; or a file NAME{ROLES} with a policy for each role"
+            raise InputError(f"{error}{hint}") from None
         return policy
 
-    def _seats(self) -> list[tuple[str, tuple[Space, Space]]]:
-        """Names and spaces of the seats that entrants take in the first scenario."""
+    def _seats(self) -> dict[str, tuple[Spaces, ...]]:
+        """Spaces of the seats that entrants take in the first scenario, by role; all by '' without roles."""
         scenario = self.scenarios[0]
         setup, all_spaces = self.setup(scenario), self.spaces(scenario)
-        return [(setup.seats[seat], all_spaces[seat]) for side in setup.sides for seat in side]
+        seats: dict[str, tuple[Spaces, ...]] = {}
+        for seat in (seat for side in setup.sides for seat in side):
+            role = setup.roles[seat] if setup.roles else ""
+            seats[role] = (*seats.get(role, ()), all_spaces[seat])
+        return seats
 
     def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
         """As of `nathlon.arena.worlds.contract.World`: one episode after another."""
@@ -146,12 +159,13 @@ class EpisodeWorld(ABC):
         onlooker: Onlooker | None = None,
     ) -> list[dict[str, Any]]:
         setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
+        roles = setup.roles or [""] * len(setup.seats)
         players = [
-            Asking(policies[seat.entrant], name, *spaces, rng, race.seed % 2**32, self.answer_s).watched(
-                watch, number, seat.entrant
-            )
-            for seat, name, spaces, rng in zip(
-                race.seats, setup.seats, self.spaces(match.scenario), rngs, strict=True
+            Asking(
+                _in_role(policies[seat.entrant], role), name, *spaces, rng, race.seed % 2**32, self.answer_s
+            ).watched(watch, number, seat.entrant)
+            for seat, name, role, spaces, rng in zip(
+                race.seats, setup.seats, roles, self.spaces(match.scenario), rngs, strict=True
             )
         ]
         watch.work(max(WORLD_OPENS_S, self.answer_s))
@@ -212,6 +226,11 @@ class EpisodeWorld(ABC):
     def _own(self, outcome: Outcome) -> str | None:
         own = {name: float(v) for name, v in sorted(outcome.measures.items()) if name not in KNOWN}
         return json.dumps(own) if own else None
+
+
+def _in_role(policy: Any, role: str) -> Any:
+    """Who plays for an entrant in a seat; the one policy, if it has no others."""
+    return policy.by_role[role] if isinstance(policy, RolePolicies) else policy
 
 
 def _known(outcome: Outcome) -> dict[str, float | int]:

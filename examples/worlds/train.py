@@ -2,7 +2,8 @@
 
 python -m examples.worlds.train tag runs/tag-1 --seed 1
 
-OUT/returns.json has, by checkpoint, the mean return of the last hundred episodes before it.
+OUT/returns.json has, by checkpoint, the mean return of the last hundred episodes before it. Where a world has
+roles, each is trained by itself, and OUT/NAME.roles.toml names the checkpoints of equally many steps.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import argparse
 import json
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -21,15 +23,17 @@ from stable_baselines3.common.monitor import Monitor
 
 
 class Task(NamedTuple):
-    """What is trained for a world: in which environment, for so many steps, in which of its seats."""
+    """What is trained for a world: in which environment, for so many steps, in which seats or roles."""
 
     make: str
     steps: int
     seats: tuple[str, ...] = ()
+    roles: tuple[str, ...] = ()
 
 
 TASKS = {
     "tag": Task("tag", 24_000, ("adversary_0", "adversary_1", "adversary_2")),
+    "pursuit": Task("pursuit", 24_000, roles=("chaser", "prey")),
     "walkers": Task("walk", 30_000, ("walker_0", "walker_1", "walker_2")),
     "four": Task("Four", 24_000, ("player_0", "player_1")),
     "circuit": Task("Circuit", 8_000, ("car_0",)),
@@ -75,9 +79,24 @@ class OneSeat(gymnasium.Env[Any, Any]):
 
 
 def train(world: str, out: Path, seed: int) -> None:
-    """Train with PPO and save checkpoints in equal steps."""
-    task = TASKS[world]
-    environment = getattr(import_module(f"examples.worlds.{world}"), task.make)()
+    """Train with PPO, each role by itself, and save checkpoints in equal steps."""
+    task, module = TASKS[world], import_module(f"examples.worlds.{world}")
+    returns: dict[str, float] = {}
+    for role in task.roles:
+        returns |= _train(module, task._replace(seats=tuple(module.ROLES[role])), out / role, role, seed)
+    if not task.roles:
+        returns = _train(module, task, out, world, seed)
+    (out / "returns.json").write_text(json.dumps(returns, indent=1), "utf-8")
+    for step in range(1, CHECKPOINTS + 1) if task.roles else ():
+        named = f"{seed}_{step * (task.steps // CHECKPOINTS):06}"
+        lines = [f'{role} = "{role}/{role}_{named}.zip"' for role in task.roles]
+        (out / f"{world}_{named}.roles.toml").write_text("\n".join(["[roles]", *lines, ""]), "utf-8")
+
+
+def _train(module: ModuleType, task: Task, out: Path, called: str, seed: int) -> dict[str, float]:
+    """Train for some seats; the mean returns by the names of the checkpoints, which begin with `called`."""
+    out.mkdir(exist_ok=True)
+    environment = getattr(module, task.make)()
     alone = OneSeat(environment, task.seats, seed) if task.seats else environment
     model = PPO("MlpPolicy", Monitor(alone), n_steps=500, batch_size=100, seed=seed, device="cpu")
     if isinstance(alone, OneSeat):
@@ -85,11 +104,11 @@ def train(world: str, out: Path, seed: int) -> None:
     returns: dict[str, float] = {}
     for _ in range(CHECKPOINTS):
         model.learn(task.steps // CHECKPOINTS, reset_num_timesteps=False)
-        name = f"{world}_{seed}_{model.num_timesteps:06}"
+        name = f"{called}_{seed}_{model.num_timesteps:06}"
         model.save(out / name)
         returns[name] = float(np.mean([episode["r"] for episode in model.ep_info_buffer or ()]))
         print(f"{name}: {returns[name]:.2f}", flush=True)
-    (out / "returns.json").write_text(json.dumps(returns, indent=1), "utf-8")
+    return returns
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ import polars as pl
 from nathlon.api.selection import at_home, configured
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.pool import Pool
-from nathlon.policies.sources import checkpoints_below
+from nathlon.policies.sources.finding import checkpoints_below
 from nathlon.progress import stage_progress, worker_count
 from nathlon.publishing.output import OutputFolder
 from nathlon.recipe_comparison.grouping import attempts, recipe_folders

@@ -14,7 +14,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.policy import Policy
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.handed_over import hand_over
 from nathlon.progress import stage_progress, worker_count
 from nathlon.publishing.output import OutputFolder

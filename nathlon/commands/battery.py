@@ -10,7 +10,7 @@ import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nathlon.commands.options import AsJson
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.terminal import tell, warn

@@ -10,7 +10,7 @@ import typer
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers, WorldName
 from nathlon.commands.selection import stoppable
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.terminal import new_table, print_json, print_table, say
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.whole_file import whole_file
 from nathlon.terminal import new_table, print_json, print_table, say
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nathlon.commands.options import AsJson, Out, Seed
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from nathlon.commands.options import (
     Workers,
     WorldName,
 )
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 

@@ -65,6 +65,7 @@ def _print_report(report: Report, told: list[str]) -> None:
                     "name": tried.name,
                     "seats": tried.setup.seats,
                     "sides": [[tried.setup.seats[seat] for seat in side] for side in tried.setup.sides],
+                    "roles": list(dict.fromkeys(filter(None, tried.setup.roles))),
                     "points": tried.setup.points,
                     "episode_s": tried.episode_s,
                 }
@@ -119,4 +120,6 @@ def _meetings(name: str, setup: Setup) -> str:
         if setup.free
         else ""
     )
-    return f"{name}: {how}; {points}{others}."
+    roles = ", ".join(dict.fromkeys(filter(None, setup.roles)))
+    kinds = f"; an entrant has a policy for each role ({roles})" if roles else ""
+    return f"{name}: {how}{kinds}; {points}{others}."

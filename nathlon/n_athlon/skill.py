@@ -290,16 +290,30 @@ def load_skills(names: Sequence[str], world: World | None = None) -> list[Skill]
 
 
 def standing_tests(world: World) -> list[Skill]:
-    """A test for each scenario of a world, by score: what it is tested in where nobody has written tests."""
-    return [
-        Skill(
-            name=scenario,
-            description=f"the score in {scenario}",
-            scenario=scenario,
-            slots=tuple(range(1, len(world.setup(scenario).sides) + 1)),
-            opponents=(world.baseline,) if len(world.setup(scenario).sides) > 1 else (),
-            measure="score",
-            scoring=Gains(reference_gain=1.0, limit_gain=20.0, exponent=1.0, in_deviations=True),
-        )
-        for scenario in world.scenarios
-    ]
+    """Tests by score, in which a world's entrants are tested where nobody has written others.
+
+    One for each scenario, and for each of its sides if they have roles: their scores may lie far apart.
+    """
+    tests = []
+    for scenario in world.scenarios:
+        setup = world.setup(scenario)
+        slots = tuple(range(1, len(setup.sides) + 1))
+        parts = {scenario: slots}
+        if setup.roles:
+            roles = [" and ".join(dict.fromkeys(setup.roles[seat] for seat in side)) for side in setup.sides]
+            parts = {f"{scenario} as {role}": () for role in roles}
+            for slot, role in zip(slots, roles, strict=True):
+                parts[f"{scenario} as {role}"] += (slot,)
+        tests += [
+            Skill(
+                name=name,
+                description=f"the score in {name}",
+                scenario=scenario,
+                slots=played,
+                opponents=(world.baseline,) if len(slots) > 1 else (),
+                measure="score",
+                scoring=Gains(reference_gain=1.0, limit_gain=20.0, exponent=1.0, in_deviations=True),
+            )
+            for name, played in parts.items()
+        ]
+    return tests

@@ -9,7 +9,7 @@ from pathlib import Path
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
-from nathlon.policies.sources import checkpoints_below
+from nathlon.policies.sources.finding import checkpoints_below
 from nathlon.sim.errors import InputError
 
 

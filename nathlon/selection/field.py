@@ -10,7 +10,8 @@ from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import RACING
-from nathlon.policies.sources import PLUGIN, checkpoints_below
+from nathlon.policies.sources import PLUGIN
+from nathlon.policies.sources.finding import checkpoints_below
 from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterable
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +17,8 @@ RANDOM = "random"
 """Source of the policy of other worlds that draws its actions."""
 COMPOSITE = ".toml"
 """Suffix of composites."""
+ROLES = ".roles.toml"
+"""What the names of files end with that name a policy for each role."""
 SUFFIXES = (".safetensors", ".zip", ".onnx")
 """Of the files that hold policies."""
 PLUGINS = "nathlon.policies"
@@ -92,43 +92,3 @@ def check_source(source: str) -> None:
             raise InputError(f"{printable(path)}: no such file, expected a checkpoint to plan around")
     elif kind != OBJECT and source != RANDOM and not Path(source).exists():
         raise InputError(f"{printable(source)}: no such file, expected a policy")
-
-
-def checkpoints_below(folder: Path) -> list[Path]:
-    """The checkpoints in a folder and those below it, without the states of training runs.
-
-    A folder that cannot be looked into is one of them, so that whoever opens it says so.
-    """
-    closed: list[Path] = []
-    found = [
-        Path(place) / name
-        for place, _, names in os.walk(folder, onerror=lambda error: closed.append(Path(error.filename)))
-        for name in names
-        if Path(name).suffix in SUFFIXES and name not in TRAINING_STATE
-    ]
-    return sorted([*found, *closed])
-
-
-def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]:
-    """The sources among what a user has given; a folder stands for all checkpoints below it.
-
-    Args:
-        given: paths and names.
-        people: whether what a person did is one of them.
-
-    Raises:
-        InputError: if there is no such policy, or a folder holds none.
-    """
-    found: list[str] = []
-    for one in map(str, given):
-        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir():
-            inside = checkpoints_below(Path(one))
-            if not inside:
-                raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
-            found.extend(map(str, inside))
-        else:
-            check_source(one)
-            if one.startswith(f"{HUMAN}:") and not people:
-                raise InputError(f"{printable(one)}: is a person, expected a policy")
-            found.append(one)
-    return found

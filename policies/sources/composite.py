@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from nathlon.policies.policy import Batch, Policy
-from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN
+from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN, ROLES
 from nathlon.sim.data_file import Name, Section, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -70,6 +70,8 @@ class CompositeSource:
         Raises:
             InputError: if it is none, or a part is a composite or a planner.
         """
+        if path.name.endswith(ROLES):
+            raise InputError(f"{path}: names policies by role, expected one policy: a race has no roles")
         file = read_toml(path, CompositeFile, "composite")
         for part in file.part:
             if part.policy.endswith(COMPOSITE) or part.policy.startswith(f"{MPPI}:"):

@@ -5,18 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
-from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM
+from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM, ROLES
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over, object_id
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import plugin_id
+from nathlon.policies.sources.roles import RolesSource
 
 
 def policy_id(source: str) -> str:
     """The id of the policy that a user calls by a path or a name.
 
-    That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, of a plugin or a
-    composite or a planner that of all that decides how it drives, of an object that of what it consists of.
+    That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, of a plugin, a
+    composite, a planner or policies by role that of all that decides how it drives, of an object that of what
+    it consists of.
 
     Raises:
         InputError: if there is no such file or plugin.
@@ -32,6 +34,9 @@ def policy_id(source: str) -> str:
         return checkpoint_id(Path(name))
     if kind == MPPI:
         return PlannedSource.read(source).identity
+    if source.endswith(ROLES):
+        roles = RolesSource.read(Path(source))
+        return roles.identity([policy_id(part) for part in roles.sources.values()])
     if source.endswith(COMPOSITE):
         composite = CompositeSource.read(Path(source))
         return composite.identity([policy_id(part) for part in composite.sources])

@@ -14,7 +14,7 @@ from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.entrant import entrants_table
 from nathlon.arena.pool import Pool
 from nathlon.policies.checkpoint import load_checkpoint
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.onnx import export_onnx
 from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED

@@ -21,7 +21,7 @@ from nathlon.driving.desk import INPUT, Desk
 from nathlon.driving.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
 from nathlon.driving.heat import Driven
 from nathlon.driving.keeping import Kept, keep
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.publishing.output import OutputFolder
 from nathlon.publishing.recordings import stored_match
 from nathlon.sim.errors import InputError

@@ -148,7 +148,7 @@ def test_a_folder_that_cannot_be_looked_into_is_set_aside(watched: Path) -> None
     script = (
         "import os, sys\nfrom pathlib import Path\n"
         "from nathlon.arena.entrant import enter\n"
-        "from nathlon.policies.sources import checkpoints_below\n"
+        "from nathlon.policies.sources.finding import checkpoints_below\n"
         "from nathlon.sim.errors import InputError\n"
         "os.setegid(65534)\nos.seteuid(65534)\n"
         "closed = checkpoints_below(Path(sys.argv[1]))[-1]\n"

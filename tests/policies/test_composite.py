@@ -21,8 +21,8 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Batch, Policy
-from nathlon.policies.sources import find_sources
 from nathlon.policies.sources.composite import Composite, Part, columns, joint_spec
+from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec

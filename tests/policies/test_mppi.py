@@ -17,7 +17,7 @@ from nathlon.policies.load import load_policy
 from nathlon.policies.planning import Scene, decide
 from nathlon.policies.planning.foresight import Foresight
 from nathlon.policies.policy import Batch
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.data_file import DATA
 from nathlon.sim.episode import Episodes

@@ -1,0 +1,69 @@
+"""Finding policies in what a user has given: paths, names, and folders of checkpoints."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from nathlon.policies.sources import (
+    DRIVER,
+    HUMAN,
+    MPPI,
+    OBJECT,
+    PLUGIN,
+    ROLES,
+    SUFFIXES,
+    TRAINING_STATE,
+    check_source,
+)
+from nathlon.policies.sources.roles import RolesSource
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable
+
+
+def checkpoints_below(folder: Path) -> list[Path]:
+    """The checkpoints in a folder and those below it, without the states of training runs.
+
+    Files that a file of roles there names are no checkpoints of their own. A folder that cannot be looked
+    into is one of them, so that whoever opens it says so.
+    """
+    closed: list[Path] = []
+    found = [
+        Path(place) / name
+        for place, _, names in os.walk(folder, onerror=lambda error: closed.append(Path(error.filename)))
+        for name in names
+        if (Path(name).suffix in SUFFIXES and name not in TRAINING_STATE) or name.endswith(ROLES)
+    ]
+    parts: set[str] = set()
+    for path in found:
+        if path.name.endswith(ROLES):
+            with suppress(InputError):  # whoever opens it says what is wrong
+                parts |= {os.path.abspath(source) for source in RolesSource.read(path).sources.values()}
+    return sorted([*(path for path in found if os.path.abspath(path) not in parts), *closed])
+
+
+def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]:
+    """The sources among what a user has given; a folder stands for all checkpoints below it.
+
+    Args:
+        given: paths and names.
+        people: whether what a person did is one of them.
+
+    Raises:
+        InputError: if there is no such policy, or a folder holds none.
+    """
+    found: list[str] = []
+    for one in map(str, given):
+        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir():
+            inside = checkpoints_below(Path(one))
+            if not inside:
+                raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
+            found.extend(map(str, inside))
+        else:
+            check_source(one)
+            if one.startswith(f"{HUMAN}:") and not people:
+                raise InputError(f"{printable(one)}: is a person, expected a policy")
+            found.append(one)
+    return found
