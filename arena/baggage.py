@@ -50,7 +50,7 @@ class Files(Protocol):
         ...
 
     def files(self, digests: Iterable[str]) -> set[str]:
-        """Which of them are there."""
+        """Which of them are there; they are about to be used."""
         ...
 
     def put_file(self, digest: str, content: bytes) -> None:

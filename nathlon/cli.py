@@ -26,7 +26,7 @@ from nathlon.commands.recipes import recipes
 from nathlon.commands.replay import replay
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.serve import serve
-from nathlon.commands.store import copy_store
+from nathlon.commands.store import clean_store, copy_store
 from nathlon.commands.track import generate_track, import_track, limit_track, show_track
 from nathlon.commands.training import polish, train
 from nathlon.commands.twin import twin
@@ -69,6 +69,7 @@ app.add_typer(world, name="world")
 
 store = typer.Typer(help="Look after stores.", no_args_is_help=True)
 store.command("copy")(copy_store)
+store.command("clean")(clean_store)
 app.add_typer(store, name="store")
 app.add_typer(committee, name="committee")
 

@@ -110,6 +110,7 @@ file = sa.Table(
     metadata,
     sa.Column("digest", sa.Text, primary_key=True),
     sa.Column("content", sa.LargeBinary, nullable=False),
+    sa.Column("used_at", sa.Text),  # when it was last put or asked for
 )
 log = sa.Table(
     "log",

@@ -260,8 +260,8 @@ class Store:
     # Files
 
     def files(self, digests: Iterable[str]) -> set[str]:
-        """Those of the digests (SHA-256 in hexadecimal) whose files are kept here."""
-        return self._database.read(files.held, list(digests))
+        """Those of the digests (SHA-256 in hexadecimal) whose files are kept here; they count as used now."""
+        return self._database.write(files.held, list(digests))
 
     def put_file(self, digest: str, content: bytes) -> None:
         """Keep a file by its digest."""
@@ -270,6 +270,15 @@ class Store:
     def file(self, digest: str) -> bytes:
         """A file by its digest, as it is kept: whoever asks checks it."""
         return self._database.read(files.get, digest)
+
+    def remove_files(self, unused_for_s: float) -> tuple[int, int]:
+        """Remove files that no match in the queue names; how many, and their bytes.
+
+        Args:
+            unused_for_s: since they were put or asked for, at least, s: who wants matches sees to their files
+                before it puts them into the queue.
+        """
+        return self._database.write(files.remove_unused, unused_for_s)
 
     # The log
 

@@ -11,6 +11,9 @@ from nathlon.commands.options import AsJson, StoreName
 from nathlon.commands.selection import stoppable
 from nathlon.terminal import tell
 
+LEAST_DAYS = 1 / 24
+"""An hour: in that time at most, matches follow their files into the queue."""
+
 
 def copy_store(
     store: StoreName,
@@ -29,4 +32,21 @@ def copy_store(
     ):
         count = source.copy_to(copy, partial(on_match, "copy"))
         told = {"store": copy.name, "matches": count, "runs": len(copy.runs())}
+    tell(told, as_json)
+
+
+def clean_store(
+    store: StoreName,
+    days: Annotated[
+        float,
+        typer.Option(min=LEAST_DAYS, max=36_500, help="Keep what was put or asked for in so many days."),
+    ] = 7.0,
+    as_json: AsJson = False,
+) -> None:
+    """Remove checkpoints that were sent to workers and that no waiting match needs; results stay."""
+    from nathlon.arena.store import Store
+
+    with Store.open(store) as opened:
+        removed, size = opened.remove_files(days * 86_400)
+        told = {"store": opened.name, "removed": removed, "bytes": size}
     tell(told, as_json)
