@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from nathlon.api.planning import plan
     from nathlon.api.racing import RaceResult, race
     from nathlon.api.recipes import RecipesResult, recipes
+    from nathlon.api.reward_design import RewardDesign, design_reward
     from nathlon.api.selection import SelectionResult, select
     from nathlon.api.training import TrainingResult, train
     from nathlon.api.twinning import TwinResult, twin
     from nathlon.api.working import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.arena.worlds.formula import Formula
+    from nathlon.policies.environments.formula_reward import FormulaReward
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
     from nathlon.policies.load import load_policy
@@ -45,6 +47,7 @@ _FROM = {
     "Config": "nathlon.selection.config",
     "Forecast": "nathlon.reports.forecast",
     "Formula": "nathlon.arena.worlds.formula",
+    "FormulaReward": "nathlon.policies.environments.formula_reward",
     "GateResult": "nathlon.api.gating",
     "InputError": "nathlon.sim.errors",
     "MatrixResult": "nathlon.api.matrix",
@@ -55,6 +58,7 @@ _FROM = {
     "RaceResult": "nathlon.api.racing",
     "RaceVectorEnv": "nathlon.policies.environments.race_vector_env",
     "RecipesResult": "nathlon.api.recipes",
+    "RewardDesign": "nathlon.api.reward_design",
     "SelectionResult": "nathlon.api.selection",
     "TrainingResult": "nathlon.api.training",
     "TwinResult": "nathlon.api.twinning",
@@ -63,6 +67,7 @@ _FROM = {
     "Declared": "nathlon.arena.worlds.environment",
     "PettingZooWorld": "nathlon.arena.worlds.environment",
     "coach": "nathlon.api.coaching",
+    "design_reward": "nathlon.api.reward_design",
     "gate": "nathlon.api.gating",
     "matrix": "nathlon.api.matrix",
     "parallel_env": "nathlon.sim",
@@ -81,6 +86,7 @@ __all__ = [
     "Declared",
     "Forecast",
     "Formula",
+    "FormulaReward",
     "GateResult",
     "GymnasiumWorld",
     "InputError",
@@ -93,10 +99,12 @@ __all__ = [
     "RaceResult",
     "RaceVectorEnv",
     "RecipesResult",
+    "RewardDesign",
     "SelectionResult",
     "TrainingResult",
     "TwinResult",
     "coach",
+    "design_reward",
     "gate",
     "load_policy",
     "matrix",

@@ -24,6 +24,7 @@ from nathlon.commands.plan import plan
 from nathlon.commands.racing import race
 from nathlon.commands.recipes import recipes
 from nathlon.commands.replay import replay
+from nathlon.commands.reward import design_reward
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.serve import serve
 from nathlon.commands.store import clean_store, copy_store
@@ -66,6 +67,10 @@ world = typer.Typer(help="Look at simulators whose policies can be selected amon
 world.command("check")(check_world)
 world.command("list")(list_worlds)
 app.add_typer(world, name="world")
+
+reward = typer.Typer(help="Rewards for training.", no_args_is_help=True)
+reward.command("design")(design_reward)
+app.add_typer(reward, name="reward")
 
 store = typer.Typer(help="Look after stores.", no_args_is_help=True)
 store.command("copy")(copy_store)

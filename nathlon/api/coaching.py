@@ -13,7 +13,7 @@ import polars as pl
 from nathlon.arena.pool import Pool
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording
-from nathlon.coaching.chat import Endpoint
+from nathlon.asking.chat import Endpoint
 from nathlon.coaching.coach import Coach, Coached
 from nathlon.coaching.lap import STEP_M, Lap
 from nathlon.coaching.phrasing import Phrased

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel
 
-from nathlon.coaching.chat import Endpoint, Message
+from nathlon.asking.chat import Endpoint, Message
 from nathlon.reports.coach import CoachFacts
 
 ATTEMPTS = 2

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
-from typing import Any
 
 import pytest
 
-from nathlon.coaching.chat import KEY, MODEL, URL, Endpoint
+from nathlon.asking.chat import KEY, MODEL, URL, Endpoint
 from nathlon.coaching.phrasing import phrase, unfounded
 from nathlon.coaching.words import tell
 from nathlon.reports.coach import CoachFacts
 from nathlon.sim.errors import InputError
+from tests.scripted_model import Model
 
 FACTS = CoachFacts.model_validate(
     {
@@ -82,42 +79,11 @@ def test_the_coach_s_own_sentences_are_in_the_facts() -> None:
     assert unfounded(FACTS, NOTES, NOTES) == []
 
 
-class Model:
-    """A server that speaks the chat interface, with replies that it was given.
-
-    Attributes:
-        heard: bodies and keys of the requests.
-    """
-
-    def __init__(self, replies: list[str]) -> None:
-        self.heard: list[tuple[Any, str | None]] = []
-        heard, left = self.heard, list(replies)
-
-        class Handler(BaseHTTPRequestHandler):
-            def do_POST(self) -> None:
-                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-                heard.append((body, self.headers.get("Authorization")))
-                told = {"choices": [{"message": {"role": "assistant", "content": left.pop(0)}}]}
-                answer = json.dumps(told if self.path == "/v1/chat/completions" else {}).encode()
-                self.send_response(200)
-                self.send_header("Content-Length", str(len(answer)))
-                self.end_headers()
-                self.wfile.write(answer)
-
-            def log_message(self, format: str, *args: Any) -> None:
-                pass
-
-        self.server = HTTPServer(("127.0.0.1", 0), Handler)
-        self.url = f"http://127.0.0.1:{self.server.server_port}/v1"
-        threading.Thread(target=self.server.serve_forever, daemon=True).start()
-
-
 @pytest.fixture
 def model() -> Iterator[Model]:
     model = Model(["Linde costs 7 s, says Senna.", GOOD])
     yield model
-    model.server.shutdown()
-    model.server.server_close()
+    model.close()
 
 
 def test_a_model_is_asked_again_and_told_why(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,8 +102,7 @@ def test_a_model_is_asked_again_and_told_why(model: Model, monkeypatch: pytest.M
 def test_who_says_nothing_right_is_not_heard(model: Model) -> None:
     stubborn = Model(["It was Senna.", "It was Senna."])
     phrased = phrase(FACTS, NOTES, Endpoint(stubborn.url, "small", ""))
-    stubborn.server.shutdown()
-    stubborn.server.server_close()
+    stubborn.close()
     assert phrased.text is None
     assert phrased.attempts[-1].refused == ["Senna"]
     assert stubborn.heard[0][1] is None, "no key, no header"

@@ -7,7 +7,7 @@ import os
 import urllib.error
 import urllib.request
 from collections.abc import Sequence
-from typing import NamedTuple, TypedDict
+from typing import NamedTuple, Required, TypedDict
 
 from pydantic import BaseModel, Field, ValidationError
 
@@ -19,11 +19,19 @@ PATIENCE_S = 120.0
 MOST_BYTES = 1 << 20
 
 
+class Part(TypedDict, total=False):
+    """A piece of a message: a text, or a picture by its address."""
+
+    type: Required[str]
+    text: str
+    image_url: dict[str, str]
+
+
 class Message(TypedDict):
     """One of a conversation."""
 
     role: str
-    content: str
+    content: str | list[Part]
 
 
 class _Said(BaseModel):

@@ -1,0 +1,164 @@
+"""`nathlon.design_reward`: a reward from words, by the published loop."""
+
+from __future__ import annotations
+
+import logging
+from html import escape
+from pathlib import Path
+from typing import Literal
+
+import torch
+
+from nathlon.asking.chat import Endpoint
+from nathlon.asking.transcripts import Transcripts
+from nathlon.policies.training.config import CONFIGS, read_config
+from nathlon.progress import progress_bars
+from nathlon.reports.reward_page import write_reward_page
+from nathlon.reward_design.candidates import Outcome, Proposer
+from nathlon.reward_design.design import Design
+from nathlon.reward_design.drawing import drawing
+from nathlon.reward_design.judging import Judge, Onlooker, Rule
+from nathlon.reward_design.measures import RULE
+from nathlon.reward_design.sampling import Sampler
+from nathlon.reward_design.settings import DesignSettings
+from nathlon.reward_design.wording import Model
+from nathlon.sim.data_file import checked, find_data
+
+PAGE, TRANSCRIPTS = "index.html", "transcripts"
+
+
+class RewardDesign:
+    """A design that has come to its end.
+
+    Attributes:
+        folder: keeps all of it.
+        winner: what came of the best formula in its last training, a
+            `nathlon.reward_design.candidates.Outcome`.
+        formula: that of its training, for `[reward] expression` of training configurations.
+        checkpoint: its last one.
+        page: every candidate with its curve, clips and comparisons (.html).
+    """
+
+    def __init__(self, folder: Path, winner: Outcome) -> None:
+        self.folder, self.winner = folder, winner
+        self.formula = winner.candidate.scaled
+        self.checkpoint, self.page = folder / winner.checkpoint, folder / PAGE
+
+    def __repr__(self) -> str:
+        lap = "no lap completed" if self.winner.lap_s is None else f"lap {self.winner.lap_s:.3f} s"
+        return f"{self.winner.candidate.name} wins, {lap}: {self.formula}"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(repr(self))}</pre>"
+
+
+def design_reward(
+    task: str,
+    out: str | Path = "runs/reward",
+    *,
+    config: str | Path = "design",
+    proposer: Literal["embedded", "model"] = "embedded",
+    judge: Literal["rule", "people", "model"] = "rule",
+    rule: str = RULE,
+    rounds: int = 4,
+    candidates: int = 10,
+    kept: int = 5,
+    updates: int = 8000,
+    final_updates: int = 40000,
+    starts: int = 8,
+    preferences: int = 100,
+    each: int | None = None,
+    transcripts: str | Path | None = None,
+    seed: int = 1,
+    threads: int = 1,
+    port: int = 0,
+    progress: bool = True,
+) -> RewardDesign:
+    """Design a reward, to the end or until Ctrl-C; the same call goes on.
+
+    Args:
+        task: what is wanted, in words; read by people and models.
+        out: folder for all of it.
+        config: shipped name or path of a training configuration: circuit, car, rollouts and networks.
+        proposer: `embedded` puts formulas together and breeds them, `model` asks a language model.
+        judge: `rule` goes by what is measured, `people` are asked in a browser on this machine, `model` asks
+            one that sees pictures.
+        rule: an expression of what is measured.
+        rounds, candidates, kept: of formulas: rounds, those proposed in each, those trained of these.
+        updates, final_updates: of a candidate's training, and of the winner's last.
+        starts: clips of everybody.
+        preferences: between clips of known drivers, before the first round.
+        each: clips in which two candidates are compared; all by a rule, else 1.
+        transcripts: folder of another run's, whose answers are given again in place of a model's.
+        seed: of all randomness.
+        threads: of the learner.
+        port: of the page for people, 0 for any that is free.
+        progress: whether to show it, on standard error.
+
+    Raises:
+        InputError: if a setting is wrong, the folder holds another design, no formula can be used, or a model
+            cannot be asked.
+        KeyboardInterrupt: after Ctrl-C, once the state is kept.
+    """
+    logging.basicConfig(format="%(message)s")
+    folder = Path(out)
+    settings = checked(
+        {
+            "task": task,
+            "training": read_config(find_data(str(config), "training configuration", CONFIGS)),
+            "proposer": proposer,
+            "judge": judge,
+            "rule": rule,
+            "rounds": rounds,
+            "candidates": candidates,
+            "kept": kept,
+            "updates": updates,
+            "final_updates": final_updates,
+            "starts": starts,
+            "preferences": preferences,
+            "each": each or (starts if judge == "rule" else 1),
+            "seed": seed,
+        },
+        DesignSettings,
+        "the design",
+    )
+    said = _transcripts(settings, folder, transcripts)
+    torch.set_num_threads(threads)
+    design = Design(folder, settings)
+    with progress_bars(progress) as bars:
+        task_id = bars.add_task("updates", total=design.updates, note="")
+
+        def on_progress(done: int, note: str) -> None:
+            bars.update(task_id, completed=done, note=note)
+
+        def on_round() -> None:
+            write_reward_page(drawing(design), folder / PAGE)
+
+        design.run(_proposer(settings, said), _judge(settings, design, said, port), on_progress, on_round)
+    assert design.final is not None, "it has come to its end"
+    return RewardDesign(folder.absolute(), design.final)
+
+
+def _transcripts(settings: DesignSettings, folder: Path, earlier: str | Path | None) -> Transcripts | None:
+    if "model" not in (settings.proposer, settings.judge):
+        return None
+    endpoint = None if earlier is not None else Endpoint.from_environment()
+    return Transcripts(folder / TRANSCRIPTS, endpoint, None if earlier is None else Path(earlier))
+
+
+def _proposer(settings: DesignSettings, said: Transcripts | None) -> Proposer:
+    if settings.proposer == "model":
+        assert said is not None, "there is a model"
+        return Model(said)
+    return Sampler(settings.seed)
+
+
+def _judge(settings: DesignSettings, design: Design, said: Transcripts | None, port: int) -> Judge:
+    if settings.judge == "rule":
+        return Rule(settings.rule, design.studio.step_s)
+    if settings.judge == "model":
+        assert said is not None, "there is a model"
+        return Onlooker(said, design.studio)
+    from nathlon.reward_design.people import People  # needs an extra
+
+    return People(design.studio, port)

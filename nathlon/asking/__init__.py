@@ -1,0 +1,1 @@
+"""Language models that are asked, and what was said."""
