@@ -42,7 +42,7 @@ from nathlon.sim.whole_file import whole_file
 
 STARTS, CANDIDATES, REPEATS = 16, 60, 400
 ERRORS = (0.0, 0.1, 0.25, 0.4)
-"""Of judges; people agree among themselves in 78.5 % of pairs (arXiv 2511.02094)."""
+"""Of judges. Two people agree in 78.5 % of pairs (arXiv 2511.02094), as two do who err in 12 % each."""
 NUMBERS = (25, 50, 100, 200, 400)
 OF, KEPT = 10, 5
 """Formulas of a round, and those kept."""

@@ -12,7 +12,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match import NO_TEAM, TESTED, Match, Race, Seat
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recorder import record_races
 from nathlon.policies.load import load_policy
@@ -121,13 +121,14 @@ class Studio:
         Returns:
             the clips, and the races as logs.
         """
-        seats = tuple(Seat(entrant) for entrant in (*range(1, self._own + 1), 0))
+        others = [Seat(entrant, NO_TEAM) for entrant in range(1, self._own + 1)]
+        seats = (*others, Seat(0, TESTED))
         races = tuple(Race(self._first_seed + start, seats) for start in range(self.starts))
         names = (name, *OTHERS)
         match = Match("race", "clip", SCENARIO, self.circuit, self.car, names, names, races)
-        others = [load_policy(source, self.circuit, self.car) for source in OTHERS]
+        drivers = [load_policy(source, self.circuit, self.car) for source in OTHERS]
         watch = _Watch(self._instruments, self._own)
-        recorded = record_races(match, [policy, *others], range(self.starts), names, observer=watch)
+        recorded = record_races(match, [policy, *drivers], range(self.starts), names, observer=watch)
         return watch.clips(name, [race_data(log) for log in recorded.logs]), recorded.logs
 
 

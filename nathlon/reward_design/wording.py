@@ -14,6 +14,8 @@ from nathlon.sim.instruments import QUANTITIES
 from nathlon.sim.names import printable
 
 LONGEST_WHY = 300
+MOST_BRACKETS = 20
+"""In a reply, at which a list is looked for."""
 TASK = """You write reward functions for reinforcement learning of racing cars. A reward is one formula, a \
 pure number for one car in one step of 0.1 s; what an agent earns is the sum over all steps, so it must pay \
 for driving and make whatever is not wanted expensive. It is a line of text that is parsed, never run as code:
@@ -85,7 +87,9 @@ def _outcome(one: Outcome) -> str:
 def read_reply(reply: str) -> list[Proposal]:
     """The formulas in a model's answer, whatever stands around them; empty if there are none."""
     at = reply.find("[")
-    while at >= 0:
+    for _ in range(MOST_BRACKETS):
+        if at < 0:
+            break
         try:
             found, _ = json.JSONDecoder().raw_decode(reply, at)
         except (ValueError, RecursionError):

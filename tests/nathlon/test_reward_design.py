@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import threading
 from collections.abc import Iterator
@@ -26,6 +27,7 @@ from nathlon.reward_design.design import Design
 from nathlon.reward_design.drawing import drawing
 from nathlon.reward_design.judging import Onlooker, Pair, Question, Rule
 from nathlon.reward_design.library import DRIVER, STILL, library
+from nathlon.reward_design.measures import MEASURES, RULE
 from nathlon.reward_design.people import People
 from nathlon.reward_design.pictures import OWN, Painter
 from nathlon.reward_design.sampling import Sampler
@@ -108,12 +110,10 @@ def test_a_design_keeps_every_step(whole: Design) -> None:
     assert first[0].candidate.formula in json.dumps([one.model_dump() for one in whole.rounds[0]])
 
 
-@pytest.mark.parametrize("stop", ["library", "round 1", "1.", "final"])
-def test_a_design_that_was_stopped_comes_to_the_same(
-    stop: str, whole: Design, films: Path, tmp_path: Path
-) -> None:
-    with pytest.raises(KeyboardInterrupt):
-        run(design(tmp_path, films), stop)
+def test_a_design_that_was_stopped_comes_to_the_same(whole: Design, films: Path, tmp_path: Path) -> None:
+    for stop in ("library", "round 1", "1.", "round-1", "final"):
+        with pytest.raises(KeyboardInterrupt):
+            run(design(tmp_path, films), stop)
     went_on = run(design(tmp_path, films))
     for name in STEPS_KEPT:
         assert (tmp_path / name).read_bytes() == (whole.folder / name).read_bytes(), name
@@ -151,7 +151,7 @@ def test_its_page_shows_everything(whole: Design, browser: Browser, tmp_path: Pa
             assert page.get_by_text(one.formula, exact=True).count() >= 1
     page.select_option("#right", DRIVER)
     page.evaluate(ready.replace("ready)", "ready.includes(' beside '))"))
-    assert page.locator("canvas.scene").count() == 2
+    assert page.locator("#scene, #scene-beside").count() == 2
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=SCREENSHOTS / "reward.png", full_page=True)
     assert faults(complaints) == []
@@ -287,6 +287,13 @@ def test_people_compare_without_knowing_whom(films: Path, studio: Studio, browse
     assert [one.second for one in found] == [pair.second for pair in question.pairs[:3]]
     assert faults(complaints) == []
     page.close()
+
+
+def test_the_page_of_measures_tells_them_all() -> None:
+    text = (Path(__file__).parent.parent.parent / "docs" / "reward.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (.+) \|$", text, re.MULTILINE)
+    assert rows == [(name, one.unit, one.meaning) for name, one in MEASURES.items()]
+    assert f"`{RULE}`" in text
 
 
 def test_a_training_of_ones_own(tmp_path: Path, films: Path) -> None:
