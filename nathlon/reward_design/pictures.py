@@ -54,7 +54,7 @@ class Painter:
         self._ground.draw(surface, camera)
         own = len(poses) - 1
         for index, (x, y, yaw) in enumerate(poses):
-            car = np.zeros((), CAR_STATE)
-            car["x"], car["y"], car["yaw"] = x, y, yaw
-            self._shape.draw(surface, camera, car[()], OWN if index == own else OTHER)
+            cars = np.zeros(1, CAR_STATE)
+            cars["x"], cars["y"], cars["yaw"] = x, y, yaw
+            self._shape.draw(surface, camera, cars[0], OWN if index == own else OTHER)
         return Image.frombytes("RGB", SIZE, pygame.image.tobytes(surface, "RGB"))

@@ -118,7 +118,8 @@ def _gene(name: str, rng: np.random.Generator) -> Gene:
 
 
 def _between(bounds: tuple[float, float], rng: np.random.Generator) -> float:
-    return math.exp(rng.uniform(*map(math.log, bounds)))
+    low, high = bounds
+    return math.exp(rng.uniform(math.log(low), math.log(high)))
 
 
 def _bred(genes: tuple[Gene, ...], rng: np.random.Generator) -> tuple[Gene, ...]:

@@ -49,7 +49,7 @@ class FormulaReward(gymnasium.Wrapper):
         readings = {}
         for name in self._formula.names:
             value = seen.get(name)
-            if not np.isscalar(value) or not np.isfinite(value):
+            if not isinstance(value, int | float | np.number) or not np.isfinite(value):
                 raise InputError(
                     f"{self.text}: is to come from infos, where {name!r} is {value!r}, expected a number"
                 )

@@ -296,13 +296,13 @@ def test_the_page_of_measures_tells_them_all() -> None:
     assert f"`{RULE}`" in text
 
 
-def test_a_training_of_ones_own(tmp_path: Path, films: Path) -> None:
-    shutil.copytree(films, tmp_path / "out" / "library")
+def test_a_design_that_is_over_is_told_again(whole: Design, tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text(TOML)
     result = nathlon.design_reward(
-        TASK, tmp_path / "out", config=tmp_path / "own.toml", rounds=1, candidates=2, kept=1, updates=1,
-        final_updates=1, starts=STARTS, preferences=5, progress=False,
+        TASK, whole.folder, config=tmp_path / "own.toml", rounds=2, candidates=3, kept=1, updates=1,
+        final_updates=1, starts=STARTS, preferences=10, progress=False,
     )  # fmt: skip
+    assert result.winner == whole.final
     assert result.page.exists()
     assert result.checkpoint.exists()
     assert result.formula.endswith(f"* ({result.winner.candidate.formula})")

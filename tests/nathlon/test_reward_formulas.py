@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def test_tau_a_is_that_of_all_pairs() -> None:
         zip(np.sign(value[rows] - value[columns]), np.sign(wanted[rows] - wanted[columns]), strict=True)
     )
     assert tau_a(orders).tac == pytest.approx(kendalltau(value, wanted).statistic)
-    assert tau_a([(1, 1), (1, -1), (0, 1), (1, 0)]) == (0.0, pytest.approx(np.sqrt(0.5) / 2), 4)
+    assert tau_a([(1, 1), (1, -1), (0, 1), (1, 0)])[:2] == pytest.approx((0.0, np.sqrt(0.5) / 2))
 
 
 def test_a_formula_agrees_with_who_thinks_so() -> None:
@@ -114,7 +115,7 @@ def test_all_terms_of_the_sampler_are_formulas() -> None:
         assert pure_number(term.text.format(d=5), QUANTITIES)
 
 
-def brief(**other: object) -> Brief:
+def brief(**other: Any) -> Brief:
     return Brief(TASK, 2, 0, 20)._replace(**other)
 
 
