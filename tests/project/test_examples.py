@@ -18,6 +18,7 @@ def test_every_face_has_an_example() -> None:
         "Gymnasium, many races at once",
         "Stable-Baselines3",
         "QR-SAC on any environment",
+        "A formula as the reward",
     ]
 
 
