@@ -7,11 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
 from nathlon.arena.recorder import outline, stretches
 from nathlon.policies.checkpoint import read_checkpoint
-from nathlon.policies.training.log import CURVE_FILE
 from nathlon.reports.race_data import circuit_data
 from nathlon.reports.reward_page import CurvePoint, RewardDrawing, RoundShown, Shown
 from nathlon.reward_design.alignment import Preference
@@ -20,6 +17,7 @@ from nathlon.reward_design.clips import OTHERS
 from nathlon.reward_design.design import FINAL, FINALLY, LIBRARY, PREFERRED, Design
 from nathlon.reward_design.library import DRIVER
 from nathlon.reward_design.papers import JUDGED, read_paper
+from nathlon.reward_design.trying import curve
 from nathlon.sim.track import load_track
 
 MOST_STARTS = 4
@@ -97,10 +95,9 @@ def _outcome(one: Outcome, curve: tuple[CurvePoint, ...], carried: bool = False)
 
 
 def _curve(folder: Path) -> tuple[CurvePoint, ...]:
-    rows = pl.read_csv(folder / CURVE_FILE).select("updates", "lap_s", "off_course_share").iter_rows()
     return tuple(
-        CurvePoint(updates, None if math.isnan(float(lap_s)) else float(lap_s), float(off_course))
-        for updates, lap_s, off_course in rows
+        CurvePoint(one.updates, None if math.isnan(one.lap_s) else one.lap_s, one.off_course_share)
+        for one in curve(folder)
     )
 
 

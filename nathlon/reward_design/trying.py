@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import polars as pl
 
 from nathlon.arena.recording import write_recording
-from nathlon.policies.load import load_policy
+from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
+from nathlon.policies.policy import Batch
 from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.evaluation import evaluate_laps
 from nathlon.policies.training.log import CURVE_FILE, Status
+from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.state import STATE_FILE, load_state
 from nathlon.policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
 from nathlon.reward_design.clips import Clips, Studio, kept
 from nathlon.sim.errors import InputError
 
 CLIPS, RECORDING = "clips", "clip.mcap"
+
+
+class Point(NamedTuple):
+    """A checkpoint: mean of four laps, nan unless all were driven, and share of time off course."""
+
+    updates: int
+    lap_s: float
+    off_course_share: float
 
 
 class Tried(NamedTuple):
@@ -56,24 +68,44 @@ def train(folder: Path, config: TrainingConfig, seed: int, on_status: Callable[[
     trainer.run(on_status)
 
 
-def look(folder: Path, name: str, studio: Studio) -> Tried:
+def look(folder: Path, name: str, studio: Studio, seed: int) -> Tried:
     """What a training that is over has come to; its clips are driven if they have not been.
 
+    Args:
+        folder: of the training.
+        name: by which it is shown.
+        studio: where clips are made.
+        seed: of the training.
+
     Raises:
-        InputError: if the folder lacks a checkpoint, a curve or clips that can be read.
+        InputError: if the folder lacks a checkpoint, or clips that can be read.
     """
     checkpoint = max((folder / CHECKPOINTS).glob("*.safetensors"), default=None)
     if checkpoint is None:
         raise InputError(f"{folder}: there is no checkpoint, expected a training that is over")
+    policy = load_checkpoint(checkpoint)
     if not kept(folder / CLIPS):
-        clips, logs = studio.film(load_policy(str(checkpoint), studio.circuit, studio.car), name)
+        clips, logs = studio.film(policy, name)
         write_recording(folder / RECORDING, logs[0])
         clips.save(folder / CLIPS)
-    last = pl.read_csv(folder / CURVE_FILE).row(-1, named=True)
-    lap_s = float(last["lap_s"])
-    return Tried(
-        checkpoint,
-        None if math.isnan(lap_s) else lap_s,
-        float(last["off_course_share"]),
-        Clips.load(folder / CLIPS),
-    )
+    last = next((point for point in reversed(curve(folder)) if point.updates == policy.card.step), None)
+    if last is None:  # killed while it drove its last time trials, after it had kept its state
+        pair = Pair(studio.circuit, studio.car)
+        found = evaluate_laps(pair, policy.observation_spec, partial(_act, policy), seed)
+        last = Point(policy.card.step, found.lap_s, found.off_course_share)
+    lap_s = None if math.isnan(last.lap_s) else last.lap_s
+    return Tried(checkpoint, lap_s, last.off_course_share, Clips.load(folder / CLIPS))
+
+
+def curve(folder: Path) -> tuple[Point, ...]:
+    """The checkpoints that a training has measured; empty if there are none yet."""
+    path = folder / CURVE_FILE
+    if not path.exists():
+        return ()
+    rows = pl.read_csv(path).select("updates", "lap_s", "off_course_share").iter_rows()
+    return tuple(Point(int(updates), float(lap_s), float(share)) for updates, lap_s, share in rows)
+
+
+def _act(policy: NetworkPolicy, seen: Batch) -> Batch:
+    actions, _ = policy.act(seen, policy.initial_memory(len(seen)))
+    return actions
