@@ -1,11 +1,11 @@
 """What it costs to share matches among processes by the queue of a store, or by a Ray cluster.
 
-`python -m benchmarks.scale_out [--database URL] [--matches N ...] [--workers N ...] [--engines NAME ...]
-[--busy] [--json PATH]` has matches of a world run that sleeps for 10 ms a match, or computes for as long
-(`--busy`): by the processes of one pool (`local`), by workers of one process each that share nothing but the
-store (`queue`), and by nodes of one processor each of a cluster on this machine (`ray`). Who sleeps needs no
-core: with more than there are cores, what is left is what claims and the store cost. Time counts from when
-all are ready.
+`python -m benchmarks.scale_out [--database URL [--alone]] [--matches N ...] [--workers N ...]
+[--engines NAME ...] [--busy] [--json PATH]` has matches of a world run that sleeps for 10 ms a match, or
+computes for as long (`--busy`): by the processes of one pool (`local`), by workers of one process each that
+share nothing but the store (`queue`), and by nodes of one processor each of a cluster on this machine
+(`ray`). Who sleeps needs no core: with more than there are cores, what is left is what claims and the store
+cost. Time counts from when all are ready.
 
 Figures: for every run `engine`, `store`, `workers`, `matches`, `wall_s`; `speed_up`, over the first run of
 the engine on the store; `efficiency`, the share of the
@@ -215,6 +215,7 @@ def main() -> None:
     """Measure, print, and keep the figures."""
     parser = argparse.ArgumentParser(prog="benchmarks.scale_out", description="Workers on one store")
     parser.add_argument("--database", help="URL of an empty one, measured beside a new SQLite file")
+    parser.add_argument("--alone", action="store_true", help="measure the database without the file")
     parser.add_argument("--matches", type=int, nargs="+", default=[10_000], help="of each number of workers")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 8])
     parser.add_argument("--engines", nargs="+", choices=ENGINES, default=["local", "queue"])
@@ -225,9 +226,10 @@ def main() -> None:
     world = BUSY if asked.busy else NAME
     with TemporaryDirectory() as folder, TemporaryDirectory() as notes:
         os.environ[NOTES] = notes
+        stores = [asked.database] if asked.alone else [None, asked.database]
         counted = list(zip(asked.workers, cycle(asked.matches), strict=False))
         for number, (database, engine, (workers, count)) in enumerate(
-            product(dict.fromkeys([None, asked.database]), asked.engines, counted)
+            product(dict.fromkeys(stores), asked.engines, counted)
         ):
             target = database or f"{folder}/{number}.sqlite"
             matches = naps(count, number * max(asked.matches), world)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import time
 from collections import deque
 from collections.abc import Generator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from nathlon.arena.baggage import Arrivals, Parcel
@@ -23,11 +21,10 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.processor import processor
 from nathlon.arena.queue import difference
 from nathlon.sim.errors import InputError
+from nathlon.sim.local_cache import keep_caches_here
 
 GATHER_S, TELL_S = 0.25, 1.0
 """For which results are gathered, and after which it tells that there are none."""
-CACHES = ("XDG_CACHE_HOME", "NUMBA_CACHE_DIR")
-"""Say where compiled kernels are kept."""
 
 
 class Load(NamedTuple):
@@ -78,7 +75,7 @@ class Node:
 
     def __init__(self, name: str, workers: int) -> None:
         """A node without processes yet; `name` is for messages."""
-        _keep_caches_here()
+        keep_caches_here()
         self._pool = Pool(workers)
         self._parcel = Parcel(name)
         self._arrivals = Arrivals(self._parcel)
@@ -173,19 +170,3 @@ class Node:
         files = {path.name: path.read_bytes() for path in folder.iterdir()} if folder.exists() else {}
         shutil.rmtree(folder, ignore_errors=True)
         return Ended(number, answer, files)
-
-
-def _keep_caches_here() -> None:
-    """Keep compiled kernels on a disk of this machine, unless told where: homes may be on a network drive.
-
-    In a folder that nobody else can write, for what is in it is run.
-    """
-    if any(os.environ.get(name) for name in CACHES):
-        return
-    folder = Path(gettempdir()) / f"nathlon-{os.getuid()}"
-    with suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
-    found = folder.lstat()
-    if folder.is_symlink() or found.st_uid != os.getuid() or found.st_mode & 0o077:
-        return
-    os.environ["XDG_CACHE_HOME"] = str(folder)

@@ -31,6 +31,12 @@ def train(
         int | None, typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner.")
     ] = None,
     device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where networks are updated.")] = "cpu",
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="Who runs the rollout workers: this machine or a cluster.")
+    ] = "local",
+    engine_address: Annotated[
+        str, typer.Option(help="Of the Ray cluster; auto for the one that this machine is part of.")
+    ] = "auto",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
     origin: Annotated[
         Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
@@ -54,6 +60,8 @@ def train(
             seed=seed,
             threads=threads,
             device=device,
+            engine=engine,
+            engine_address=engine_address,
             resume=resume,
             origin=origin,
             coach=coach or (),

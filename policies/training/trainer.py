@@ -30,8 +30,8 @@ from nathlon.policies.training.state import (
     save_state,
     write_tensors,
 )
-from nathlon.policies.training.worker import Experience, Gathered, News, RolloutWorker
-from nathlon.policies.training.worker_pool import LocalWorkers, ProcessWorkers, WorkerPool
+from nathlon.policies.training.worker import Experience, Gathered, News
+from nathlon.policies.training.worker_pool import MakeWorkers, WorkerPool, local_workers
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
@@ -164,20 +164,24 @@ class Trainer:
         self._rng.bit_generator.state = state.rng
 
     def run(
-        self, on_status: Callable[[Status], None], on_pair: Callable[[int, int], None] = lambda *_: None
+        self,
+        on_status: Callable[[Status], None],
+        on_pair: Callable[[int, int], None] = lambda *_: None,
+        make_workers: MakeWorkers = local_workers,
     ) -> None:
         """Train to the end of the configuration, or until KeyboardInterrupt; either way the state is kept.
 
         Args:
             on_status: called every few hundred updates.
             on_pair: told how many pairs of a variety are ready, and of how many.
+            make_workers: starts the rollout workers, on this machine by default.
 
         Raises:
             InputError: if training diverges, a rollout cannot be made or the disk is full; the last
                 checkpoint and the last state are left as they are.
         """
         pairs, self._evaluated = ready_pairs(self.folder, self.config, on_pair)
-        log, workers = TrainingLog(self.folder), self._worker_pool(pairs)
+        log, workers = TrainingLog(self.folder), self._worker_pool(pairs, make_workers)
         began, first = time.perf_counter() - self._wall_s, self.updates
         started, next_log = time.perf_counter(), self.updates
         try:
@@ -205,13 +209,10 @@ class Trainer:
             workers.close()
             log.close()
 
-    def _worker_pool(self, pairs: Sequence[Pair]) -> WorkerPool:
+    def _worker_pool(self, pairs: Sequence[Pair], make: MakeWorkers) -> WorkerPool:
         # Episodes to come must not repeat those before a stop.
         seed = np.random.SeedSequence([self.seed, self.updates])
-        network, news = self.learner.policy_network, self._news()
-        if self.config.workers:
-            return ProcessWorkers(self.config, pairs, network, news, seed)
-        return LocalWorkers(RolloutWorker(self.config, pairs, network, news, seed))
+        return make(self.config, pairs, self.learner.policy_network, self._news(), seed)
 
     def _news(self) -> News:
         past = tuple(sorted((self.folder / CHECKPOINTS).glob("*.safetensors")))
@@ -220,6 +221,10 @@ class Trainer:
     def _gather(self, workers: WorkerPool, log: TrainingLog) -> None:
         """Take in the steps that are done; wait for one if all updates that they earn are made."""
         for worker, gathered in workers.take(wait_for_one=self._owed < 1):
+            if gathered is None:
+                for table in self.replay.tables[worker :: _workers(self.config)]:
+                    table.drop_open()
+                continue
             self._remember(worker, gathered)
             log.note(gathered.tally)
             if self.replay.ready(self.config.warm_up):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection, wait
 from typing import Protocol
@@ -21,14 +21,15 @@ from nathlon.sim.errors import InputError
 STEPS_AHEAD = 2
 """Steps that a worker may be ahead of what the learner has taken in."""
 
-Take = list[tuple[int, Gathered]]
+Take = list[tuple[int, Gathered | None]]
+"""By worker what a step of it brought; None where it is another one from here on, with races of its own."""
 
 
 class WorkerPool(Protocol):
     """Rollout workers."""
 
     def take(self, wait_for_one: bool) -> Take:
-        """The steps done since the last call, with the index of the worker of each.
+        """The steps done since the last call, with the index of the worker of each, in its order.
 
         Args:
             wait_for_one: whether there must be at least one.
@@ -42,6 +43,23 @@ class WorkerPool(Protocol):
 
     def close(self) -> None:
         """End the workers."""
+
+
+MakeWorkers = Callable[[TrainingConfig, Sequence[Pair], Perceptron, News, np.random.SeedSequence], WorkerPool]
+"""Starts the workers of a configuration; for the arguments see `RolloutWorker`."""
+
+
+def local_workers(
+    config: TrainingConfig,
+    pairs: Sequence[Pair],
+    network: Perceptron,
+    news: News,
+    seed: np.random.SeedSequence,
+) -> WorkerPool:
+    """Workers on this machine: processes, as many as the configuration says, or this one."""
+    if config.workers:
+        return ProcessWorkers(config, pairs, network, news, seed)
+    return LocalWorkers(RolloutWorker(config, pairs, network, news, seed))
 
 
 class LocalWorkers:
