@@ -16,6 +16,7 @@ from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.scenario import Delay
 
 Count = Annotated[int, Field(ge=1, le=10**12)]
+Deviation = Annotated[float, Field(gt=0, le=1)]
 Cars = Annotated[int, Field(ge=1, le=20)]
 
 CONFIGS = Path(__file__).parent / "configs"
@@ -113,10 +114,12 @@ class PolishSettings(Section):
     Attributes:
         rate: of Adam at first; it falls by half a cosine to a twentieth.
         batch: steps of cars in a minibatch.
+        deviation: of the noise on pedals and steering.
     """
 
     rate: Annotated[float, Field(gt=0, le=1)] = 5e-5
     batch: Count = 8192
+    deviation: tuple[Deviation, Deviation] = (0.04, 0.015)
 
 
 class ObservationSettings(Section):

@@ -99,7 +99,7 @@ class Polish:
             "seed": str(seed),
         }
         self._weights: NDArray[np.float64] | None = None
-        self._learner = Proximal(load_checkpoint(checkpoint).network)
+        self._learner = Proximal(load_checkpoint(checkpoint).network, config.polish.deviation)
         self.rounds = self.updates = self.transitions = 0
         self._curve = np.zeros((0, len(CURVE)))
         state = load_state(folder, self._facts)

@@ -13,7 +13,7 @@ from torch.nn.functional import linear
 
 from nathlon.policies.checkpoint import ENCODER
 from nathlon.policies.mlp import EncodedMlp, Mlp
-from nathlon.policies.training.trial import DEVIATION, Driven
+from nathlon.policies.training.trial import Driven
 
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
@@ -50,8 +50,14 @@ class Proximal:
         encoder: the same of the encoder; empty where there is none.
     """
 
-    def __init__(self, network: Mlp | EncodedMlp) -> None:
-        """Copies of a network's layers, to be improved."""
+    def __init__(self, network: Mlp | EncodedMlp, deviation: Sequence[float]) -> None:
+        """Copies of a network's layers, to be improved.
+
+        Args:
+            network: the policy.
+            deviation: of the noise on each of its actions.
+        """
+        self._deviation = torch.tensor(deviation)
         trunk = network.network if isinstance(network, EncodedMlp) else network
         self.layers = _parameters(trunk)
         self.encoder = _parameters(network.encoder) if isinstance(network, EncodedMlp) else []
@@ -101,7 +107,7 @@ class Proximal:
         order = torch.from_numpy(rng.permutation(len(seen)))
         batches = max(1, len(order) // batch)
         for rows in order[: batches * batch].chunk(batches):
-            moved = (self.means(seen[rows]) - means[rows]) / torch.from_numpy(DEVIATION)
+            moved = (self.means(seen[rows]) - means[rows]) / self._deviation
             self._adam.zero_grad()
             torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
             self._adam.step()

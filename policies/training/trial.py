@@ -36,8 +36,6 @@ CONTACT_DISCOUNT = 0.95
 """The same of what contacts with cars cost: what was done in the two seconds before has led there."""
 UNTOLD_S = 13.0
 """At the end, where too little follows to tell what an action brings."""
-DEVIATION = np.array([0.04, 0.015], np.float32)
-"""Of the noise on pedals and steering."""
 BOLDNESS, KEPT = 2.0, 0.8
 """Of the noise of those who drive again: in deviations, and the share of it that is left a step later."""
 MOTION = ("x", "y", "yaw", "world_velocity_x", "world_velocity_y", "yaw_rate", "steering", "shifting")
@@ -112,6 +110,7 @@ class Trial:
             InputError: if the races cannot be made.
         """
         scenario = scenario_of(rollouts, pair)
+        self._deviation = np.array(config.polish.deviation, np.float32)
         self._starts, self._again = starts, round(rollouts.mistakes * starts)
         self._episodes = Episodes(pair.circuit, pair.car, scenario, starts * GROUP, threads, STUCK_S)
         learners = learners_of(rollouts, scenario.cars)
@@ -170,7 +169,7 @@ class Trial:
             driving[step] = cars["driving"]
             seen[step], means[step] = self._env.seen, act(self._env.seen)
             rewards[step], charges[step] = self._step(
-                np.clip(means[step] + boldness * DEVIATION * noise[step], -1.0, 1.0)
+                np.clip(means[step] + boldness * self._deviation * noise[step], -1.0, 1.0)
             )
             if failures:
                 failures.watch()

@@ -14,7 +14,7 @@ from scipy.stats import norm
 from nathlon.policies.mlp import Mlp
 from nathlon.policies.training.advantage import OUTLYING, advantages, discounted
 from nathlon.policies.training.proximal import CLIP, LEAST_SLOPE, UTMOST, Proximal, Saturating, proximal_loss
-from nathlon.policies.training.trial import DEVIATION, Driven
+from nathlon.policies.training.trial import Driven
 
 NONE = np.zeros(32)
 """Charges."""
@@ -105,13 +105,16 @@ def test_what_saturates_can_be_unlearnt(at: float, push: float) -> None:
     )
 
 
+DEVIATION = (0.04, 0.015)
+
+
 def learner() -> Proximal:
     widths = (5, 16, 2)
     layers = [
         (drawn(i, a, b).astype(np.float32) * 0.3, np.zeros(b, np.float32))
         for i, (a, b) in enumerate(pairwise(widths))
     ]
-    return Proximal(Mlp(tuple(layers), "relu", "tanh"))
+    return Proximal(Mlp(tuple(layers), "relu", "tanh"), DEVIATION)
 
 
 def some(work: Proximal) -> Driven:
