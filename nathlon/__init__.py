@@ -19,6 +19,7 @@ from nathlon.policies.registration import register_with_gymnasium
 if TYPE_CHECKING:
     from nathlon.api.coaching import CoachResult, coach
     from nathlon.api.gating import GateResult, gate
+    from nathlon.api.league import LeagueResult, league
     from nathlon.api.matrix import MatrixResult, matrix
     from nathlon.api.planning import plan
     from nathlon.api.racing import RaceResult, race
@@ -50,6 +51,7 @@ _FROM = {
     "FormulaReward": "nathlon.policies.environments.formula_reward",
     "GateResult": "nathlon.api.gating",
     "InputError": "nathlon.sim.errors",
+    "LeagueResult": "nathlon.api.league",
     "MatrixResult": "nathlon.api.matrix",
     "ObservationSpec": "nathlon.sim.observation",
     "Policy": "nathlon.policies.policy",
@@ -69,6 +71,7 @@ _FROM = {
     "coach": "nathlon.api.coaching",
     "design_reward": "nathlon.api.reward_design",
     "gate": "nathlon.api.gating",
+    "league": "nathlon.api.league",
     "matrix": "nathlon.api.matrix",
     "parallel_env": "nathlon.sim",
     "plan": "nathlon.api.planning",
@@ -90,6 +93,7 @@ __all__ = [
     "GateResult",
     "GymnasiumWorld",
     "InputError",
+    "LeagueResult",
     "MatrixResult",
     "ObservationSpec",
     "PettingZooWorld",
@@ -106,6 +110,7 @@ __all__ = [
     "coach",
     "design_reward",
     "gate",
+    "league",
     "load_policy",
     "matrix",
     "parallel_env",

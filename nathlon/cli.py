@@ -16,6 +16,7 @@ from nathlon.commands.drive import drive
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
 from nathlon.commands.incident import incident
+from nathlon.commands.league import league
 from nathlon.commands.matrix import matrix
 from nathlon.commands.nightly import init, nightly, status
 from nathlon.commands.observation import observation
@@ -46,7 +47,7 @@ app = typer.Typer(
 )
 for command in (
     demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, worker, status, report, train, polish,
-    ablate, recipes, race, drive, serve, replay, twin, incident, coach, export, observation,
+    league, ablate, recipes, race, drive, serve, replay, twin, incident, coach, export, observation,
 ):  # fmt: skip
     app.command()(command)
 

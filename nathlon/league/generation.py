@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict, ValidationError
+from scipy.special import expit
 
 from nathlon.arena.entrant import Entrant
 from nathlon.league.settings import StopRule
@@ -42,10 +43,10 @@ class Member(BaseModel):
     points_per_race: float
     points_low: float | None
     points_high: float | None
-    contacts_per_km: float
+    contacts_per_km: float | None
     contacts_low: float | None
     contacts_high: float | None
-    at_fault_per_km: float
+    at_fault_per_km: float | None
     at_fault_low: float | None
     at_fault_high: float | None
     races: int
@@ -105,7 +106,7 @@ def members(entrants: Sequence[Entrant], met: Met) -> list[Member]:
     """What a tournament has told of each of the entrants, the best first.
 
     Raises:
-        InputError: if races of one of them were void.
+        InputError: if one has no race that counts.
     """
     known = {entrant.id: entrant for entrant in entrants}
     penalties = met.results.group_by("entrant").agg(penalties=pl.col("penalties").mean())
@@ -113,7 +114,7 @@ def members(entrants: Sequence[Entrant], met: Met) -> list[Member]:
         penalties, on="entrant", maintain_order="left"
     )
     for row in told.filter(pl.col("rank").is_null()).iter_rows(named=True):
-        raise InputError(f"{known[row['entrant']].source}: raced nobody, expected results to compare")
+        raise InputError(f"{known[row['entrant']].source}: has no race that counts, expected one to compare by")
     wanted = [name for name in Member.model_fields if name in told.columns]
     return [
         Member(name=known[row["entrant"]].name, source=known[row["entrant"]].source, **row)
@@ -146,7 +147,7 @@ def conclude(
     """
     champion = before.champion if before else met[0].entrant
     first = [member for member in met if member.rank == met[0].rank]
-    parent = min(first, key=lambda member: (member.at_fault_per_km, -member.points_per_race))
+    parent = min(first, key=lambda member: (_at_fault(member), -member.points_per_race))
     order = dict.fromkeys([parent.entrant, champion, *(member.entrant for member in met)])
     kept = set(list(order)[:size])
     least = next(member for member in met if member.entrant == champion).points_per_race - stop.points
@@ -156,7 +157,7 @@ def conclude(
         newcomer=newcomer,
         champion=champion,
         parent=parent.entrant,
-        reached=parent.at_fault_per_km <= stop.at_fault_per_km and parent.points_per_race >= least,
+        reached=_at_fault(parent) <= stop.at_fault_per_km and parent.points_per_race >= least,
         members=tuple(
             member.model_copy(update={"kept": True, "weight": _beats(member, parent)})
             if member.entrant in kept
@@ -166,9 +167,14 @@ def conclude(
     )
 
 
+def _at_fault(member: Member) -> float:
+    """Contacts a kilometre that are laid to it; of who has not moved nobody knows."""
+    return math.inf if member.at_fault_per_km is None else member.at_fault_per_km
+
+
 def _beats(member: Member, parent: Member) -> float:
     """Probability that one scores more in a unit than the parent."""
-    return float(1.0 / (1.0 + np.exp(parent.bradley_terry - member.bradley_terry)))
+    return float(expit(member.bradley_terry - parent.bradley_terry))
 
 
 def write_generation(folder: Path, generation: Generation) -> None:

@@ -22,6 +22,9 @@ from nathlon.league.settings import LeaguePlan
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.training.config import Opponent, TrainingConfig
 from nathlon.policies.training.polish import Polish, Round
+from nathlon.publishing.output import OutputFolder
+from nathlon.reports.selection import Selection
+from nathlon.selection.evaluation import evaluate
 from nathlon.selection.round_robin import run_round_robin
 from nathlon.selection.run import OnMatch
 from nathlon.selection.single_run import single_run
@@ -31,6 +34,8 @@ from nathlon.sim.whole_file import whole_file
 
 LEAGUE_FILE = "league.json"
 STORE = "store.sqlite"
+SELECTION = "selection"
+"""Folder of the last word."""
 NAME = "generation-{:02d}"
 """Of a generation's folder, and of the entrant that it has made."""
 
@@ -91,8 +96,6 @@ class League:
         seed = settings.seed + 1 + number  # the seed itself is the last selection's
         config = self._plan.selection.model_copy(update={"seed": seed})
         entrants = enter_all(pool, sources, config.circuit, config.car)
-        if len(entrants) < 2:
-            raise InputError("league: entrants has one policy, expected at least two that can meet")
         with single_run("league", entrants, config, self.store, pool, on_match) as run:
             run.compile(config.world, config.circuit, config.car)
             answer, _ = run_round_robin(run, entrants, config.tournament)
@@ -109,6 +112,25 @@ class League:
         write_generation(self.folder(number), generation)
         self.generations.append(generation)
         return generation
+
+    def decide(self, pool: Pool, on_match: OnMatch) -> tuple[OutputFolder, Selection | None]:
+        """The last word: a whole selection among the first entrants and the last population.
+
+        Args:
+            pool: where matches run.
+            on_match: told about races.
+
+        Returns:
+            where it has left its report, and what this shows; None where people must vote first.
+
+        Raises:
+            InputError: if an entrant cannot be read any more, or a file cannot be written.
+        """
+        config = self._plan.selection
+        sources = [*self._plan.sources, *(member.source for member in self.generations[-1].population)]
+        entrants = enter_all(pool, sources, config.circuit, config.car)
+        output = OutputFolder(self._folder / SELECTION, str(self.store))
+        return output, evaluate(entrants, output, config, pool, on_match, lambda _: None)
 
     def _polished(self, number: int, before: Generation, on_round: OnRound) -> Path:
         """The newcomer of a generation: its parent, polished among the population."""

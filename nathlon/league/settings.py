@@ -8,9 +8,11 @@ from typing import Annotated
 
 from pydantic import Field
 
+from nathlon.arena.worlds.registry import RACING
 from nathlon.bounds import LARGEST_SEED, MOST_PAIRS
 from nathlon.policies.checkpoint import ANY, read_card
 from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.training.config import CONFIGS, TrainingConfig
 from nathlon.policies.training.config import read_config as read_training
 from nathlon.selection.config import Config
@@ -98,6 +100,11 @@ def read_league(path: Path) -> LeaguePlan:
         selection = Config(recordings="notable")
     else:
         selection = read_selection(Path(located(settings.selection)))
+        if selection.world != RACING:
+            raise InputError(
+                f"{path}: selection {settings.selection}: world is {selection.world!r}, "
+                "expected nathlon's own, where policies are polished"
+            )
     here = {name: value for name in ("circuit", "car") if (value := getattr(training, name)) != ANY}
     tournament = selection.tournament
     if settings.pairs is not None:
@@ -113,4 +120,6 @@ def read_league(path: Path) -> LeaguePlan:
                     f"{path}: entrant {source}: {field} is {made_for!r}, expected {wanted!r}, "
                     "as in the training configuration"
                 )
+    if len({policy_id(source) for source in sources}) < 2:
+        raise InputError(f"{path}: entrants is one checkpoint, expected two or more that can meet")
     return LeaguePlan(settings=settings, sources=tuple(sources), training=training, selection=selection)

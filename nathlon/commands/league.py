@@ -1,0 +1,74 @@
+"""`nathlon league`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, Out, Workers
+from nathlon.commands.selection import print_places, print_verdict, stoppable
+from nathlon.sim.extras import need
+from nathlon.terminal import new_table, print_json, print_table, say, warn
+
+if TYPE_CHECKING:
+    from nathlon.league.generation import Generation
+
+
+def league(
+    config: Annotated[Path, typer.Argument(help="The file of the league (.toml).")],
+    out: Out = Path("runs/league"),
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Polish policies among their own kind, generation after generation, until they are clean.
+
+    The same command goes on after Ctrl-C, and with more generations from the last one.
+    """
+    need("torch", "train", "a league")
+    from nathlon.arena.workers import start_server
+
+    start_server()
+    from nathlon import league as run_league
+
+    with stoppable("The same command goes on."):
+        result = run_league(config, out, workers=workers, progress=not as_json)
+    generations = [made.model_dump(mode="json") for made in result.generations]
+    if as_json:
+        print_json({"reached": result.reached, "best": result.best, "generations": generations})
+        return
+    _print_generations(result.generations)
+    if result.selection.selection is None:
+        say(repr(result.selection))
+    else:
+        print_verdict(result.selection.summary)
+        print_places(result.selection)
+    say(f"Generations  {out / 'generations.csv'}")
+    say(f"Best         {result.best}")
+    if not result.reached:
+        warn("The league ended before it came to what it is for.")
+
+
+def _print_generations(generations: list[Generation]) -> None:
+    """Who went on from each generation, with 95 % intervals."""
+    shown = new_table("Who went on, with 95 % intervals")
+    for head in ("Generation", "Entrant", "Points a race", "Contacts per km", "At fault per km", "Penalties"):
+        shown.add_column(head, justify="left" if head == "Entrant" else "right")
+    for made in generations:
+        best = made.member(made.parent)
+        shown.add_row(
+            str(made.number),
+            best.name,
+            _interval(best.points_per_race, best.points_low, best.points_high, 2),
+            _interval(best.contacts_per_km, best.contacts_low, best.contacts_high, 3),
+            _interval(best.at_fault_per_km, best.at_fault_low, best.at_fault_high, 3),
+            f"{best.penalties:.2f}",
+        )
+    print_table(shown)
+
+
+def _interval(value: float | None, low: float | None, high: float | None, digits: int) -> str:
+    """A figure with its interval; what the races could not tell is a dash."""
+    known = "–" if value is None else f"{value:.{digits}f}"
+    return known if low is None or high is None else f"{known} ({low:.{digits}f} to {high:.{digits}f})"
