@@ -8,10 +8,10 @@ import polars as pl
 
 from nathlon.api.selection import SelectionResult
 from nathlon.arena.pool import Pool
-from nathlon.league.generation import Generation
-from nathlon.league.league import League
-from nathlon.league.settings import read_league
-from nathlon.league.table import table, write_table
+from nathlon.generations.generation import Generation
+from nathlon.generations.league import League
+from nathlon.generations.settings import read_league
+from nathlon.generations.table import table, write_table
 from nathlon.policies.training.polish import Round
 from nathlon.progress import progress_bars, worker_count
 
@@ -41,7 +41,7 @@ class LeagueResult:
 
     @property
     def table(self) -> pl.DataFrame:
-        """A row for each member of each generation, see `nathlon.league.table.GENERATIONS`."""
+        """A row for each member of each generation, see `nathlon.generations.table.GENERATIONS`."""
         return table(self.generations)
 
     def __repr__(self) -> str:
@@ -89,11 +89,14 @@ def league(
             note = f"of generation {number}, reward {done.reward:.1f}"
             bars.update(rounds, completed=done.rounds, note=note, visible=True)
 
+        def on_pair(ready: int, count: int) -> None:
+            bars.update(rounds, note=f"{ready} of {count} circuits and cars practised", visible=True)
+
         def on_match(stage: str, done: int, all_: int) -> None:
             bars.update(matches, completed=done, total=all_, note=stage, visible=True)
 
         while not made.over:
-            met = made.step(pool, on_round, on_match)
+            met = made.step(pool, on_round, on_pair, on_match)
             write_table(folder, made.generations)
             bars.update(overall, completed=met.number, note=_note(met))
         output, selection = made.decide(pool, on_match)

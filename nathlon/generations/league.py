@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.pool import Pool
-from nathlon.league.generation import (
+from nathlon.generations.generation import (
     Generation,
     Met,
     conclude,
@@ -18,7 +18,7 @@ from nathlon.league.generation import (
     read_generation,
     write_generation,
 )
-from nathlon.league.settings import LeaguePlan
+from nathlon.generations.settings import LeaguePlan
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.training.config import Opponent, TrainingConfig
 from nathlon.policies.training.polish import Polish, Round
@@ -41,6 +41,8 @@ NAME = "generation-{:02d}"
 
 OnRound = Callable[[int, Round], None]
 """Told the number of the generation and where its polishing stands."""
+OnPair = Callable[[int, int], None]
+"""Told how many pairs of circuit and car have been practised, and of how many."""
 
 
 class League:
@@ -74,12 +76,13 @@ class League:
         met = self.generations
         return bool(met) and (met[-1].reached or len(met) > self._plan.settings.generations)
 
-    def step(self, pool: Pool, on_round: OnRound, on_match: OnMatch) -> Generation:
+    def step(self, pool: Pool, on_round: OnRound, on_pair: OnPair, on_match: OnMatch) -> Generation:
         """The next generation: polish, meet, decide. What is done of it is kept after KeyboardInterrupt.
 
         Args:
             pool: where matches run.
             on_round: told of each round of polishing.
+            on_pair: told what is practised before, where many pairs of circuit and car are driven.
             on_match: told about races.
 
         Raises:
@@ -90,7 +93,7 @@ class League:
         if before is None:
             sources, newcomer = list(self._plan.sources), None
         else:
-            newcomer = self._polished(number, before, on_round)
+            newcomer = self._polished(number, before, on_round, on_pair)
             sources = [member.source for member in before.population] + [str(newcomer)]
         self.folder(number).mkdir(parents=True, exist_ok=True)
         seed = settings.seed + 1 + number  # the seed itself is the last selection's
@@ -132,7 +135,7 @@ class League:
         output = OutputFolder(self._folder / SELECTION, str(self.store))
         return output, evaluate(entrants, output, config, pool, on_match, lambda _: None)
 
-    def _polished(self, number: int, before: Generation, on_round: OnRound) -> Path:
+    def _polished(self, number: int, before: Generation, on_round: OnRound, on_pair: OnPair) -> Path:
         """The newcomer of a generation: its parent, polished among the population."""
         folder, settings = self.folder(number), self._plan.settings
         path = folder / f"{NAME.format(number)}.safetensors"
@@ -140,7 +143,7 @@ class League:
             return path
         source = Path(before.member(before.parent).source)
         work = Polish(source, self.training(before), folder, settings.rounds, settings.seed + number)
-        work.run(lambda done: on_round(number, done))
+        work.run(lambda done: on_round(number, done), on_pair)
         last = max((folder / "checkpoints").glob("*.safetensors"))
         with whole_file(path) as partial:
             shutil.copyfile(last, partial)

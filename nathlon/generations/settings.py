@@ -11,7 +11,7 @@ from pydantic import Field
 from nathlon.arena.worlds.registry import RACING
 from nathlon.bounds import LARGEST_SEED, MOST_PAIRS
 from nathlon.policies.checkpoint import ANY, read_card
-from nathlon.policies.sources import find_sources
+from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.training.config import CONFIGS, TrainingConfig
 from nathlon.policies.training.config import read_config as read_training

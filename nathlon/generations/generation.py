@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from scipy.special import expit
 
 from nathlon.arena.entrant import Entrant
-from nathlon.league.settings import StopRule
+from nathlon.generations.settings import StopRule
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
@@ -114,7 +114,9 @@ def members(entrants: Sequence[Entrant], met: Met) -> list[Member]:
         penalties, on="entrant", maintain_order="left"
     )
     for row in told.filter(pl.col("rank").is_null()).iter_rows(named=True):
-        raise InputError(f"{known[row['entrant']].source}: has no race that counts, expected one to compare by")
+        raise InputError(
+            f"{known[row['entrant']].source}: has no race that counts, expected one to compare by"
+        )
     wanted = [name for name in Member.model_fields if name in told.columns]
     return [
         Member(name=known[row["entrant"]].name, source=known[row["entrant"]].source, **row)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.league.generation import Generation
+from nathlon.generations.generation import Generation
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 

@@ -1,0 +1,1 @@
+"""Leagues: generations of policies that are polished among their own kind and rated by the tournament."""

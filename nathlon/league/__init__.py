@@ -1,1 +1,0 @@
-"""A league: generations of policies that are polished among their own kind and rated by the tournament."""
