@@ -128,7 +128,7 @@ def conclude(
     number: int,
     met: Sequence[Member],
     size: int,
-    stop: StopRule,
+    stop: StopRule | None,
     before: Generation | None,
     newcomer: str | None,
 ) -> Generation:
@@ -143,7 +143,7 @@ def conclude(
         number: of the generation.
         met: its members, the best first.
         size: of the population.
-        stop: what the league is for.
+        stop: what the league is for, if it has an end but its last generation.
         before: the generation before; None for the first.
         newcomer: id of the one that was polished.
     """
@@ -152,14 +152,14 @@ def conclude(
     parent = min(first, key=lambda member: (_at_fault(member), -member.points_per_race))
     order = dict.fromkeys([parent.entrant, champion, *(member.entrant for member in met)])
     kept = set(list(order)[:size])
-    least = next(member for member in met if member.entrant == champion).points_per_race - stop.points
+    best = next(member for member in met if member.entrant == champion)
     return Generation(
         number=number,
         origin=before.parent if before else None,
         newcomer=newcomer,
         champion=champion,
         parent=parent.entrant,
-        reached=_at_fault(parent) <= stop.at_fault_per_km and parent.points_per_race >= least,
+        reached=stop is not None and _does(parent, best, stop),
         members=tuple(
             member.model_copy(update={"kept": True, "weight": _beats(member, parent)})
             if member.entrant in kept
@@ -167,6 +167,12 @@ def conclude(
             for member in met
         ),
     )
+
+
+def _does(parent: Member, champion: Member, stop: StopRule) -> bool:
+    """Whether a parent is clean enough, at no loss of points."""
+    clean = _at_fault(parent) <= stop.at_fault_per_km
+    return clean and parent.points_per_race >= champion.points_per_race - stop.points
 
 
 def _at_fault(member: Member) -> float:

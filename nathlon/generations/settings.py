@@ -22,7 +22,7 @@ from nathlon.sim.errors import InputError
 
 
 class StopRule(Section):
-    """When a league has come to what it is for; else it ends after its generations.
+    """When a league has come to what it is for.
 
     Attributes:
         at_fault_per_km: contacts that the stewards lay to a car, a kilometre, at most.
@@ -46,7 +46,7 @@ class LeagueSettings(Section):
         population: entrants that meet, and drive as opponents, at most.
         pairs: mirrored pairs of races for every two of them, at most, in place of the selection's.
         seed: of all randomness.
-        stop: when it has come to what it is for.
+        stop: when it has come to what it is for; without it it ends after its generations.
     """
 
     entrants: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -57,7 +57,7 @@ class LeagueSettings(Section):
     population: Annotated[int, Field(ge=2, le=100)] = 6
     pairs: Annotated[int, Field(ge=2, le=MOST_PAIRS)] | None = None
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
-    stop: StopRule = StopRule()
+    stop: StopRule | None = None
 
 
 class LeaguePlan(Section):

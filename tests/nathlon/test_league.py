@@ -78,10 +78,6 @@ generations = 2
 population = 2
 pairs = 2
 seed = 3
-
-[stop]
-at_fault_per_km = 0.0
-points = 0.0
 """
 
 
@@ -171,9 +167,12 @@ def test_the_champion_of_the_first_stays_to_compare_with() -> None:
         (StopRule(at_fault_per_km=0.01, points=1.0), True),
         (StopRule(at_fault_per_km=0.01, points=0.9), False),
         (StopRule(at_fault_per_km=0.009, points=1.0), False),
+        (None, False),
     ],
 )
-def test_a_league_ends_when_it_is_clean_enough_at_no_loss_of_points(stop: StopRule, reached: bool) -> None:
+def test_a_league_ends_when_it_is_clean_enough_at_no_loss_of_points(
+    stop: StopRule | None, reached: bool
+) -> None:
     assert conclude(0, FIELD, 4, stop, None, None).reached == reached
 
 
