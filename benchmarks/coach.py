@@ -7,10 +7,12 @@ coaches it against the champion of its circuit. The JSON has, by circuit, a row 
 it could not be driven); `kinds` of the advice with their numbers; and `wall_s` of the coach's work.
 
 `python -m benchmarks.coach training --json FILE [--seeds N] [--base N] [--updates N]` trains a time trial
-from scratch, coaches the lap of its last checkpoint, and goes on twice for as many updates: with mistakes
-alone, and with the coach's starts besides. The JSON has by seed the median laps of eight time trials, s:
-`base_lap_s`, `mistakes_lap_s`, `coached_lap_s` (null where half of the starts gave none). The runs lie in a
-folder beside the JSON; the same command goes on after Ctrl-C.
+from scratch, coaches the lap of its last checkpoint, and goes on from there with each seed twice: with
+mistakes alone, and with the coach's starts besides. The JSON has the `updates` of the `base` and `after` it,
+the sections before which the coach's `starts` are and what was lost there, s; and of the `base` and, by
+seed, of `mistakes` and `coached` the median `lap_s` of eight time trials (null where half of the starts gave
+none), the `best_s`, and the `off_course_share` of the time. The runs lie in a folder beside the JSON; the
+same command goes on after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.training.coached import read_coach
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.progress import progress_bars
 from nathlon.sim.errors import InputError
 from nathlon.terminal import say
 
@@ -88,33 +91,44 @@ def trained(folder: Path, config: TrainingConfig, seed: int, origin: Path | None
     """The last checkpoint of a training run, which goes on in its folder if it is there already."""
     begun = (folder / CONFIG_FILE).exists()
     trainer = Trainer.resume(folder) if begun else Trainer.start(folder, config, seed, origin)
-    trainer.run(lambda status: None)
+    with progress_bars() as progress:
+        task = progress.add_task(f"{folder.name} {seed}", total=config.updates, note="warming up")
+        trainer.run(
+            lambda status: progress.update(
+                task, completed=status.updates, note=f"{status.updates_per_s:.0f}/s"
+            )
+        )
     return max((folder / "checkpoints").glob("*.safetensors"))
 
 
-def training(folder: Path, seeds: int, base: int, updates: int) -> dict[int, dict[str, float | None]]:
+def laps_of(checkpoint: Path, config: TrainingConfig) -> dict[str, float | None]:
+    """How a checkpoint does in time trials."""
+    found = drive_alone(enter(str(checkpoint), config.circuit, config.car))
+    told = {"lap_s": found.lap_s, "best_s": found.best_s, "off_course_share": found.off_course_share}
+    return {name: round(value, 4) if math.isfinite(value) else None for name, value in told.items()}
+
+
+def training(folder: Path, seeds: int, base: int, updates: int) -> dict[str, Any]:
     """Laps after training with mistakes alone, and with the coach's starts besides."""
     config = read_config(CONFIGS / "time_trial.toml")
-
-    def lap_s(checkpoint: Path) -> float | None:
-        found = drive_alone(enter(str(checkpoint), config.circuit, config.car)).lap_s
-        return found if math.isfinite(found) else None
-
-    found: dict[int, dict[str, float | None]] = {}
+    begun = config.model_copy(update={"updates": base, "checkpoint_every": base})
+    first = trained(folder / "base", begun, 0)
+    result = coach_lap(str(first), config.circuit, config.car, folder / "lap")
+    starts = read_coach(result.facts_file, config.circuit, config.car)
+    further = config.model_copy(update={"updates": updates, "checkpoint_every": updates})
+    arms = {"mistakes": further, "coached": further.model_copy(update={"coached": starts})}
+    found: dict[str, Any] = {
+        "updates": {"base": base, "after": updates},
+        "starts": {start.section: start.lost_s for start in starts},
+        "base": laps_of(first, config),
+        "seeds": {},
+    }
     for seed in range(1, seeds + 1):
-        here = folder / f"seed-{seed}"
-        begun = config.model_copy(update={"updates": base, "checkpoint_every": base})
-        first = trained(here / "base", begun, seed)
-        result = coach_lap(str(first), config.circuit, config.car, here / "lap")
-        starts = read_coach(result.facts_file, config.circuit, config.car)
-        further = config.model_copy(update={"updates": updates, "checkpoint_every": updates})
-        coached = further.model_copy(update={"coached": starts})
-        found[seed] = {
-            "base_lap_s": lap_s(first),
-            "mistakes_lap_s": lap_s(trained(here / "mistakes", further, seed, here / "base")),
-            "coached_lap_s": lap_s(trained(here / "coached", coached, seed, here / "base")),
+        found["seeds"][seed] = {
+            arm: laps_of(trained(folder / f"{arm}-{seed}", settings, seed, folder / "base"), config)
+            for arm, settings in arms.items()
         }
-        say(f"seed {seed}: {found[seed]}")
+        say(f"seed {seed}: {found['seeds'][seed]}")
     return found
 
 
@@ -124,8 +138,8 @@ def main() -> None:
     parser.add_argument("what", choices=("laps", "training"))
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--base", type=int, default=20_000, help="updates before the coach looks")
-    parser.add_argument("--updates", type=int, default=20_000, help="updates after it has")
+    parser.add_argument("--base", type=int, default=16_000, help="updates before the coach looks")
+    parser.add_argument("--updates", type=int, default=6_000, help="updates after it has")
     asked = parser.parse_args()
     folder = asked.json.with_suffix("")
     if asked.what == "laps":
