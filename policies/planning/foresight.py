@@ -1,68 +1,133 @@
 """The future of some cars, many times over: copies of their races in a world of their own.
 
-The planned cars drive in the simulator itself. Their rivals are moved: each keeps the speed along the centre
-line and the distance from it that it has now. They slow nobody and push nobody, but they are seen, and
-touching them is noticed.
+The planned cars drive in the simulator itself. Their rivals are moved, along the way that they would take if
+the policy drove everybody: it is driven once for all copies of a car, see `Outlook`. Rivals slow nobody and
+push nobody, but they are seen, and touching them is noticed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Set
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.policies.planning.prior import Prior
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch
 from nathlon.sim.expressions import Readings
-from nathlon.sim.instruments import Instruments, Transition
+from nathlon.sim.instruments import AMONG_CARS, Instruments, Transition
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.state import CONTACT
 from nathlon.sim.world import AGENT_DT, World
 
 RIVALS = 4
 """Cars near the planned one that are foreseen with it."""
+MOVED = (
+    "x",
+    "y",
+    "yaw",
+    "cos_yaw",
+    "sin_yaw",
+    "world_velocity_x",
+    "world_velocity_y",
+    "acceleration_x",
+    "acceleration_y",
+    "row",
+    "progress",
+    "lateral",
+    "driving",
+)
+"""What is seen and told of a rival."""
 NO_CONTACTS = np.zeros(0, CONTACT), np.zeros(0, np.int64)
+
+
+class Group(NamedTuple):
+    """Planned cars with the rivals near them.
+
+    Attributes:
+        state: (cars, 1 + rivals) CAR_STATE; the planned car is the first.
+        ticks: (cars,) of their races.
+    """
+
+    state: NDArray[np.void]
+    ticks: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, scene: Scene, rivals: int) -> Group:
+        """Those who drive first, the nearest before others."""
+        world, rows = scene.world, np.arange(len(scene.races))
+        state, length = world.state[scene.races], world.track.length
+        gap = state["progress"] - state["progress"][rows, scene.cars][:, None]
+        gap = np.abs(gap - np.round(gap / length) * length)
+        gap[~state["driving"]] += length
+        gap[rows, scene.cars] = -1.0
+        chosen = np.argsort(gap, axis=1, kind="stable")[:, : 1 + rivals]
+        start = state[rows[:, None], chosen]
+        start["finish"] = np.inf
+        return cls(start, world.ticks[scene.races])
+
+
+class Outlook:
+    """How groups go on if the policy drives all their cars."""
+
+    def __init__(self, model: World, prior: Prior) -> None:
+        """Nothing is foreseen yet; the model has a race for each group."""
+        self._model, self._prior = model, prior
+        count, cars = model.state.shape
+        self._everybody = np.repeat(np.arange(count), cars), np.tile(np.arange(cars), count)
+
+    def __call__(self, group: Group, steps: int) -> Iterator[NDArray[np.void]]:
+        """The rivals after each of some steps of 0.1 s, (cars, rivals) CAR_STATE, not to be kept."""
+        model = self._model
+        model.state[:], model.ticks[:] = group.state, group.ticks
+        for _ in range(steps):
+            actions = self._prior(model.observe(self._prior.card.observation, *self._everybody)).mean
+            # What the simulator has flung away stays where it is.
+            actions = np.nan_to_num(actions, nan=0.0)
+            model.step(actions.reshape(*model.state.shape, 2))
+            yield model.state[:, 1:]
 
 
 class Foresight:
     """Copies of the planned cars with the rivals near them, to be driven ahead; those of a car together."""
 
-    def __init__(self, world: World, cars: int, copies: int) -> None:
+    def __init__(self, world: World, cars: int, copies: int, prior: Prior) -> None:
         """Nothing is foreseen yet.
 
         Args:
             world: whose circuit, car and conditions are those of the copies.
             cars: that are planned.
             copies: of each.
+            prior: drives the rivals.
         """
-        rivals = min(RIVALS, world.state.shape[1] - 1)
-        self._copies, self._track = copies, world.track
-        self._model = World(world.track, world.car, cars * copies, 1 + rivals, world.conditions, world.rules)
+        self._rivals = min(RIVALS, world.state.shape[1] - 1)
+
+        def model(races: int) -> World:
+            return World(world.track, world.car, races, 1 + self._rivals, world.conditions, world.rules)
+
+        self._model, self._outlook = model(cars * copies), Outlook(model(cars), prior)
         self._instruments = Instruments(world.track, world.car, AGENT_DT)
         self._own = np.arange(cars * copies), np.zeros(cars * copies, np.int64)
-        self._actions = np.zeros((cars * copies, 1 + rivals, 2))
-        self._steps = 0
+        self._actions = np.zeros((cars * copies, 1 + self._rivals, 2))
+        self._copies = copies
+        # By bytes, because records are copied field by field.
+        self._before = np.empty_like(self._model.state)
+        self._bytes = self._before.view(np.uint8), self._model.state.view(np.uint8)
 
-    def begin(self, scene: Scene) -> None:
-        """Have all copies be as their cars are now."""
-        world, model = scene.world, self._model
-        chosen = np.concatenate([scene.cars[:, None], self._nearest(scene)], axis=1)
-        start = world.state[scene.races[:, None], chosen]
-        # Rivals that do not drive are nowhere.
-        self._rivals = start[:, 1:]["driving"].copy()
-        start["finish"] = np.inf
-        model.state[:] = np.repeat(start, self._copies, axis=0)
-        model.ticks[:] = np.repeat(world.ticks[scene.races], self._copies)
-        self._progress = start[:, 1:]["progress"].copy()
-        self._lateral = start[:, 1:]["lateral"].copy()
-        error = start[:, 1:]["heading_error"]
-        self._speed = start[:, 1:]["velocity_x"] * np.cos(error) - start[:, 1:]["velocity_y"] * np.sin(error)
-        self._steps = 0
+    def begin(self, scene: Scene, steps: int) -> None:
+        """Have all copies be as their cars are now, to be driven some steps."""
+        group = Group.of(scene, self._rivals)
+        self._model.state[:] = np.repeat(group.state, self._copies, axis=0)
+        self._model.ticks[:] = np.repeat(group.ticks, self._copies)
+        self._ways = self._outlook(group, steps)
 
     def observe(self, spec: ObservationSpec) -> Batch:
         """What is seen from the copies, (cars * copies, size)."""
         return self._model.observe(spec, *self._own)
 
-    def step(self, actions: NDArray[np.floating], names: tuple[str, ...]) -> Readings:
+    def step(self, actions: NDArray[np.floating], names: Set[str]) -> Readings:
         """Drive all copies for 0.1 s.
 
         Args:
@@ -72,52 +137,26 @@ class Foresight:
         Returns:
             them by name, each (cars * copies,).
         """
-        model, state = self._model, self._model.state
-        before = state.copy()
+        model, state, before = self._model, self._model.state, self._before
+        np.copyto(*self._bytes)
         self._actions[:, 0] = actions
         state["driving"][:, 1:] = False
         model.step(self._actions)
-        self._steps += 1
-        self._move_rivals()
-        readings = self._instruments.read(names, Transition(before, state, *NO_CONTACTS))
+        if self._rivals:
+            self._move_rivals()
+        among = names & AMONG_CARS
+        readings = {
+            **self._instruments.read(names - among, Transition(before[:, :1], state[:, :1], *NO_CONTACTS)),
+            **self._instruments.read(among, Transition(before, state, *NO_CONTACTS)),
+        }
         return {name: values[:, 0] for name, values in readings.items()}
-
-    def _nearest(self, scene: Scene) -> NDArray[np.int64]:
-        """Indices of each car's rivals, (cars, rivals): those who drive first, the nearest before others."""
-        state, length = scene.world.state[scene.races], self._track.length
-        rows = np.arange(len(scene.races))
-        gap = state["progress"] - state["progress"][rows, scene.cars][:, None]
-        gap = np.abs(gap - np.round(gap / length) * length)
-        gap[~state["driving"]] += length
-        gap[rows, scene.cars] = np.inf
-        return np.argsort(gap, axis=1, kind="stable")[:, : self._actions.shape[1] - 1]
 
     def _move_rivals(self) -> None:
         """Put the rivals where they are by now, and notice whom the planned cars touch."""
-        if not self._rivals.shape[1]:
-            return
-        state, table = self._model.state, self._track.table
-        progress = self._progress + self._speed * (self._steps * AGENT_DT)
-        x, y, heading = self._track.pose(progress, self._lateral)
-        along = np.mod(progress, self._track.length)
-        row = np.minimum((along / self._track.spacing).astype(np.int64), len(table) - 1)
-        cosine, sine = np.cos(heading), np.sin(heading)
-        moved = {
-            "x": x,
-            "y": y,
-            "yaw": heading,
-            "cos_yaw": cosine,
-            "sin_yaw": sine,
-            "world_velocity_x": self._speed * cosine,
-            "world_velocity_y": self._speed * sine,
-            "acceleration_x": 0.0 * x,
-            "acceleration_y": 0.0 * x,
-            "progress": progress,
-            "row": row,
-            "driving": self._rivals,
-        }
-        for name, values in moved.items():
-            state[name][:, 1:] = np.repeat(values, self._copies, axis=0)
+        state, way = self._model.state, next(self._ways)
+        copies = state.reshape(len(way), self._copies, 1 + self._rivals)
+        for name in MOVED:
+            copies[name][:, :, 1:] = way[name][:, None]
         own, rivals = state[:, :1], state[:, 1:]
         dx, dy = rivals["x"] - own["x"], rivals["y"] - own["y"]
         body = self._model.car.body

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.planning.foresight import Foresight
-from nathlon.policies.planning.prior import Prior
+from nathlon.policies.planning.prior import Actions, Prior
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch
 from nathlon.sim.errors import InputError
 from nathlon.sim.expressions import Expression
-from nathlon.sim.world import World
+from nathlon.sim.world import AGENT_DT, DYNAMICS_HZ, World
 
 SAMPLES, STEPS = 100, 15
 """Sequences that are drawn, and how many steps of 0.1 s they last."""
@@ -37,7 +37,7 @@ class Mppi:
     """A policy that plans around another one.
 
     It must be shown the world, see `nathlon.policies.planning.decide`. Its memory is the plan of the last
-    decision, from which the next one goes on: deviations at the knots.
+    decision, from which the next one goes on: the race's clock then, and deviations at the knots.
 
     Attributes:
         id: of checkpoint and objective together.
@@ -56,13 +56,14 @@ class Mppi:
         self.id = identity
         self._prior, self._objective = prior, objective
         self._seed = int(hashlib.sha256(identity.encode()).hexdigest()[:16], 16)
-        self._between = _between()
+        self._names = frozenset(objective.names)
+        self._between = _between(np.arange(float(STEPS)))
         # Scratch, kept because it is dear to make; nothing in it outlives a decision.
         self._scratch: tuple[World, int, Foresight] | None = None
 
     def initial_memory(self, n: int) -> Batch:
         """See `Policy.initial_memory`: no deviation from the policy."""
-        return np.zeros((n, 2 * len(KNOTS)), np.float32)
+        return np.zeros((n, 1 + 2 * len(KNOTS)), np.float32)
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """Cannot be done without a world.
@@ -74,21 +75,20 @@ class Mppi:
 
     def plan(self, scene: Scene, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """As `Policy.act`, in a world; cars that no longer drive get the policy's own actions."""
-        actions = self._prior(observations).mean
-        memory = memory.copy()
+        own, memory = self._prior(observations), memory.copy()
         driving = scene.world.state["driving"][scene.races, scene.cars]
         if driving.any():
             shown = Scene(scene.world, scene.races[driving], scene.cars[driving])
-            plan = self._improve(shown, actions[driving], memory[driving])
-            actions[driving] = np.clip(actions[driving] + plan[:, 0], -1.0, 1.0)
-            memory[driving] = self._ahead(plan)
-        return actions, memory
+            plan = self._improve(shown, Actions(*(part[driving] for part in own)), memory[driving])
+            own.mean[driving] = np.clip(own.mean[driving] + plan[:, 0], -1.0, 1.0)
+            memory[driving, 0] = shown.world.ticks[shown.races]
+            memory[driving, 1:] = plan.reshape(len(plan), -1)
+        return own.mean, memory
 
-    def _improve(self, scene: Scene, actions: Batch, memory: Batch) -> Floats:
+    def _improve(self, scene: Scene, actions: Actions, memory: Batch) -> Floats:
         """Deviations at the knots, (n, knots, 2), that are the mean of those drawn around the last plan's."""
-        n = len(scene.races)
-        kept = memory.astype(np.float64).reshape(n, 1, len(KNOTS), 2)
-        drawn = kept + self._noise(scene)
+        kept = self._kept(scene.world.ticks[scene.races], memory)
+        drawn = kept[:, None] + self._noise(scene)
         drawn[:, 0] = 0.0
         score = self._drive(scene, drawn, actions)
         weight = np.exp(score - score.max(axis=1, keepdims=True))
@@ -106,36 +106,37 @@ class Mppi:
         )
         return (np.concatenate([half, -half], axis=1) * SPREAD)[which]
 
-    def _drive(self, scene: Scene, drawn: Floats, actions: Batch) -> Floats:
+    def _drive(self, scene: Scene, drawn: Floats, actions: Actions) -> Floats:
         """What each of the drawn sequences is worth, (n, samples)."""
         n = len(scene.races)
         foresight = self._foresight(scene.world, n)
-        foresight.begin(scene)
+        foresight.begin(scene, STEPS)
         deviations = np.einsum("tk,nskc->tnsc", self._between, drawn).reshape(STEPS, n * SAMPLES, 2)
         score = np.zeros(n * SAMPLES)
+        # What the car sees may be late: the policy acts on that.
+        mean, deviation = (np.repeat(values, SAMPLES, axis=0) for values in actions)
         for step in range(STEPS):
-            mean, deviation = self._prior(foresight.observe(self.observation_spec))
-            if step == 0:
-                # What the car sees may be late: the policy acts on that.
-                mean = np.repeat(actions, SAMPLES, axis=0)
+            if step:
+                mean, deviation = self._prior(foresight.observe(self.observation_spec))
             action = np.clip(mean + deviations[step], -1.0, 1.0)
             score -= OWN_SHARE * 0.5 * np.square((action - mean) / deviation).sum(axis=1)
-            score += self._objective(foresight.step(action, self._objective.names))
+            score += self._objective(foresight.step(action, self._names))
         # A car that the simulator has flung away has no future to choose.
         return np.where(np.isfinite(score), score, -1e12).reshape(n, SAMPLES)
 
-    def _ahead(self, plan: Floats) -> Batch:
-        """The plan as it is a step later, at the knots counted from there."""
-        later = np.einsum("tk,nkc->ntc", self._between, plan)[:, KNOTS + 1]
-        return later.reshape(len(plan), -1).astype(np.float32)
+    def _kept(self, ticks: NDArray[np.int64], memory: Batch) -> Floats:
+        """What is left of the last plans, (n, knots, 2), at the knots counted from now."""
+        since = (ticks - memory[:, 0]) / (DYNAMICS_HZ * AGENT_DT)
+        plan = memory[:, 1:].astype(np.float64).reshape(len(memory), len(KNOTS), 2)
+        return np.einsum("nlk,nkc->nlc", _between(since[:, None] + KNOTS), plan)
 
     def _foresight(self, world: World, cars: int) -> Foresight:
         if self._scratch is None or self._scratch[0] is not world or self._scratch[1] != cars:
-            self._scratch = world, cars, Foresight(world, cars, SAMPLES)
+            self._scratch = world, cars, Foresight(world, cars, SAMPLES, self._prior)
         return self._scratch[2]
 
 
-def _between() -> Floats:
-    """Shares of the knots in the deviation of each step, (steps, knots)."""
+def _between(steps: NDArray[np.floating]) -> Floats:
+    """Shares of the knots in the deviation of some steps, (*steps.shape, knots)."""
     at = [*KNOTS, KNOTS[-1] + STEPS_OUT]
-    return np.stack([np.interp(np.arange(STEPS), at, row) for row in np.eye(len(at))[:-1]], axis=1)
+    return np.stack([np.interp(steps, at, row) for row in np.eye(len(at))[:-1]], axis=-1)

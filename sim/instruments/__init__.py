@@ -8,11 +8,11 @@ import numpy as np
 
 from nathlon.sim.car import Car
 from nathlon.sim.expressions import Quantity, Values
-from nathlon.sim.instruments.dashboard import INSTRUMENTS
+from nathlon.sim.instruments.dashboard import AMONG_CARS, INSTRUMENTS
 from nathlon.sim.instruments.moment import Moment, Transition
 from nathlon.sim.track import Track
 
-__all__ = ["QUANTITIES", "Instruments", "Transition"]
+__all__ = ["AMONG_CARS", "QUANTITIES", "Instruments", "Transition"]
 
 QUANTITIES: Mapping[str, Quantity] = {name: instrument.quantity for name, instrument in INSTRUMENTS.items()}
 """All that can be read, by name."""

@@ -136,3 +136,6 @@ INSTRUMENTS: Mapping[str, Instrument] = {
     "penalty": Instrument("s", 0, 1000, "still to serve", _after("penalty_s")),
 }
 """All of them by name. Without a word about it, they show what holds at the end of a step."""
+
+AMONG_CARS = frozenset({"gap_ahead", "gap_behind", "closing_ahead", "closing_behind", "nearest"})
+"""Those that take the other cars of the race to read; contacts are noted beside the states."""

@@ -13,9 +13,11 @@ from nathlon.arena.entrant import enter, weights
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
 from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import read_checkpoint
 from nathlon.policies.load import load_policy
 from nathlon.policies.planning import Scene, decide
 from nathlon.policies.planning.foresight import Foresight
+from nathlon.policies.planning.prior import Prior
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
@@ -31,6 +33,10 @@ CIRCUIT, CAR = "lindenring", "gt3"
 
 def source(objective: str) -> str:
     return f"mppi:{CHECKPOINT}?objective={objective}"
+
+
+def prior() -> Prior:
+    return Prior(*read_checkpoint(CHECKPOINT))
 
 
 def races(scenario: str, count: int, seconds: float = 0.0) -> Episodes:
@@ -88,17 +94,32 @@ def test_planning_leaves_the_world_as_it_is_and_repeats_to_the_bit() -> None:
 def test_what_is_foreseen_for_a_car_alone_is_what_happens() -> None:
     episodes = races("1v0", 2, seconds=5.0)
     world = episodes.world
-    foresight = Foresight(world, 2, 3)
-    foresight.begin(Scene(world, *everybody(world)))
+    foresight = Foresight(world, 2, 3, prior())
+    foresight.begin(Scene(world, *everybody(world)), 15)
     rng = np.random.default_rng(1)
     for _ in range(15):
         actions = np.array([0.5, 0.0]) + rng.uniform(-0.2, 0.2, (2, 1, 2))
-        read = foresight.step(np.repeat(actions[:, 0], 3, axis=0), ("speed", "lateral"))
+        read = foresight.step(np.repeat(actions[:, 0], 3, axis=0), {"speed", "lateral"})
         world.step(actions)
         assert read["lateral"].reshape(2, 3).tolist() == [[x] * 3 for x in world.state["lateral"][:, 0]]
 
 
-def test_a_rival_keeps_speed_and_lane_and_is_touched_where_it_is() -> None:
+def test_rivals_go_where_they_would_if_the_policy_drove_them() -> None:
+    world = races("1v1", 4, seconds=5.0).world
+    policy, (where, cars) = load_policy(str(CHECKPOINT), CIRCUIT, CAR), everybody(world)
+    first = cars == 0
+    foresight = Foresight(world, 4, 1, prior())
+    foresight.begin(Scene(world, where[first], cars[first]), 15)
+    for _ in range(15):
+        seen = world.observe(policy.observation_spec, where, cars)
+        actions, _ = policy.act(seen, policy.initial_memory(len(seen)))
+        read = foresight.step(actions[first], {"nearest"})
+        world.step(actions.reshape(4, 2, 2))
+        apart = np.hypot(*(np.diff(world.state[axis], axis=1)[:, 0] for axis in ("x", "y")))
+        np.testing.assert_allclose(read["nearest"], apart, atol=1e-3)
+
+
+def test_a_rival_is_touched_where_it_is() -> None:
     episodes = races("1v1", 1, seconds=5.0)
     world = episodes.world
     state = world.state[0]
@@ -109,11 +130,13 @@ def test_a_rival_keeps_speed_and_lane_and_is_touched_where_it_is() -> None:
     for name, value in (("x", x), ("y", y), ("yaw", heading), ("progress", back)):
         state[name][1:] = value
     state["velocity_x"][1] += 20.0
-    foresight = Foresight(world, 1, 1)
-    foresight.begin(Scene(world, np.array([0]), np.array([0])))
+    state["world_velocity_x"][1] += 20.0 * np.cos(heading[0])
+    state["world_velocity_y"][1] += 20.0 * np.sin(heading[0])
+    foresight = Foresight(world, 1, 1, prior())
+    foresight.begin(Scene(world, np.array([0]), np.array([0])), 5)
     gaps, touching = [], []
     for _ in range(5):
-        read = foresight.step(np.array([[0.3, 0.0]]), ("gap_behind", "touching"))
+        read = foresight.step(np.array([[0.3, 0.0]]), {"gap_behind", "touching"})
         gaps.append(read["gap_behind"][0])
         touching.append(read["touching"][0])
     assert np.diff(gaps[:3]) == pytest.approx([-2.0, -2.0], abs=0.4)
