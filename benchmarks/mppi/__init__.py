@@ -1,0 +1,1 @@
+"""Planning around a policy, measured; see `benchmarks.mppi.__main__`."""
