@@ -85,11 +85,11 @@ class _Lines:
     def end(self) -> None:
         if self._stage is not None:
             seconds = time.monotonic() - self._began
-            ended = f"{self._before + self._done:,} {_counted(self._stage)}"
+            ended = f"{self._before + self._done:,} {_counted(self._stage)}".rstrip()
             warn(f"{self._stage.capitalize():<12} {ended} in {seconds:.0f} s")
         self._stage = None
 
 
 def _counted(stage: str) -> str:
-    """What is counted in a stage."""
-    return "compiled" if stage == KERNELS else "matches"
+    """What is counted in a stage; one that is called as it counts says so once."""
+    return {KERNELS: "compiled", "drives": "", "races": ""}.get(stage, "matches")

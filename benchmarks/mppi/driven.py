@@ -47,7 +47,7 @@ class Field(NamedTuple):
     """Who drives where.
 
     Attributes:
-        scenario: of the starts and the number of cars, of which one is measured: in turn the first to the last.
+        scenario: of the starts and the number of cars; in turn the first to the last is measured.
         races: how many.
         longest_s: when they end.
     """
@@ -66,7 +66,7 @@ SETTINGS = {
     "wet road": Setting(STAY, Conditions(grip=WET), GT3),
     "15 % heavier": Setting(STAY, Conditions(), tune(GT3, Tuning(mass=1.15))),
 }
-ALONE, TRAFFIC = Field("time_trial", 2, 200.0), Field("1v7", 16, 60.0)
+ALONE, TRAFFIC = Field("time_trial", 2, 200.0), Field("1v7", 16, 40.0)
 
 
 def planned(objective: str, checkpoint: Path = CHECKPOINT) -> str:
@@ -89,7 +89,7 @@ def laps(source: str, setting: Setting) -> dict[str, float | None]:
 
 
 def traffic(source: str, setting: Setting) -> dict[str, float]:
-    """A minute among others: means of a car."""
+    """Some time among others: means of a car."""
     drive = Drive(source, setting, TRAFFIC)
     return {
         "km": round(float((drive.state["progress"] - drive.state["start"]).mean()) / 1000.0, 3),

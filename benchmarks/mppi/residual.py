@@ -22,8 +22,8 @@ planner weighs its objective against a tenth of the log-probability."""
 RATE, ALPHA = 1e-4, 0.003
 """Of the policy, a fifth of that from scratch; the entropy's weight with which the run has ended."""
 RACES, WARM_UP = 32, 5_000
-EVERY = 1_000
-MEASURED = (1, 2, 4, 8, 16)
+EVERY = 500
+MEASURED = (1, 2, 4, 8)
 """Checkpoints, one every so many updates."""
 
 

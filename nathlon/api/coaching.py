@@ -29,7 +29,7 @@ from nathlon.sim.whole_file import whole_file
 
 PHRASING = "phrasing.json"
 """What a language model said, and why it was refused."""
-SECTIONS = "sections"
+DRIVES = "drives"
 """What progress counts."""
 
 
@@ -101,9 +101,9 @@ def coach(
     path, folder = Path(recording), Path(out)
     log = read_recording(path)
     index = car_index(log, str(car), path)
-    with Pool(1) as pool, stage_progress(progress, (SECTIONS,)) as on_match:
+    with Pool(1) as pool, stage_progress(progress, (DRIVES,)) as on_match:
         work = Coach(log, index, reference(pool, log, str(against)))
-        coached = work.work(partial(on_match, SECTIONS))
+        coached = work.work(partial(on_match, DRIVES))
     notes = tell(coached.facts)
     phrased = phrased_by(coached.facts, notes, endpoint) if endpoint else None
     return _write(folder, log, coached, notes, phrased)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.coaching.craft import craft_of, traffic
 from nathlon.coaching.diagnosis import MIN_LOSS_S, Compared, causes_of
 from nathlon.coaching.driving import HANDS, Driven, Jolt, Plan, Rider
-from nathlon.coaching.edits import edits_of
+from nathlon.coaching.edits import Edit, edits_of
 from nathlon.coaching.lap import STEP_M, Lap, laps_of
 from nathlon.coaching.parts import Part, marks, parts_of
-from nathlon.coaching.proof import LEAST_GAIN_S, TRUE_S, Proved, Trial, try_edits, window_of
+from nathlon.coaching.proof import LEAST_GAIN_S, STARTS, TRUE_S, Proved, Trial, Window, try_edits, window_of
 from nathlon.coaching.reference import Reference
 from nathlon.reports.cars import labels
 from nathlon.reports.coach import (
@@ -35,8 +35,22 @@ BEFORE_M = 60.0
 """Before a section, where a start state is taken."""
 MOST_STARTS = 8
 
-OnSection = Callable[[int, int], None]
-"""Told how many sections have been tried, and of how many."""
+OnDrives = Callable[[int, int], None]
+"""Told how many drives with an edit have been made, and of how many."""
+
+
+class _Ways(NamedTuple):
+    """Other ways to drive a bend.
+
+    Attributes:
+        window: that is driven.
+        edits: to try.
+        near: in place of a trial, where another car is near.
+    """
+
+    window: Window
+    edits: list[Edit]
+    near: Trial | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,15 +91,16 @@ class Coach:
         self._parts = parts_of(log.sections, (self._lap, reference.lap))
         self._compared = [self._compare(part) for part in self._parts]
 
-    def work(self, on_section: OnSection) -> Coached:
+    def work(self, on_drives: OnDrives) -> Coached:
         """Find out all there is, and prove the advice."""
         rider = Rider(self._log, self._lap)
-        bends = [each for each in self._compared if each.part.bend]
+        bends = {each.part.number: self._ways(each) for each in self._compared if each.part.bend}
+        drives = np.cumsum([0, *(len(STARTS) * len(ways.edits) for ways in bends.values())]).tolist()
         trials: dict[int, Trial] = {}
-        for done, compared in enumerate(bends):
-            on_section(done, len(bends))
-            trials[compared.part.number] = self._try(rider, compared)
-        on_section(len(bends), len(bends))
+        on_drives(0, drives[-1])
+        for (number, ways), done in zip(bends.items(), drives[1:], strict=True):
+            trials[number] = ways.near or try_edits(rider, self._lap, ways.window, ways.edits)
+            on_drives(done, drives[-1])
         advice = [
             (self._advice(self._parts[number], trial, trial.best[0]), trial.best[0])
             for number, trial in trials.items()
@@ -137,15 +152,16 @@ class Coach:
         does, shows = (marks(lap, part.start_m, part, after) for lap in (self._lap, self._reference.lap))
         return Compared(self._lap, self._reference.lap, part, (does, shows))
 
-    def _try(self, rider: Rider, compared: Compared) -> Trial:
+    def _ways(self, compared: Compared) -> _Ways:
+        """What is to be tried in a bend: nothing where another car is near."""
         part, lap = compared.part, self._lap
         window = window_of(self._parts, part, self._length_m)
         began, ended = (lap.start_s + lap.time_s[lap.at(at)] for at in (window.start_m, window.end_m))
         near = traffic(self._log, self._car, began, ended)
         if near is not None:
-            return Trial(window, 0, (), f"{near[1]} is near")
+            return _Ways(window, [], Trial(window, 0, (), f"{near[1]} is near"))
         assert compared.marks is not None, "a bend has its marks"
-        return try_edits(rider, lap, window, list(edits_of(part, lap, compared.other, *compared.marks)))
+        return _Ways(window, list(edits_of(part, lap, compared.other, *compared.marks)), None)
 
     def _section(self, compared: Compared) -> Section:
         part, own, other = compared.part, compared.own, compared.other

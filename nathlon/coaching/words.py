@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from nathlon.reports.coach import Advice, Cause, CoachFacts, Section
+from nathlon.reports.coach import Advice, Cause, CoachFacts, Mishap, Section
 
 NAMED = 3
 """Sections that are named first."""
 TOLD_S = 0.02
 """A section in which less is lost is not spoken of."""
+TOLD_MISHAPS = 6
+"""Of more only their number is told."""
+MISHAPS = {
+    "off_course": "leaves the course",
+    "wall": "hits the wall",
+    "penalty": "is given a penalty",
+    "served": "serves one",
+}
 KINDS = {
     "champion": "the bundled champion",
     "driver": "the built-in driver",
@@ -47,6 +55,30 @@ def told_advice(advice: Advice, other: str) -> str:
     )
 
 
+def told_unproved(facts: CoachFacts) -> Iterator[str]:
+    """Where nothing can be proved and why, a sentence for each reason."""
+    where: dict[str, list[str]] = {}
+    for one in facts.attempts:
+        if one.unproved:
+            where.setdefault(one.unproved, []).append(one.section)
+    for why, sections in where.items():
+        yield f"Nothing can be proved in {_listed(sections)}: {why}."
+
+
+def told_mishaps(mishaps: Sequence[Mishap]) -> list[str]:
+    """Walls, excursions and penalties, each in a phrase; of many only how often there were."""
+    if len(mishaps) <= TOLD_MISHAPS:
+        return [f"at {one.at_s:.1f} s: {one.text}" for one in mishaps]
+    told = []
+    for kind, phrase in MISHAPS.items():
+        some = [one for one in mishaps if one.kind == kind]
+        if some:
+            times = f"{len(some)} times" if len(some) > 1 else "once"
+            lost = f", {sum(one.penalty_s for one in some):.0f} s in all" if kind == "penalty" else ""
+            told.append(f"{phrase} {times}, first at {some[0].at_s:.1f} s{lost}")
+    return told
+
+
 def told_gain(advice: Advice, sections: Sequence[Section]) -> str:
     """What an advice gained when it was driven again."""
     after = sections[min(advice.number + 1, len(sections) - 1)].name
@@ -82,7 +114,12 @@ def _losses(facts: CoachFacts) -> Iterator[str]:
 def _advice(facts: CoachFacts) -> Iterator[str]:
     tried = sum(one.tried for one in facts.attempts)
     if not facts.advice:
-        yield f"{tried} other ways to drive were tried, and none gained: there is no advice."
+        yield " ".join(
+            [
+                f"{tried} other ways to drive were tried, and none gained: there is no advice.",
+                *told_unproved(facts),
+            ]
+        )
         return
     lines = [f"What is faster, of {tried} other ways to drive that were tried:"]
     for number, one in enumerate(facts.advice, 1):
@@ -95,6 +132,8 @@ def _advice(facts: CoachFacts) -> Iterator[str]:
     yield "\n".join(lines)
     if facts.together_s is not None:
         yield f"All of it at once, driven from line to line, gains {facts.together_s:.3f} s."
+    if unproved := " ".join(told_unproved(facts)):
+        yield unproved
 
 
 def _steadiness(facts: CoachFacts) -> Iterator[str]:
@@ -129,7 +168,7 @@ def _craft(facts: CoachFacts) -> Iterator[str]:
         lines.append(f"Pressed by: {'; '.join(told)}.")
     faults = {"own": "its own fault", "other": "the fault of the other", "nobody": "nobody's fault"}
     lines += [f"Contact at {one.at_s:.1f} s, {faults[one.fault]}: {one.text}." for one in craft.contacts]
-    lines += [f"At {one.at_s:.1f} s: {one.text}." for one in craft.mishaps]
+    lines += [f"{one[:1].upper()}{one[1:]}." for one in told_mishaps(craft.mishaps)]
     if lines:
         yield "\n".join(lines)
 
