@@ -11,7 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.incidents import Alarm, IncidentWatch
-from nathlon.arena.match import Match
+from nathlon.arena.match import BACKGROUND, NO_TEAM, Match
 from nathlon.arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, Outline, RaceLog, Stretch
 from nathlon.arena.runner import Observer, run_together
 from nathlon.arena.sight import Seen, Sight
@@ -227,7 +227,7 @@ class _Recorder:
             race=number,
             version=version("nathlon"),
             names=tuple(names),
-            teams=tuple(seat.team for seat in race.seats),
+            teams=tuple(NO_TEAM if seat.team == BACKGROUND else seat.team for seat in race.seats),
             car_length_m=body.length_m,
             car_width_m=body.width_m,
             outline=self._outline,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.match import BACKGROUND, TESTED, Match, Race, Seat
 from nathlon.arena.race_log import RESOLUTION, RaceLog
 from nathlon.arena.recorder import outline, record_races
+from nathlon.arena.recording import read_recording, write_recording
 from nathlon.arena.runner import run_match
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.observation import ObservationSpec
@@ -175,3 +177,11 @@ def test_the_outline_has_the_kerbs_of_the_circuit() -> None:
         np.testing.assert_allclose(width, track.table[:, column], atol=2**0.5 * RESOLUTION["x_m"])
         assert width.max() > 0.5
         assert (kerb[width == 0.0] == edge[width == 0.0]).all()
+
+
+def test_who_makes_up_the_numbers_is_recorded_as_of_no_team(tmp_path: Path) -> None:
+    match = match_on(tmp_path, 2, {"time_s": "1.0", "start": CHASE})
+    seats = (Seat(0, TESTED), Seat(1, BACKGROUND))
+    [log] = record_races(replace(match, races=(Race(0, seats),)), POLICIES, [0], NAMES).logs
+    write_recording(tmp_path / "race.mcap", log)
+    assert read_recording(tmp_path / "race.mcap").teams == (0, -1)
