@@ -50,7 +50,27 @@ def verdict(selection: Selection) -> Verdict:
         candidates = {standing.entrant for standing in decision.standings}
         confidence = f"{selection.summary.confidence:.0%} interval"
         proof = (_proof(own, ranking, candidates, confidence, selection.summary), *_conduct(selection, own))
-    return Verdict(f"Send {name}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof))
+    better = _better_anchors(selection, {standing.entrant for standing in decision.standings})
+    though = (
+        f", though {_listed(better, 'and')} {'is' if len(better) == 1 else 'are'} better" if better else ""
+    )
+    return Verdict(
+        f"Send {name}{though}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof)
+    )
+
+
+def _better_anchors(selection: Selection, candidates: set[str]) -> list[str]:
+    """Anchors than which these races prove all candidates to be worse."""
+    worse: dict[str, set[str]] = {}
+    for row in selection.named("matchups").iter_rows(named=True):
+        if row["entrant"] in candidates and row["difference_high"] is not None and row["difference_high"] < 0:
+            worse.setdefault(row["opponent"], set()).add(row["entrant"])
+    names = {row["entrant"]: row["name"] for row in selection.named("ranking").iter_rows(named=True)}
+    return [
+        names[one]
+        for one, than in worse.items()
+        if one in names and one not in candidates and than == candidates
+    ]
 
 
 def _decision(selection: Selection) -> Decided | None:

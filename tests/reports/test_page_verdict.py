@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,28 @@ IDS = [one["entrant"] for one in CARDS]
 
 
 def night(
-    *rows: dict[str, Any], cards: list[dict[str, Any]] | None = None, seats: int = 1, **decision: Any
+    *rows: dict[str, Any],
+    cards: list[dict[str, Any]] | None = None,
+    seats: int = 1,
+    met: Sequence[dict[str, Any]] = (),
+    **decision: Any,
 ) -> Selection:
-    """Finalists with a ranking, and a committee that sends the first of `cards`."""
+    """Finalists with a ranking and matchups, and a committee that sends the first of `cards`."""
     asked = decided("selection", CARDS[: len(rows)] if cards is None else cards, seats, **decision)
-    return with_tables({"entrants": CARDS, "ranking": list(rows)}, committee=[asked])
+    return with_tables({"entrants": CARDS, "ranking": list(rows), "matchups": list(met)}, committee=[asked])
+
+
+def matchup(entrant: int, opponent: int, difference: float) -> dict[str, Any]:
+    return {
+        "entrant": IDS[entrant],
+        "opponent": IDS[opponent],
+        "pairs": 40,
+        "points_per_race": 19.5 + difference / 2.0,
+        "difference": difference,
+        "difference_low": difference - 1.0,
+        "difference_high": difference + 1.0,
+        "contacts_per_km": 0.1,
+    }
 
 
 def test_first_alone() -> None:
@@ -55,6 +73,17 @@ def test_sent_though_others_are_proven_better() -> None:
         "2 others are proven better. First: e1 (barred) and e2 (an anchor, cannot be sent)."
     )
     assert told.sentences[2].endswith("It ended 2 car runs by its own fault. Barred for contacts: e1.")
+
+
+def test_all_candidates_are_worse_than_an_anchor() -> None:
+    rows = [ranked(IDS[0], 2, 20.0), ranked(IDS[1], 2, 19.0), ranked(IDS[2], 1, 30.0)]
+    met = [matchup(0, 2, -8.0), matchup(2, 0, 8.0), matchup(1, 2, -9.0), matchup(0, 1, 0.5)]
+    assert verdict(night(*rows, cards=CARDS[:2], met=met)).headline == "Send e0, though e2 is better"
+    # One of them is not proven to be worse.
+    met[2] = matchup(1, 2, -0.5)
+    assert verdict(night(*rows, cards=CARDS[:2], met=met)).headline == "Send e0"
+    # Who is a candidate too could have been sent.
+    assert verdict(night(*rows, met=met)).headline == "Send e0"
 
 
 def test_nobody_fit() -> None:
