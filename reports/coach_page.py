@@ -52,11 +52,13 @@ class Sentences(NamedTuple):
     Attributes:
         causes: of each section, empty where nothing is known.
         advice: what to do, and what it gained, of each advice, each the beginning of a sentence.
+        unproved: where nothing can be proved and why.
         text: all of it.
     """
 
     causes: tuple[str, ...]
     advice: tuple[tuple[str, str], ...]
+    unproved: tuple[str, ...]
     text: str
 
 

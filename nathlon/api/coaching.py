@@ -19,7 +19,7 @@ from nathlon.coaching.lap import STEP_M, Lap
 from nathlon.coaching.phrasing import Phrased
 from nathlon.coaching.phrasing import phrase as phrased_by
 from nathlon.coaching.reference import CHAMPION, reference
-from nathlon.coaching.words import tell, told_advice, told_causes, told_gain
+from nathlon.coaching.words import tell, told_advice, told_causes, told_gain, told_unproved
 from nathlon.progress import stage_progress
 from nathlon.reports.cars import car_index
 from nathlon.reports.coach import CoachFacts
@@ -135,6 +135,7 @@ def _drawing(log: RaceLog, coached: Coached, text: str) -> CoachDrawing:
             (_begun(told_advice(one, facts.other)), _begun(told_gain(one, facts.sections)))
             for one in facts.advice
         ),
+        unproved=tuple(told_unproved(facts)),
         text=text,
     )
     edited = tuple(

@@ -235,8 +235,8 @@ class Coach:
         amount, unit, at_m = edit.amount, "m", does.brake_m or part.start_m
         side: Literal["left", "right"] | None = None
         if edit.kind == "more_speed":
-            slowest = [_least(drive, part) for drive in (proved.again, proved.edited)]
-            amount, unit, at_m = 3.6 * (slowest[1] - slowest[0]), "km/h", does.apex_m
+            (gained, at_m), unit = _faster(proved, part, does.apex_m), "km/h"
+            amount = 3.6 * gained
         elif edit.kind == "throttle_earlier":
             at_m = does.full_m or does.apex_m
         elif edit.kind == "line":
@@ -310,10 +310,15 @@ def _driven_lap(lap: Lap) -> DrivenLap:
     )
 
 
-def _least(drive: Driven, part: Part) -> float:
-    """The least speed in a part, m/s."""
-    inside = (drive.places >= part.start_m) & (drive.places <= part.end_m)
-    return float(drive.speed[inside].min())
+def _faster(proved: Proved, part: Part, apex_m: float) -> tuple[float, float]:
+    """By how many m/s a part is driven faster at its slowest place, or else where it is most, and where."""
+    at = np.array([apex_m, *np.arange(part.start_m, part.end_m, STEP_M)])
+    before, after = (np.interp(at, drive.places, drive.speed) for drive in (proved.again, proved.edited))
+    gained = after - before
+    most = int(np.argmax(gained))
+    if gained[0] >= 0.5 * gained[most]:
+        most = 0
+    return float(gained[most]), float(at[most])
 
 
 def _moved(proved: Proved, part: Part) -> tuple[float, float]:

@@ -46,13 +46,16 @@ def told_advice(advice: Advice, other: str) -> str:
         case "brake_earlier":
             return f"brake {amount} m earlier than at {place}, and carry more speed through"
         case "more_speed":
-            return f"carry {amount} km/h more at the slowest place, {place}"
+            return f"carry {amount} km/h more at {place}"
         case "throttle_earlier":
             return f"be at full throttle {amount} m earlier than at {place}"
-    return (
-        f"drive {advice.share:.0f} % of the way towards the lap of {other}, with the line {amount} m further "
-        f"{advice.side} at {place}"
+    whole = advice.share == 100.0
+    how = (
+        f"drive as {other} does"
+        if whole
+        else f"drive {advice.share:.0f} % of the way towards the lap of {other}"
     )
+    return f"{how}, with the line {amount} m further {advice.side} at {place}"
 
 
 def told_unproved(facts: CoachFacts) -> Iterator[str]:

@@ -9,6 +9,8 @@ import pytest
 
 from nathlon.arena.race_log import RaceLog
 from nathlon.coaching.craft import craft_of, traffic
+from nathlon.coaching.words import told_mishaps
+from nathlon.reports.coach import Mishap
 from tests.race_logs import oval_race
 
 
@@ -50,3 +52,14 @@ def test_a_car_that_is_out_is_no_traffic(log: RaceLog) -> None:
     samples = log.samples.copy()
     samples["driving"][:, 0] = False
     assert traffic(replace(log, samples=samples), 1, 0.0, 1.0) is None
+
+
+def test_of_many_mishaps_only_the_number_is_told() -> None:
+    some = [Mishap(at_s=10.0 * i, kind="wall", penalty_s=0.0, text=f"hits it, {i}") for i in range(4)]
+    few = told_mishaps(some)
+    assert few[3] == "at 30.0 s: hits it, 3"
+    given = [Mishap(at_s=15.0 + i, kind="penalty", penalty_s=1.5, text="cuts") for i in range(4)]
+    assert told_mishaps([*some, *given]) == [
+        "hits the wall 4 times, first at 0.0 s",
+        "is given a penalty 4 times, first at 15.0 s, 6 s in all",
+    ]

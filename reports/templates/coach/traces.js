@@ -60,7 +60,7 @@ function lapTraces(box, { own, other, edited }, onPlace) {
       const room = Math.max(chart.least - (high - low), 0) / 2 + 0.08 * (high - low);
       [low, high] = [low - room, high + room];
     }
-    const up = (value) => chart.height - ((value - low) / (high - low)) * (chart.height - 18) - 2;
+    const up = (value) => chart.height - ((value - low) / (high - low)) * (chart.height - 26) - 2;
     const step = chart.range ? 100 : niceStep(high - low);
     const ticks = [];
     for (let value = Math.ceil(low / step) * step; value <= high; value += step) ticks.push(value);
