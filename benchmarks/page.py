@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -77,6 +78,11 @@ def pooled(runs: Sequence[Figures], circuit: str, car: str, name: str) -> dict[s
         "2 at 1.0": sum(run["wins_from_back"] for run in there),
         "2 at 0.95": sum(run["by_pace"]["0.95"]["wins"] for run in there),
     }
+
+
+def mean_of(values: Iterable[float]) -> float:
+    """The mean."""
+    return fmean(values)
 
 
 def middle_and_ends(three: Sequence[float], digits: int) -> str:
@@ -154,6 +160,7 @@ def page(results: Mapping[str, Result]) -> str:
         "pooled": pooled,
         "sessions": sessions,
         "middle_and_ends": middle_and_ends,
+        "mean_of": mean_of,
     }
     return environment.get_template(TEMPLATE).render(results=results)
 
