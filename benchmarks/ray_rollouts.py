@@ -1,9 +1,10 @@
 """Whether a training whose rollouts run on a Ray cluster learns as one with rollouts in processes here.
 
-`python -m benchmarks.ray_rollouts [--seeds N] [--updates N] [--json PATH]` trains a small network alone on
-Lindenring, once with a rollout worker in a process of this machine (`local`) and once with one on a node of a
-cluster on this machine (`ray`), each with the same seeds. What worker and learner do at the same time differs
-from run to run, so no two runs are alike; their distribution should be.
+`python -m benchmarks.ray_rollouts [--seeds N] [--updates N] [--workers N] [--json PATH]` trains a small
+network alone on Lindenring, once with a rollout worker in a process of this machine (`local`) and once with
+one on a node of a cluster on this machine (`ray`), each with the same seeds. With one worker the order in
+which everything happens is fixed, and both should come to the same; with more (`--workers`), what happens
+at the same time differs from run to run, and only the distributions should be alike.
 
 Figures: `updates` of a run; `rows`, one for each checkpoint and measure of the training curve: `updates`,
 `measure`; `local` and `ray`, the values by seed; `difference` of their means (ray less local) with its 95 %
@@ -36,7 +37,7 @@ updates_per_step = 4
 warm_up = 1000
 replay = 20000
 checkpoint_every = {every}
-workers = 1
+workers = {workers}
 refresh_every = 4
 
 [[rollouts]]
@@ -86,16 +87,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.ray_rollouts", description="Rollouts on a Ray cluster")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--updates", type=int, default=2400)
+    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path, help="where to write the figures")
     asked = parser.parse_args()
     head = {"num_cpus": 0, "include_dashboard": False, "object_store_memory": OBJECTS_BYTES}
     cluster = Cluster(initialize_head=True, head_node_args=head)
     curves: dict[str, list[Any]] = {"local": [], "ray": []}
     try:
-        cluster.add_node(num_cpus=1, object_store_memory=OBJECTS_BYTES)
+        cluster.add_node(num_cpus=asked.workers, object_store_memory=OBJECTS_BYTES)
         with TemporaryDirectory() as folder:
             config = Path(folder) / "run.toml"
-            config.write_text(CONFIG.format(updates=asked.updates, every=asked.updates // 3))
+            config.write_text(
+                CONFIG.format(updates=asked.updates, every=asked.updates // 3, workers=asked.workers)
+            )
             for seed in range(1, asked.seeds + 1):
                 for engine in curves:
                     out = Path(folder) / f"{engine}-{seed}"
