@@ -29,7 +29,8 @@ def load_policy(name: str, circuit: str, car: str) -> Policy:
 
     Args:
         name: path of a file of weights or of a composite (`.toml`), `driver` with settings
-            (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must), `plugin:NAME`,
+            (`driver:pace=0.95,lane=2.5`; with `early=30` it brakes 30 m before it must;
+            with `temper=calm` it keeps clear of others), `plugin:NAME`,
             `human:FILE` of a person's inputs, `mppi:FILE?objective=EXPRESSION` of one that plans, or
             `object:NAME` of one that this process has been given.
         circuit: the circuit to drive.
@@ -79,5 +80,5 @@ def _planner(source: PlannedSource) -> Mppi:
 @lru_cache(maxsize=1000)
 def _driver(source: str, circuit: str, car: str) -> Policy:
     settings = driver_settings(source)
-    driver = Driver(circuit, car, settings.pace, settings.lane, settings.grip)
+    driver = Driver(circuit, car, settings.pace, settings.lane, settings.grip, settings.temper)
     return EarlyBraker(driver, circuit, settings.early) if settings.early else driver

@@ -50,6 +50,7 @@ DECISIVE = (
     "policies/patience.py",
     "policies/planning",
     "policies/policy.py",
+    "policies/temper.py",
     "arena/classification.py",
     "arena/match.py",
     "arena/match_policies.py",

@@ -20,6 +20,7 @@ from nathlon.policies.driver.racing_line import NoLine, minimum_time
 from nathlon.policies.driver.speed_profile import Line, Profile, profile
 from nathlon.policies.driver.steering import plan
 from nathlon.policies.policy import Batch
+from nathlon.policies.temper import FAIR, TEMPERS, Temper
 from nathlon.sim.car import Car, load_car, with_grip
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -32,7 +33,7 @@ ASIDE_M = 1.0
 """Its speeds there hold for a line moved so far to either side."""
 
 
-def _knowledge(track: Track, car: Car, pace: float, line: Profile) -> Knowledge:
+def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Temper) -> Knowledge:
     left, right = room_aside(track)
     body, limits = car.body, envelope(car)
     asides = [
@@ -63,6 +64,7 @@ def _knowledge(track: Track, car: Car, pace: float, line: Profile) -> Knowledge:
         draught_loss=car.aero.draught_downforce_share,
         car_length=body.length_m,
         car_width=body.width_m,
+        temper=temper,
     )
 
 
@@ -74,16 +76,19 @@ class Follower:
         car: the car.
         pace: share of the profile's speed to drive.
         line: the profile.
+        temper: how near it comes to others.
 
     Its memory is two numbers a car: how far it has moved off its line (m, + is left), and how fast it
     moves (m/s).
     """
 
-    def __init__(self, track: Track, car: Car, pace: float, line: Profile) -> None:
+    def __init__(
+        self, track: Track, car: Car, pace: float, line: Profile, temper: Temper = TEMPERS[FAIR]
+    ) -> None:
         self.observation_spec = ObservationSpec(course_points=1)
         self.pace = pace
         self.line = line
-        self._knowledge = _knowledge(track, car, pace, line)
+        self._knowledge = _knowledge(track, car, pace, line, temper)
         self._layout = layout(self.observation_spec)
         self._mean, self._deviation = (part.astype(np.float64) for part in self.observation_spec.scaling)
 
@@ -150,10 +155,17 @@ class Driver(Follower):
         pace: share of the speed that the car allows; 1 is all of it.
         lane_m: hold this lateral offset (m, + is left) instead of the racing line.
         grip: of the road for which it has practised, as a multiple of that of a dry one.
+        temper: name of how near it comes to others.
     """
 
     def __init__(
-        self, circuit: str, car: str, pace: float = 1.0, lane_m: float | None = None, grip: float = 1.0
+        self,
+        circuit: str,
+        car: str,
+        pace: float = 1.0,
+        lane_m: float | None = None,
+        grip: float = 1.0,
+        temper: str = FAIR,
     ) -> None:
         line = _profile(circuit, car, lane_m, grip)
-        super().__init__(load_track(circuit), with_grip(load_car(car), grip), pace, line)
+        super().__init__(load_track(circuit), with_grip(load_car(car), grip), pace, line, TEMPERS[temper])

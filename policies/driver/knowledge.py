@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from nathlon.policies.driver.envelope import Envelope
 from nathlon.policies.driver.speed_profile import Path
 from nathlon.policies.driver.steering import Steering
+from nathlon.policies.temper import Temper
 from nathlon.sim.kernel import inlined
 from nathlon.sim.observation import ObservationSpec
 
@@ -75,6 +76,7 @@ class Knowledge(NamedTuple):
     draught_loss: float  # share of it lost in full slipstream
     car_length: float
     car_width: float
+    temper: Temper
 
 
 @inlined

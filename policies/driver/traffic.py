@@ -10,17 +10,8 @@ from nathlon.policies.driver.knowledge import Knowledge, Layout, along, clip
 from nathlon.sim.kernel import inlined
 from nathlon.sim.observation import OPPONENT_SIZE, PRESENT, VELOCITY_X, VELOCITY_Y, X, Y
 
-PASSING_GAP_M = 2.6
-"""Lateral distance between centres at which two cars pass each other safely."""
-ROOM_M = 1.3
-"""Wanted between the flanks of two cars side by side."""
 CLOSE_M = 10.0
-REACTION_S = 2.5
-"""A car ahead is passed when it is closer than this, or will be reached within the time."""
-BRAKING = 4.0
-"""m/s^2 at which the driver plans to slow down behind a car in its path."""
-LEAST_GAP_M = 2.5
-"""Wanted to the car ahead."""
+"""A car ahead is passed when it is closer than this, or will be reached soon."""
 BESIDE_M = 3.0
 """Cars whose gap along the road is less are beside each other, or soon will be."""
 ALONE_M = 40.0
@@ -104,21 +95,21 @@ def mind_others(
         apart = there - lateral
         if abs(ahead) < knows.car_length + BESIDE_M and abs(apart) > 0.5 * knows.car_width:
             if apart > 0.0:
-                high = min(high, there - knows.car_width - ROOM_M)
+                high = min(high, there - knows.car_width - knows.temper.room_m)
             else:
-                low = max(low, there + knows.car_width + ROOM_M)
+                low = max(low, there + knows.car_width + knows.temper.room_m)
         elif (
             ahead > 0.0
-            and gap < min(blocked_by, max(CLOSE_M, REACTION_S * (velocity - speed)))
-            and (abs(there - line) < PASSING_GAP_M or abs(apart) < PASSING_GAP_M)
+            and gap < min(blocked_by, max(CLOSE_M, knows.temper.notice_s * (velocity - speed)))
+            and (abs(there - line) < knows.temper.passing_m or abs(apart) < knows.temper.passing_m)
         ):
             blocked_by, blocked_at = gap, there
         if ahead > 0.0 and abs(apart) < knows.car_width + 0.3:
-            safe = speed + math.sqrt(2.0 * BRAKING * max(gap - LEAST_GAP_M, 0.0)) - 0.5
+            safe = speed + math.sqrt(2.0 * knows.temper.braking * max(gap - knows.temper.least_m, 0.0)) - 0.5
             limit = min(limit, max(safe, 3.0))
     wish = line
     if blocked_by < math.inf:
-        by_left, by_right = blocked_at + PASSING_GAP_M, blocked_at - PASSING_GAP_M
+        by_left, by_right = blocked_at + knows.temper.passing_m, blocked_at - knows.temper.passing_m
         if by_left > high and by_right < low:
             wish = lateral
         elif by_right < low or (by_left <= high and abs(by_left - lateral) < abs(by_right - lateral)):

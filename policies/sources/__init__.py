@@ -7,6 +7,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import NamedTuple
 
+from nathlon.policies.temper import FAIR, TEMPERS
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 
@@ -35,23 +36,29 @@ class DriverSettings(NamedTuple):
         lane: m to the left of the centre line on which it drives; None for the racing line.
         early: m before the point where it must brake at which it does.
         grip: of the road that it expects, as a multiple of that of a dry one.
+        temper: how near it comes to others, a name of TEMPERS.
     """
 
     pace: float = 1.0
     lane: float | None = None
     early: float = 0.0
     grip: float = 1.0
+    temper: str = FAIR
 
 
 def driver_settings(source: str) -> DriverSettings:
-    """What `driver:pace=0.95,lane=2.5,early=30` says.
+    """What `driver:pace=0.95,lane=2.5,early=30,temper=calm` says.
 
     Raises:
         InputError: if a setting is unknown, no number or out of range.
     """
     values: dict[str, float] = {}
+    temper = FAIR
     for setting in filter(None, source.partition(":")[2].split(",")):
         key, _, value = setting.partition("=")
+        if key == "temper":
+            temper = value
+            continue
         try:
             values[key] = float(value)
         except ValueError:
@@ -60,10 +67,13 @@ def driver_settings(source: str) -> DriverSettings:
             raise InputError(f"driver {source!r}: setting {key} is {value!r}, expected a finite number")
     unknown = set(values) - set(DriverSettings._fields)
     if unknown:
+        known = ", ".join(DriverSettings._fields)
         raise InputError(
-            f"driver {source!r}: unknown setting {sorted(unknown)[0]!r}, expected pace, lane, early or grip"
+            f"driver {source!r}: unknown setting {sorted(unknown)[0]!r}, expected one of {known}"
         )
-    settings = DriverSettings(**values)
+    if temper not in TEMPERS:
+        raise InputError(f"driver {source!r}: temper is {temper!r}, expected one of {', '.join(TEMPERS)}")
+    settings = DriverSettings(**values, temper=temper)
     if not 0.2 <= settings.pace <= 1.1:
         raise InputError(f"driver {source!r}: pace is {settings.pace}, expected 0.2 to 1.1")
     if not 0.0 <= settings.early <= 200.0:

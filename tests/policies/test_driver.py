@@ -281,7 +281,7 @@ def test_braking_and_driving_stay_within_the_friction_ellipse() -> None:
     [
         ("driver:pace=fast", "setting pace is 'fast', expected a number"),
         ("driver:pace=3", "pace is 3.0, expected 0.2 to 1.1"),
-        ("driver:courage=1", "unknown setting 'courage', expected pace, lane, early or grip"),
+        ("driver:courage=1", "unknown setting 'courage', expected one of pace, lane, early"),
         ("driver:grip=0", "grip is 0.0, expected 0.05 to 1.5"),
         ("driver:pace=nan", "setting pace is 'nan', expected a finite number"),
     ],

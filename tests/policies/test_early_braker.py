@@ -46,5 +46,5 @@ def test_it_brakes_earlier_for_the_hairpin_and_stays_on_the_road() -> None:
 def test_settings_are_checked() -> None:
     with pytest.raises(InputError, match=r"early is -1\.0, expected 0 to 200 m"):
         load_policy("driver:early=-1", "lindenring", "gt3")
-    with pytest.raises(InputError, match="unknown setting 'late', expected pace, lane, early or grip"):
+    with pytest.raises(InputError, match="unknown setting 'late', expected one of pace, lane, early"):
         load_policy("driver:late=1", "lindenring", "gt3")
