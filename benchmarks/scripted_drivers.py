@@ -11,7 +11,9 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from benchmarks.scripted_traffic import ScriptedTraffic
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import Observer, run_match
 from nathlon.driving.aids import RETURN_S, STEER_S, AidedCar, Aids, Controls, pressed
@@ -111,11 +113,12 @@ class ScriptedDriver:
         self._seen: deque[_Sight] = deque(maxlen=late + 1)
         self._done: deque[float] = deque([0.0] * late, maxlen=late)
         self._held = Controls(style.keys, 0.0, 0.0, 0.0)
+        self._traffic = ScriptedTraffic(circuit, style.late_s, self._line.offset)
         self._position = self._meant = 0.0
         self._step = 0
 
-    def act(self, car: np.void) -> Controls:
-        """What they do in the next dynamics step; `car` is what the screen shows."""
+    def act(self, car: np.void, others: NDArray[np.void] | None = None) -> Controls:
+        """What they do in the next dynamics step; `car` and the `others` are what the screen shows."""
         drift = math.atan2(car["velocity_y"], max(car["velocity_x"], 1.0))
         speed = math.hypot(car["velocity_x"], car["velocity_y"])
         self._seen.append(
@@ -127,8 +130,13 @@ class ScriptedDriver:
                 float(car["yaw_rate"]) * speed,
             )
         )
+        now = None
+        aside, limit = 0.0, math.inf
+        if others is not None:
+            now = self._reckon(self._seen[0])
+            aside, limit = self._traffic.advise(others, now.distance, now.speed)
         if self._step % (KEY_PRESS if self._style.keys else 1) == 0:
-            self._held = self._decide(self._reckon(self._seen[0]))
+            self._held = self._decide(now or self._reckon(self._seen[0]), aside, limit)
         self._step += 1
         self._remember()
         return self._held
@@ -146,17 +154,17 @@ class ScriptedDriver:
             distance += speed * DYNAMICS_DT
         return _Sight(distance, lateral, course, speed, turning)
 
-    def _decide(self, now: _Sight) -> Controls:
+    def _decide(self, now: _Sight, aside: float, limit: float) -> Controls:
         line, stiffness = self._line, self._style.stiffness
         speed = max(now.speed, 5.0)
         ahead = now.distance + speed * LAG_S
         bend = along(line.path.curvature, ahead, self._spacing)
-        error = now.lateral - along(line.offset, now.distance, self._spacing)
+        error = now.lateral - along(line.offset, now.distance, self._spacing) - aside
         slant = now.course - along(line.heading, now.distance, self._spacing)
         wanted = bend * speed * speed - stiffness**2 * error - 1.6 * stiffness * speed * slant
         command = self._command(wanted, speed)
         target = self._style.pace * along(line.speed, now.distance + 0.25 * speed, self._spacing)
-        too_fast = now.speed - target
+        too_fast = now.speed - min(target, limit)
         if self._style.keys:
             return self._keys(command, too_fast)
         throttle, brake = clip(-0.35 * too_fast, 0.0, 1.0), clip(0.3 * too_fast, 0.0, 1.0)

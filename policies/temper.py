@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 
 class Temper(NamedTuple):
@@ -23,7 +23,8 @@ class Temper(NamedTuple):
     notice_s: float
 
 
-FAIR = "fair"
+TemperName = Literal["calm", "fair", "aggressive"]
+FAIR: TemperName = "fair"
 TEMPERS = {
     "calm": Temper(passing_m=3.0, room_m=1.7, braking=2.5, least_m=6.0, notice_s=2.5),
     FAIR: Temper(passing_m=2.6, room_m=1.3, braking=4.0, least_m=2.5, notice_s=2.5),

@@ -6,7 +6,7 @@ import asyncio
 import sys
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -40,6 +40,14 @@ def drive(
     ] = None,
     circuit: Annotated[str | None, typer.Option(help="Name or path of the circuit to offer first.")] = None,
     car: Annotated[str | None, typer.Option(help="Name or path of the car to offer first.")] = None,
+    difficulty: Annotated[
+        Literal["chosen", "beginner", "intermediate", "expert", "match"] | None,
+        typer.Option(help="Of the opponents, to offer first; match: as fast as your own laps here."),
+    ] = None,
+    temper: Annotated[
+        Literal["calm", "fair", "aggressive"] | None,
+        typer.Option(help="Of opponents that are built-in drivers, to offer first."),
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="To listen on; 0 for any.")] = 0,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
     out: Annotated[
@@ -56,9 +64,10 @@ def drive(
     if entrants and run:
         raise InputError(f"--run {run}: expected either entrants or a run")
     if blind:
-        for name, value in (("--circuit", circuit), ("--car", car), ("--out", out)):
+        fixed = {"circuit": circuit, "car": car, "out": out, "difficulty": difficulty, "temper": temper}
+        for name, value in fixed.items():
             if value is not None:
-                raise InputError(f"{name} {value}: expected what the run has raced, with --blind")
+                raise InputError(f"--{name} {value}: expected what the run has raced, with --blind")
         if run is None or driver is None:
             raise InputError("--blind: expected --run FOLDER and --driver NAME too")
     elif driver is not None or store is not None:
@@ -80,6 +89,7 @@ def drive(
     else:
         opponents = [Opponent.of(source) for source in sources]
         offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
+        offer = offer._replace(difficulty=difficulty, temper=temper)
         output = OutputFolder(out or Path("runs/drive"))
 
     def on_open(server: DriveServer) -> None:

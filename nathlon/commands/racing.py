@@ -22,7 +22,9 @@ def race(
             help="Checkpoints, built-in drivers (driver:pace=0.95) or plugin:NAME, from pole in turn."
         ),
     ],
-    scenario: Annotated[str, typer.Option(help="Name or path of the scenario.")] = "race",
+    scenario: Annotated[
+        str, typer.Option(help="Name or path of the scenario, with settings if you like: race:laps=3.")
+    ] = "race",
     circuit: Annotated[str, typer.Option(help="Name or path of the circuit.")] = "lindenring",
     car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
     seed: Seed = 1,
@@ -38,9 +40,11 @@ def race(
     What policies print goes to standard error.
     """
     from nathlon.sim.data_file import DATA, find_data
+    from nathlon.sim.scenario import load_scenario
 
     sources = find_sources(entrants, people=True)
-    for kind, name in (("scenario", scenario), ("circuit", circuit), ("car", car)):
+    load_scenario(scenario)
+    for kind, name in (("circuit", circuit), ("car", car)):
         find_data(name, kind, DATA / f"{kind}s")
     import nathlon
 

@@ -23,8 +23,10 @@ from nathlon.committee.drives import ballot, cast_drives, check_may_drive, note_
 from nathlon.committee.event_log import EventLog
 from nathlon.committee.events import Answers, Drove, Moment, Scores
 from nathlon.driving.choice import Choice, Offer, Opponent, Plan, plan
+from nathlon.driving.difficulty import CHOSEN
 from nathlon.driving.heat import Driven
 from nathlon.driving.keeping import Kept, nearest
+from nathlon.policies.temper import FAIR
 from nathlon.publishing.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -126,6 +128,8 @@ class BlindTest:
         """
         if self._unanswered is not None:
             raise InputError("the race before is not answered, expected its questionnaire first")
+        if (choice.difficulty, choice.temper) != (CHOSEN, FAIR):
+            raise InputError("the choice: names a difficulty, expected two finalists as they are")
         wanted = len(set(choice.opponents))
         if wanted != AT_ONCE or choice.cars <= AT_ONCE:
             raise InputError(

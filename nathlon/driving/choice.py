@@ -7,16 +7,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import Field as Bounds
 
 from nathlon.arena.entrance import home
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.bounds import LARGEST_SEED
 from nathlon.driving.aids import Aids
+from nathlon.driving.difficulty import CHOSEN, Difficulty, Field, tempered
+from nathlon.driving.forecast import Setting
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN
+from nathlon.policies.temper import FAIR, TemperName
 from nathlon.sim.car import load_car
 from nathlon.sim.data_file import DATA, Name
 from nathlon.sim.errors import InputError
@@ -71,22 +75,26 @@ class Choice(BaseModel):
         cars: on the grid, with the person's.
         seat: the person's place on it, from pole.
         laps: of the race.
-        opponents: indices of those offered, who fill the other places in turn.
+        opponents: indices of those offered, who fill the other places in turn, if they are chosen.
+        difficulty: how good the opponents are otherwise.
+        temper: of those that are built-in drivers.
         aids: which driving aids are on.
         seed: of the start.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    name: Annotated[Name, Field(max_length=40)]
+    name: Annotated[Name, Bounds(max_length=40)]
     circuit: str
     car: str
-    cars: Annotated[int, Field(ge=1, le=MOST_CARS)]
-    seat: Annotated[int, Field(ge=1, le=MOST_CARS)]
-    laps: Annotated[int, Field(ge=1, le=MOST_LAPS)]
-    opponents: Annotated[tuple[int, ...], Field(max_length=MOST_CARS - 1)]
+    cars: Annotated[int, Bounds(ge=1, le=MOST_CARS)]
+    seat: Annotated[int, Bounds(ge=1, le=MOST_CARS)]
+    laps: Annotated[int, Bounds(ge=1, le=MOST_LAPS)]
+    opponents: Annotated[tuple[int, ...], Bounds(max_length=MOST_CARS - 1)]
+    difficulty: Difficulty = CHOSEN
+    temper: TemperName = FAIR
     aids: Aids = Aids()
-    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
+    seed: Annotated[int, Bounds(ge=0, le=LARGEST_SEED)] = 1
 
     @classmethod
     def read(cls, value: object) -> Choice:
@@ -102,7 +110,7 @@ class Choice(BaseModel):
             raise InputError(f"the choice: {first_fault(error, cls)}") from None
         if choice.seat > choice.cars:
             raise InputError(f"the choice: seat is {choice.seat}, expected a place from 1 to {choice.cars}")
-        if choice.cars > 1 and not choice.opponents:
+        if choice.cars > 1 and not choice.opponents and choice.difficulty == CHOSEN:
             raise InputError(f"the choice: {choice.cars} cars and no opponent, expected at least one")
         return choice
 
@@ -111,6 +119,11 @@ class Choice(BaseModel):
         """The scenario of the race."""
         return f"drive:laps={self.laps},cars={self.cars},person={self.seat}"
 
+    @property
+    def setting(self) -> Setting:
+        """Where the race is and who starts from which place."""
+        return Setting(self.circuit, self.car, self.cars, self.seat, self.laps)
+
 
 class Offer(NamedTuple):
     """What there is to choose from.
@@ -118,11 +131,14 @@ class Offer(NamedTuple):
     Attributes:
         opponents: those named first.
         circuits, cars: shipped names, and paths that were named on the command line; those first.
+        difficulty, temper: that are set at first; None for what the person has chosen last.
     """
 
     opponents: tuple[Opponent, ...]
     circuits: tuple[str, ...]
     cars: tuple[str, ...]
+    difficulty: Difficulty | None = None
+    temper: TemperName | None = None
 
     @classmethod
     def of(cls, opponents: Sequence[Opponent], circuit: str | None = None, car: str | None = None) -> Offer:
@@ -161,12 +177,14 @@ class Plan(NamedTuple):
         match: of one race; the person is its last entrant, `UNDER_WAY`.
         entrants: those of the match.
         policies: of its entrants but the person.
+        field: the opponents of a difficulty; None where they were chosen.
     """
 
     choice: Choice
     match: Match
     entrants: tuple[Entrant, ...]
     policies: tuple[Policy, ...]
+    field: Field | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -179,20 +197,28 @@ class Plan(NamedTuple):
         return tuple(self.names[seat.entrant] for seat in self.match.races[0].seats)
 
 
-def plan(choice: Choice, offer: Offer) -> Plan:
+def check_place(choice: Choice, offer: Offer) -> None:
+    """Raise an InputError if circuit or car are not offered."""
+    for field, name, known in (("circuit", choice.circuit, offer.circuits), ("car", choice.car, offer.cars)):
+        if name not in known:
+            raise InputError(f"the choice: {field} {name!r} is unknown, expected one of {', '.join(known)}")
+
+
+def plan(choice: Choice, offer: Offer, field: Field | None = None) -> Plan:
     """The race of a choice.
+
+    Args:
+        choice: what the person wants.
+        offer: what there is.
+        field: the opponents, in place of those chosen.
 
     Raises:
         InputError: if something is not offered, or an opponent cannot drive there.
     """
-    circuit, car, offered = choice.circuit, choice.car, offer.opponents
-    for field, name, known in (("circuit", circuit, offer.circuits), ("car", car, offer.cars)):
-        if name not in known:
-            raise InputError(f"the choice: {field} {name!r} is unknown, expected one of {', '.join(known)}")
-    wanted = list(dict.fromkeys(choice.opponents))[: choice.cars - 1]
-    if any(not 0 <= index < len(offered) for index in wanted):
-        raise InputError(f"the choice: opponents are {wanted}, expected numbers from 0 to {len(offered) - 1}")
-    others = [enter(offered[index].source, circuit, car) for index in wanted]
+    check_place(choice, offer)
+    circuit, car = choice.circuit, choice.car
+    sources = field.sources if field else _chosen(choice, offer)
+    others = [enter(source, circuit, car) for source in sources]
     person = Entrant(UNDER_WAY, f"{HUMAN}:{proper_name(choice.name)}", "", "person", circuit, car, None, None)
     entrants = tuple(only_once([*others, person]))
     human = len(entrants) - 1
@@ -211,4 +237,12 @@ def plan(choice: Choice, offer: Offer) -> Plan:
         (Race(choice.seed, seats),),
     )
     policies = tuple(load_policy(entrant.source, circuit, car) for entrant in entrants[:human])
-    return Plan(choice, match, entrants, policies)
+    return Plan(choice, match, entrants, policies, field)
+
+
+def _chosen(choice: Choice, offer: Offer) -> list[str]:
+    """Sources of the chosen opponents."""
+    wanted, offered = list(dict.fromkeys(choice.opponents))[: choice.cars - 1], offer.opponents
+    if any(not 0 <= index < len(offered) for index in wanted):
+        raise InputError(f"the choice: opponents are {wanted}, expected numbers from 0 to {len(offered) - 1}")
+    return [tempered(offered[index].source, choice.temper) for index in wanted]

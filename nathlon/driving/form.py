@@ -16,8 +16,8 @@ from nathlon.arena.store import RunRecord, Store
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources import DRIVER
 
-PACES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.05)
-"""Of the built-in driver, between whose times a person's are put."""
+PACES = tuple(round(0.5 + 0.05 * step, 2) for step in range(11))
+"""Of the built-in driver, between whose times a person's are put. Beyond the last it leaves the course."""
 LAST = 3
 """Drives that count: people learn."""
 LEAST_DOUBT = 0.006
@@ -30,7 +30,7 @@ class Form(NamedTuple):
     """How fast a person drives on a circuit with a car.
 
     Attributes:
-        pace: of the built-in driver that takes as long.
+        pace: of the built-in driver that takes as long, one of those that it can hold.
         doubt: standard deviation of it.
         drives: that it is known by.
     """

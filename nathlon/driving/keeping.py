@@ -64,6 +64,8 @@ def keep(driven: Driven, output: OutputFolder) -> Kept:
         store.use(run, [match.key])
         marks = [mark._asdict() | {"nearest": nearest(plan, mark)} for mark in driven.marks]
         store.put_fact(run, "marks", marks)
+        if plan.field is not None and plan.field.forecast is not None:
+            store.put_fact(run, "forecast", plan.field.forecast._asdict())
         store.put_table(run, "entrants", entrants_table(entrants))
         store.end_run(run, "done")
     return Kept(recording, inputs, results)

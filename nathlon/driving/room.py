@@ -14,9 +14,10 @@ from typing import Any
 from nathlon.arena.race_log import Incident
 from nathlon.driving.aids import Aids
 from nathlon.driving.blind import BlindTest
-from nathlon.driving.choice import MOST_LAPS, Choice, Offer, Plan, plan
+from nathlon.driving.choice import MOST_LAPS, Choice, Offer, Plan, check_place, plan
 from nathlon.driving.clock import Clock
 from nathlon.driving.desk import Desk
+from nathlon.driving.difficulty import CHOSEN, LEVELS, field
 from nathlon.driving.heat import COUNTDOWN_S, Driven, Heat
 from nathlon.driving.keeping import Kept, keep, nearest
 from nathlon.driving.mark import Mark
@@ -170,7 +171,7 @@ class Room:
         await self.leave()
         if self._blind is not None:
             choice = self._blind.check(choice)
-        self._tell({"type": "preparing"})
+        self._tell({"type": "preparing", "forecast": choice.difficulty != CHOSEN})
         made = await asyncio.to_thread(self._planned, choice)
         scene = await asyncio.to_thread(scenery, choice.circuit, choice.car)
         self._chosen, self._told = choice, []
@@ -190,7 +191,13 @@ class Room:
             self._pause()
 
     def _planned(self, choice: Choice) -> Plan:
-        return plan(choice, self._offer) if self._blind is None else self._blind.plan(choice)
+        if self._blind is not None:
+            return self._blind.plan(choice)
+        if choice.difficulty == CHOSEN:
+            return plan(choice, self._offer)
+        check_place(choice, self._offer)
+        store, name = self._output.store, choice.name
+        return plan(choice, self._offer, field(choice.difficulty, choice.temper, choice.setting, store, name))
 
     def _on_loop(self, what: Callable[[Any], None], told: Any) -> None:
         # It ends before a race that is under way.
@@ -249,7 +256,12 @@ class Room:
         result = {"rows": _rows(driven, kept), "car": driven.plan.choice.seat - 1}
         if self._blind is not None:
             return result | {"questions": self._blind.questions}
-        return result | {"recording": str(kept.recording), "inputs": str(kept.inputs)}
+        expected = driven.plan.field and driven.plan.field.forecast
+        return result | {
+            "recording": str(kept.recording),
+            "inputs": str(kept.inputs),
+            "forecast": expected and expected._asdict(),
+        }
 
     def _choices(self) -> Words:
         return {
@@ -269,6 +281,9 @@ class Room:
                 for one in self._offer.opponents
             ],
             "blind": None if self._blind is None else self._blind.standing(),
+            "difficulty": self._offer.difficulty,
+            "temper": self._offer.temper,
+            "levels": LEVELS,
             "most_laps": MOST_LAPS,
             "most_cars": MOST_CARS,
         }
@@ -287,6 +302,7 @@ def _race(made: Plan) -> Words:
             for place, (name, colour) in enumerate(zip(made.grid, shades, strict=True))
         ],
         "countdown_s": COUNTDOWN_S,
+        "field": made.field and made.field.words,
     }
 
 

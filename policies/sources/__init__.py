@@ -53,7 +53,7 @@ def driver_settings(source: str) -> DriverSettings:
         InputError: if a setting is unknown, no number or out of range.
     """
     values: dict[str, float] = {}
-    temper = FAIR
+    temper: str = FAIR
     for setting in filter(None, source.partition(":")[2].split(",")):
         key, _, value = setting.partition("=")
         if key == "temper":

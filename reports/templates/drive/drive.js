@@ -29,7 +29,7 @@ function start() {
 
   async function hear(words) {
     if (words.type === "choices") showMenu(words);
-    if (words.type === "preparing") notice("Getting ready …");
+    if (words.type === "preparing") notice(words.forecast ? "Getting ready: the computer races it a few times first …" : "Getting ready …");
     if (words.type === "race") await begin(words);
     if (words.type === "paused") pause();
     if (words.type === "going on" && driving) resume();
@@ -83,6 +83,7 @@ function start() {
     el("menu").hidden = true;
     el("track").hidden = false;
     notice("");
+    if (words.field) driving.hud.tell({ text: words.field, cars: [driving.own], penalty_s: 0 }, driving.own, 4);
   }
 
   function pause() {
@@ -90,6 +91,7 @@ function start() {
     driving.paused = true;
     pauseDialog({
       aids: driving.aids,
+      field: driving.race.field,
       onGoOn: () => link.say({ type: "go on" }),
       onRestart: () => link.say({ type: "restart" }),
       onLeave: () => { link.say({ type: "leave" }); leave(); },

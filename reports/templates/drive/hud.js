@@ -106,12 +106,12 @@ function newHud({ race, scene, reference }) {
       lights.classList.toggle("go", left <= 0);
       lights.textContent = left > 3 || left < -1 ? "" : left <= 0 ? "GO" : "●".repeat(4 - Math.ceil(left));
     },
-    tell({ text, cars, penalty_s: penalty }, own) {
+    tell({ text, cars, penalty_s: penalty }, own, times = 1) {
       const kind = `${cars.includes(own) ? "own" : ""} ${penalty > 0 ? "penalty" : ""}`;
       const item = h("li", { class: kind }, text);
       news.append(item);
       while (news.children.length > 4) news.firstChild.remove();
-      setTimeout(() => item.remove(), NEWS_MS);
+      setTimeout(() => item.remove(), NEWS_MS * times);
     },
   };
 }

@@ -3,6 +3,18 @@
 const AIDS = [["steering", "Steering aid: never turns the front wheels beyond their grip"], ["pedals", "Pedal aid: eases throttle and brake while the tyres turn"]];
 const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
 
+const DIFFICULTIES = { chosen: "As ticked below", beginner: "Beginner", intermediate: "Intermediate", expert: "Expert", match: "Match me" };
+const TEMPERS = { calm: "Calm", fair: "Fair", aggressive: "Aggressive" };
+const percent = (share) => `${Math.round(100 * share)} %`;
+
+// What a difficulty means: opponents are handicapped by their pace alone, and that is told.
+function meaning(difficulty, levels) {
+  if (difficulty === "chosen") return "Policies drive as they were trained: no temperament changes them, only the built-in driver.";
+  if (difficulty === "match") return "The built-in driver at paces among which your own finished drives here put you in the middle. Drive once before, alone or at any difficulty.";
+  const [slow, fast] = levels[difficulty];
+  return `The built-in driver at ${percent(slow)} to ${percent(fast)} of its pace.`;
+}
+
 function titled(name) {
   const words = name.replace(/\.toml$/, "").split("/").at(-1);
   return words.split("-").map((word) => word[0].toUpperCase() + word.slice(1)).join(" ");
@@ -33,6 +45,14 @@ function newMenu({ choices, inputs, onGo }) {
   const [circuit, car] = [select("circuit", named(choices.circuits), known("circuit", choices.circuits)), select("car", named(choices.cars), known("car", choices.cars))];
   // Only who can drive there; all of the first kind are chosen, checkpoints before drivers.
   const { blind } = choices;
+  const difficulty = select("difficulty", Object.entries(DIFFICULTIES), choices.difficulty ?? last.difficulty ?? "chosen");
+  const temper = select("temper", Object.entries(TEMPERS), choices.temper ?? last.temper ?? "fair");
+  const means = h("p", { class: "keys" });
+  function explain() {
+    means.textContent = meaning(difficulty.value, choices.levels);
+    opponents.hidden = !blind && difficulty.value !== "chosen";
+  }
+  difficulty.addEventListener("change", explain);
   function listOpponents() {
     const there = choices.opponents
       .map(({ name, drives }, index) => ({ name, index, there: drives.some(([a, b]) => a === circuit.value && b === car.value) }))
@@ -46,13 +66,15 @@ function newMenu({ choices, inputs, onGo }) {
     h("fieldset", {}, h("legend", {}, "Race"), field("Circuit", circuit), field("Car", car),
       field("Laps", number("laps", last.laps ?? 3, choices.most_laps)), field("Cars", number("cars", last.cars ?? 8, choices.most_cars)),
       field("My place", number("seat", last.seat ?? 8, choices.most_cars)), field("My name", h("input", { name: "name", maxlength: 40, required: true, readonly: blind !== null, value: blind?.driver ?? last.name ?? "driver" }))),
-    h("fieldset", {}, h("legend", {}, blind ? "Two finalists, in turn on the grid" : "Opponents, in turn on the grid"), opponents),
+    h("fieldset", {}, h("legend", {}, blind ? "Two finalists, in turn on the grid" : "Opponents, in turn on the grid"),
+      blind ? [] : [field("Difficulty", difficulty), field("Temperament", temper), means], opponents),
     h("fieldset", {}, h("legend", {}, "Controls"), field("With", devices), calibrate,
       AIDS.map(([name, label]) => check(`aid-${name}`, label, last.aids?.[name] ?? true, "on")), h("p", { class: "keys" }, HELP)),
     h("div", { class: "go" }, h("button", { class: "first", type: "submit" }, "Drive"), h("span", { class: "keys", id: "waiting" })),
   );
   listDevices();
   listOpponents();
+  explain();
   form.onsubmit = (event) => {
     event.preventDefault();
     const data = new FormData(form);
@@ -60,6 +82,7 @@ function newMenu({ choices, inputs, onGo }) {
     const choice = {
       name: data.get("name").trim(), circuit: data.get("circuit"), car: data.get("car"), laps: whole("laps"), cars: whole("cars"),
       seat: Math.min(whole("seat"), whole("cars")), opponents: data.getAll("opponent").map(Number),
+      ...(blind ? {} : { difficulty: difficulty.value, temper: temper.value }),
       aids: Object.fromEntries(AIDS.map(([name]) => [name, data.has(`aid-${name}`)])),
     };
     kept.write("choice", choice);
@@ -88,7 +111,7 @@ function calibration(inputs, onDone) {
   dialog.showModal();
 }
 
-function pauseDialog({ aids, onGoOn, onRestart, onLeave, onAids }) {
+function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
   const dialog = document.getElementById("pause");
   const boxes = AIDS.map(([name, label]) =>
     h("label", { class: "check" }, h("input", { type: "checkbox", checked: aids[name], onchange: (event) => {
@@ -96,13 +119,13 @@ function pauseDialog({ aids, onGoOn, onRestart, onLeave, onAids }) {
       onAids(aids);
     } }), h("span", {}, label)));
   const button = (text, what, kind) => h("button", { class: kind, onclick: () => { dialog.close(); what(); } }, text);
-  dialog.replaceChildren(h("h2", {}, "Pause"), ...boxes, h("p", { class: "keys" }, HELP),
+  dialog.replaceChildren(h("h2", {}, "Pause"), ...(field ? [h("p", { class: "keys" }, field)] : []), ...boxes, h("p", { class: "keys" }, HELP),
     h("div", { class: "buttons" }, button("Go on", onGoOn, "first"), button("Restart", onRestart), button("Leave", onLeave)));
   dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); onGoOn(); };
   if (!dialog.open) dialog.showModal();
 }
 
-function resultDialog({ rows, car, recording, inputs, questions }, { onRestart, onLeave, onAsk }) {
+function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
   const dialog = document.getElementById("result");
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
@@ -111,6 +134,7 @@ function resultDialog({ rows, car, recording, inputs, questions }, { onRestart, 
   const own = rows.find((row) => row.car === car);
   dialog.replaceChildren(
     h("h2", {}, own.ending === "finished" ? `You came ${own.place}. of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
+    ...(forecast ? [h("p", { id: "forecast" }, `Forecast: place ${forecast.place.toFixed(1)} of ${forecast.cars}, likely ${forecast.low === forecast.high ? forecast.low : `${forecast.low} to ${forecast.high}`}. You came ${own.place}.`)] : []),
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
     ...(questions
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
