@@ -174,7 +174,23 @@ def _state_of(ranking: Sequence[Row]) -> str:
 
 
 def _unfinished(selection: Selection) -> Verdict:
-    return Verdict("Nobody to send yet", _stages_so_far(selection))
+    return _drive(selection) or Verdict("Nobody to send yet", _stages_so_far(selection))
+
+
+def _drive(selection: Selection) -> Verdict | None:
+    """How a person came in, if it is the store's run of a test drive."""
+    named = selection.tables["entrants"]
+    people = dict(named.filter(pl.col("algorithm") == "person").select("entrant", "name").iter_rows())
+    own = selection.results.filter(pl.col("entrant").is_in(list(people))).to_dicts()
+    if not own:
+        return None
+    name, cars = people[own[0]["entrant"]], selection.results.height
+    finished = own[0]["ending"] == "finished"
+    came = f"came in place {own[0]['place']} of {cars}" if finished else "did not finish"
+    ending = "" if finished else f": {own[0]['ending'].replace('_', ' ')}"
+    return Verdict(
+        "A test drive", (f"{name} {came}{ending}.", "Nobody is sent by it: people are in no ranking.")
+    )
 
 
 def _stages_so_far(selection: Selection) -> tuple[str, ...]:

@@ -9,6 +9,9 @@ import polars as pl
 from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.tested import RACE, entrant_rows
 
+DRIVEN = "race"
+"""Stage of the one race of a test drive."""
+
 
 class Notable(NamedTuple):
     """A race, by its match's key and its number there, and why one should look at it."""
@@ -34,12 +37,12 @@ def notable_races(results: pl.DataFrame, ranking: pl.DataFrame) -> list[Notable]
     """The deciding race first, and then the others that stand out; each once.
 
     Args:
-        results: of the tournament, schema RESULTS; void races are passed over.
+        results: of the tournament or of a test drive, schema RESULTS; void races are passed over.
         ranking: schema RANKING.
     """
     margins, valid = _margins(results, ranking), _valid(results)
     once: dict[tuple[str, int], Notable] = {}
-    for notable in (*_decided(margins), *_most_faults(valid), *_furthest_forward(valid)):
+    for notable in (*_decided(margins), *_driven(valid), *_most_faults(valid), *_furthest_forward(valid)):
         once.setdefault((notable.match, notable.race), notable)
     return list(once.values())
 
@@ -84,6 +87,12 @@ def _extremes(tests: pl.DataFrame, ranking: pl.DataFrame, episode: str) -> list[
         )
         if not rows.is_empty()
     ]
+
+
+def _driven(valid: pl.DataFrame) -> list[Notable]:
+    """The race of a test drive."""
+    rows = valid.filter(pl.col("stage") == DRIVEN)
+    return [] if rows.is_empty() else [_notable(rows, "the race that was driven")]
 
 
 def _valid(results: pl.DataFrame) -> pl.DataFrame:

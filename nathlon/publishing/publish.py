@@ -9,6 +9,7 @@ import polars as pl
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.publishing.curves import keep_curves
+from nathlon.publishing.decider import DRIVEN
 from nathlon.publishing.films import record_films
 from nathlon.publishing.gathering import gather
 from nathlon.publishing.laps import keep_laps
@@ -34,7 +35,7 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
     selection = gather(store, run)
     with output.filling():
         if selection.summary.circuit:
-            races = selection.results.filter(pl.col("stage") == "tournament")
+            races = selection.results.filter(pl.col("stage").is_in(("tournament", DRIVEN)))
             replays = record_replays(store, races, selection.tables, output, pool)
         else:
             replays = record_films(

@@ -14,7 +14,7 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, recording_name, write_recording
 from nathlon.arena.store import Store
 from nathlon.publishing.clips import clips
-from nathlon.publishing.decider import Notable, notable_races
+from nathlon.publishing.decider import DRIVEN, Notable, notable_races
 from nathlon.publishing.output import RACES, OutputFolder
 from nathlon.publishing.recordings import run_again, stored_match
 from nathlon.reports.player import write_player
@@ -55,7 +55,9 @@ def record_replays(
     a Rerun replay (.rrd), which `nathlon replay` makes of any other.
     """
     notable = notable_races(results, tables["ranking"])
-    names = [f"{FINAL}.mcap", *(recording_name(one.match, one.race) for one in notable[1:])]
+    names = [recording_name(one.match, one.race) for one in notable]
+    if not (results["stage"] == DRIVEN).any():
+        names[:1] = [f"{FINAL}.mcap"]
     kept = [_kept(output.races / name, one, results) for name, one in zip(names, notable, strict=False)]
     lost = [one for one, log in zip(notable, kept, strict=True) if log is None]
     again, missing = _run_again(store, lost, tables["entrants"], pool)

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser
 
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
-from tests.driven_page import Drive, serious
+from tests.driven_page import MAP, Drive, serious
 from tests.drives import served
 
 PAD = """
@@ -139,4 +139,22 @@ def test_what_is_drawn_lies_between_frames(browser: Browser, drives: tuple[Drive
     assert sum(late) / len(late) == pytest.approx(2.5 / 60, abs=0.005)
     assert all(b[1] >= a[1] for a, b in pairwise(drawn))
     assert all(abs(yaw) > 2.5 or now > 0.9 for now, _, yaw in drawn)
+    drive.close()
+
+
+def test_a_difficulty_is_told_with_all_its_paces(browser: Browser, drives: tuple[DriveServer, Room]) -> None:
+    drive = Drive(browser, *drives, script=MAP)
+    drive.page.select_option("[name=difficulty]", "match")
+    assert not drive.page.locator("[name=opponent]").first.is_visible()
+    drive.page.click("#choice button.first")
+    drive.until("document.getElementById('refused').textContent.includes('has finished no drive here yet')")
+    drive.page.select_option("[name=difficulty]", "beginner")
+    drive.page.select_option("[name=temper]", "calm")
+    drive.begin(cars="3", seat="3")
+    drive.until("document.getElementById('news').textContent.includes('at 74.0% to 84.0% of its pace, calm')")
+    drive.until("document.getElementById('order').textContent.includes('driver:pace=0.8400,temper=calm')")
+    assert drive.room.heat is not None
+    assert drive.room.heat.plan.grid[:2] == tuple(
+        f"driver:pace={pace},temper=calm" for pace in ("0.8400", "0.7400")
+    )
     drive.close()
