@@ -132,16 +132,20 @@ def in_a_thread(serve: Callable[[Callable[[ServerT], None]], Coroutine[Any, Any,
 
 @contextmanager
 def served(
-    folder: Path, pace: float = 1.0, blind: BlindTest | None = None
+    folder: Path, pace: float = 1.0, blind: BlindTest | None = None, clock: Clock | None = None
 ) -> Iterator[tuple[DriveServer, Room]]:
-    """A server on a free port, in a thread of its own, whose races run so many times as fast as time."""
+    """A server on a free port, in a thread of its own, whose races run so many times as fast as time.
+
+    With a clock they run by it.
+    """
     made: dict[str, Room] = {}
+    new_clock = partial(fast, pace) if clock is None else lambda: clock
 
     def make_room() -> Room:
         if blind is None:
-            made["room"] = Room(offer(), OutputFolder(folder), partial(fast, pace))
+            made["room"] = Room(offer(), OutputFolder(folder), new_clock)
         else:
-            made["room"] = Room(blind.offer, blind.output, partial(fast, pace), blind)
+            made["room"] = Room(blind.offer, blind.output, new_clock, blind)
         return made["room"]
 
     def serve(on_open: Callable[[DriveServer], None]) -> Coroutine[Any, Any, None]:

@@ -64,6 +64,7 @@ class Heat:
 
     Attributes:
         clock: of the world.
+        world: in which it is driven; None before it is.
 
     Args:
         plan: the race.
@@ -92,7 +93,7 @@ class Heat:
         self._aided = AidedCar(load_car(plan.choice.car), plan.choice.aids)
         self._controls: list[tuple[float, float]] = []
         self._number, self._over = 0, False
-        self._world: World | None = None
+        self.world: World | None = None
         self._marks: list[Mark] = []
         self._running, self._left, self._marking = threading.Event(), threading.Event(), threading.Event()
         self._running.set()
@@ -155,16 +156,16 @@ class Heat:
 
     def _hands(self, step: int) -> tuple[float, float]:
         """What the person does now, as the race runner asks; see `nathlon.policies.sources.human`."""
-        assert self._world is not None, "it is looked at before anybody acts"
+        assert self.world is not None, "it is looked at before anybody acts"
         noted = self._desk.latest
         self._number = noted.number
-        done = self._aided.act(noted.controls, self._world.state[0, self._car])
+        done = self._aided.act(noted.controls, self.world.state[0, self._car])
         self._controls.append(done)
         return done
 
     def _observe(self, world: World) -> None:
         """Show the race after a step, and wait until the next one is due."""
-        first, self._world = self._world is None, world
+        first, self.world = self.world is None, world
         if self._alarm(world)[0]:
             told = len(self._stewards.incidents)
             self._stewards.see(world)
@@ -194,8 +195,8 @@ class Heat:
             self._on_mark(self._marks[-1])
 
     def _show(self, phase: int) -> None:
-        assert self._world is not None, "there is nothing to show"
-        self._on_frame(frame(self._world, self._car, self._number, phase))
+        assert self.world is not None, "there is nothing to show"
+        self._on_frame(frame(self.world, self._car, self._number, phase))
 
     def _count_down(self) -> None:
         for _ in range(round(COUNTDOWN_S / LOOK_S)):
