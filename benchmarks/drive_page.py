@@ -5,8 +5,8 @@ browser shows those that are plugged in; see `benchmarks.steered_page`.
 
     python -m benchmarks.drive_page --json FILE
 
-Figures, by input: `share`, time over that of the built-in driver; `off_course_s`, `wall_s`; `turns`, changes of
-what was pressed or turned.
+Figures, by input: `share`, time over that of the built-in driver; `off_course_s`, `wall_s`; `turns`, changes
+of what was pressed or turned.
 """
 
 from __future__ import annotations
@@ -74,8 +74,9 @@ def lap(browser: Browser, style: Style) -> dict[str, Any]:
         page.goto(served.url)
         page.wait_for_selector("#choice button.first")
         page.select_option("[name=device]", "keys" if style.keys else PAD)
-        for name in ("cars", "seat", "laps"):
-            page.fill(f"[name={name}]", "1")
+        # The race goes on beyond the lap, so that its world waits for the driver there too.
+        for name, value in (("cars", "1"), ("seat", "1"), ("laps", "2")):
+            page.fill(f"[name={name}]", value)
         page.click("#choice button.first")
         page.wait_for_selector("#track:not([hidden])")
         done = steer(page, served.room, clock, style, load_track(CIRCUIT).length)

@@ -93,7 +93,7 @@ def steer(page: Page, room: Room, clock: LedClock, style: Style, until_m: float)
         room: of the server.
         clock: of its race.
         style: how.
-        until_m: metres from the line; or until the race ends.
+        until_m: metres from the line, before the race ends.
     """
     heat = room.heat
     assert heat is not None, "a race is under way"
