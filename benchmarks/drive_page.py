@@ -37,6 +37,10 @@ MAP = """localStorage.setItem("nathlon drive: view", '{"kind": "map"}');"""
 """Which is drawn in the least time."""
 
 
+GETTING_READY_MS = 300_000
+"""In which a slow machine has compiled, and practised the circuit."""
+
+
 class Served:
     """The server of a test drive, on a thread of its own."""
 
@@ -78,7 +82,7 @@ def lap(browser: Browser, style: Style) -> dict[str, Any]:
         for name, value in (("cars", "1"), ("seat", "1"), ("laps", "2")):
             page.fill(f"[name={name}]", value)
         page.click("#choice button.first")
-        page.wait_for_selector("#track:not([hidden])")
+        page.wait_for_selector("#track:not([hidden])", timeout=GETTING_READY_MS)
         done = steer(page, served.room, clock, style, load_track(CIRCUIT).length)
         clock.let_go()
         page.close()
