@@ -77,7 +77,7 @@ def league(
             be written.
         KeyboardInterrupt: after Ctrl-C, once what is done is kept.
     """
-    plan, folder = read_league(Path(config)), Path(out)
+    plan, folder = read_league(Path(config)), Path(out).absolute()
     made = League(plan, folder)
     total = plan.settings.generations
     with Pool(worker_count(workers)) as pool, progress_bars(progress) as bars:
@@ -101,7 +101,7 @@ def league(
             bars.update(overall, completed=met.number, note=_note(met))
         output, selection = made.decide(pool, on_match)
     decided = SelectionResult(output.root, selection, output.store)
-    return LeagueResult(folder.absolute(), made.generations, decided)
+    return LeagueResult(folder, made.generations, decided)
 
 
 def _note(met: Generation) -> str:

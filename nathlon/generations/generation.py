@@ -186,13 +186,14 @@ def _beats(member: Member, parent: Member) -> float:
 
 
 def write_generation(folder: Path, generation: Generation) -> None:
-    """Keep a generation in its folder.
+    """Keep a generation in its folder, which is made if it is not there.
 
     Raises:
         InputError: if it cannot be written.
     """
     path = folder / GENERATION_FILE
     try:
+        folder.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as partial:
             partial.write_text(generation.model_dump_json(indent=1) + "\n", "utf-8")
     except OSError as error:

@@ -95,7 +95,6 @@ class League:
         else:
             newcomer = self._polished(number, before, on_round, on_pair)
             sources = [member.source for member in before.population] + [str(newcomer)]
-        self.folder(number).mkdir(parents=True, exist_ok=True)
         seed = settings.seed + 1 + number  # the seed itself is the last selection's
         config = self._plan.selection.model_copy(update={"seed": seed})
         entrants = enter_all(pool, sources, config.circuit, config.car)
@@ -144,9 +143,12 @@ class League:
         source = Path(before.member(before.parent).source)
         work = Polish(source, self.training(before), folder, settings.rounds, settings.seed + number)
         work.run(lambda done: on_round(number, done), on_pair)
-        last = max((folder / "checkpoints").glob("*.safetensors"))
-        with whole_file(path) as partial:
-            shutil.copyfile(last, partial)
+        last = folder / "checkpoints" / f"round-{settings.rounds:05d}.safetensors"
+        try:
+            with whole_file(path) as partial:
+                shutil.copyfile(last, partial)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         return path
 
     def training(self, generation: Generation) -> TrainingConfig:

@@ -13,12 +13,13 @@ from nathlon.bounds import LARGEST_SEED, MOST_PAIRS
 from nathlon.policies.checkpoint import ANY, read_card
 from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
-from nathlon.policies.training.config import CONFIGS, TrainingConfig
+from nathlon.policies.training.config import CONFIGS, Rollouts, TrainingConfig
 from nathlon.policies.training.config import read_config as read_training
 from nathlon.selection.config import Config
 from nathlon.selection.config import read_config as read_selection
 from nathlon.sim.data_file import Section, find_data, read_toml
 from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 
 
 class StopRule(Section):
@@ -91,10 +92,10 @@ def read_league(path: Path) -> LeaguePlan:
     training = read_training(
         Path(located(name)) if name.endswith(".toml") else find_data(name, "training configuration", CONFIGS)
     )
-    if all(rollouts.opponents or rollouts.demonstrators for rollouts in training.rollouts):
+    if not any(_among_population(rollouts) for rollouts in training.rollouts):
         raise InputError(
-            f"{path}: training {name}: all rollouts name opponents of their own, "
-            "expected some without, which race the population"
+            f"{path}: training {name}: no rollouts race the population, "
+            "expected some with other cars that name no opponents of their own"
         )
     if settings.selection is None:
         selection = Config(recordings="notable")
@@ -123,3 +124,9 @@ def read_league(path: Path) -> LeaguePlan:
     if len({policy_id(source) for source in sources}) < 2:
         raise InputError(f"{path}: entrants is one checkpoint, expected two or more that can meet")
     return LeaguePlan(settings=settings, sources=tuple(sources), training=training, selection=selection)
+
+
+def _among_population(rollouts: Rollouts) -> bool:
+    """Whether the population drives in some races."""
+    others = load_scenario(rollouts.scenario).cars > rollouts.learners
+    return others and not rollouts.opponents and not rollouts.demonstrators

@@ -251,6 +251,7 @@ ELSEWHERE = LEAGUE.replace("[ENTRANTS]", f'["{BUNDLED}/porto-sereno"]')
         ({"league": ONE}, ("league.toml", "entrants", "two or more")),
         ({"league": ELSEWHERE}, ("league.toml", "porto-sereno", "expected 'lindenring'")),
         ({"training": TRAINING.replace("learners = 2", OWN)}, ("league.toml", "population")),
+        ({"training": TRAINING.replace("learners = 2", "learners = 4")}, ("league.toml", "population")),
         ({"nathlon": 'world = "games.py:WORLD"\n' + SELECTION}, ("league.toml", "world")),
         ({"event": EVENT.replace("2v2", "4v4")}, ("event.toml", "chicane")),
     ],
