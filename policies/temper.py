@@ -25,7 +25,7 @@ class Temper(NamedTuple):
 
 TemperName = Literal["calm", "fair", "aggressive"]
 FAIR: TemperName = "fair"
-TEMPERS = {
+TEMPERS: dict[str, Temper] = {
     "calm": Temper(passing_m=3.0, room_m=1.7, braking=2.5, least_m=6.0, notice_s=2.5),
     FAIR: Temper(passing_m=2.6, room_m=1.3, braking=4.0, least_m=2.5, notice_s=2.5),
     "aggressive": Temper(passing_m=2.4, room_m=0.8, braking=6.0, least_m=1.5, notice_s=2.5),

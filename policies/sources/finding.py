@@ -18,7 +18,6 @@ from nathlon.policies.sources import (
     TRAINING_STATE,
     check_source,
 )
-from nathlon.policies.sources.roles import RolesSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 
@@ -39,6 +38,8 @@ def checkpoints_below(folder: Path) -> list[Path]:
     parts: set[str] = set()
     for path in found:
         if path.name.endswith(ROLES):
+            from nathlon.policies.sources.roles import RolesSource  # pydantic takes long to load
+
             with suppress(InputError):  # whoever opens it says what is wrong
                 parts |= {os.path.abspath(source) for source in RolesSource.read(path).sources.values()}
     return sorted([*(path for path in found if os.path.abspath(path) not in parts), *closed])
