@@ -77,9 +77,8 @@ def test_checkpoints_of_different_circuits_do_not_meet(tmp_path: Path) -> None:
 
 def test_an_unknown_circuit_and_an_unknown_driver_setting(tmp_path: Path) -> None:
     refused(nathlon("race", "driver", "--circuit", "atlantis", cwd=tmp_path), "atlantis", "lindenring")
-    refused(
-        nathlon("race", "driver:courage=1", cwd=tmp_path), "courage", "expected pace, lane, early or grip"
-    )
+    known = "expected one of pace, lane, early, grip, temper"
+    refused(nathlon("race", "driver:courage=1", cwd=tmp_path), "courage", known)
 
 
 def test_a_car_with_negative_mass(tmp_path: Path) -> None:
