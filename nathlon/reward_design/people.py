@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import json
-import secrets
 from collections.abc import Callable
 from copy import deepcopy
-from http import HTTPStatus
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from websockets.asyncio.server import Server, ServerConnection
-from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
+from websockets.asyncio.server import ServerConnection
 
 from nathlon.arena.recorder import outline, stretches
-from nathlon.door import TOO_MUCH, Address, Door, Rate, answer, listen
+from nathlon.door import TOO_MUCH, Rate
+from nathlon.one_page import OnePage
 from nathlon.reports.player import player_script, player_style
 from nathlon.reports.race_data import circuit_data
 from nathlon.reports.self_contained import render_page, script_data, template_text
-from nathlon.reports.web_viewer import LOOPBACK
 from nathlon.reward_design.alignment import Preference
 from nathlon.reward_design.clips import OTHERS, Studio
 from nathlon.reward_design.judging import LONGEST_REMARK, Pair, Question
@@ -31,8 +27,6 @@ from nathlon.terminal import warn
 LARGEST_MESSAGE = 1 << 13
 MOST_MESSAGES = 20
 """That the page may send in a second."""
-MOST_STRANGERS = 8
-CLOSING_S = 1.0
 OWN = len(OTHERS)
 """Index of the car in question."""
 
@@ -91,7 +85,7 @@ class People:
             await desk.over.wait()
 
 
-class PairDesk:
+class PairDesk(OnePage):
     """Serves the page of some pairs, each of which is judged once.
 
     Attributes:
@@ -102,50 +96,24 @@ class PairDesk:
         self, studio: Studio, question: Question, on_preference: Callable[[Preference], None]
     ) -> None:
         """For the arguments see `People`."""
+        super().__init__(
+            lambda address, token: pairs_page(studio, question, f"{address.socket}/pairs", token),
+            self._listen,
+            LARGEST_MESSAGE,
+        )
         self.over = asyncio.Event()
-        self._studio, self._question, self._on_preference = studio, question, on_preference
+        self._question, self._on_preference = question, on_preference
         self._left = set(range(len(question.pairs)))
-        self._token = secrets.token_urlsafe(32)
         self._rate = Rate(MOST_MESSAGES)
 
-    async def open_at(self, port: int) -> Server:
-        """Listen on a port, 0 for any that is free.
-
-        Raises:
-            InputError: if it cannot be had.
-        """
-        address = Address(LOOPBACK, port)
-        server, address = await listen(self.talk, self.admit, address, LARGEST_MESSAGE, CLOSING_S)
-        self._door = Door(address, MOST_STRANGERS)
-        self.url = f"{address.origin}/"
-        self._page = pairs_page(self._studio, self._question, f"{address.socket}/pairs", self._token).encode()
-        return server
-
-    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request; None lets it become a WebSocket."""
-        refusal = self._door.refusal(request)
-        if refusal is not None or "Upgrade" in request.headers:
-            return refusal
-        if request.path != "/":
-            return answer(HTTPStatus.NOT_FOUND)
-        return answer(HTTPStatus.OK, self._page)
-
-    async def talk(self, connection: ServerConnection) -> None:
-        """Serve a WebSocket until it ends."""
-        try:
-            if not await self._door.recognise(connection, self._own):
+    async def _listen(self, connection: ServerConnection) -> None:
+        """Say what is left, at first and after everything that the page says."""
+        await connection.send(json.dumps({"left": sorted(self._left)}))
+        async for message in connection:
+            if self._rate.exceeded() or not self._hear(message):
+                await connection.close(TOO_MUCH, "no message of this page, or too many")
                 return
             await connection.send(json.dumps({"left": sorted(self._left)}))
-            async for message in connection:
-                if self._rate.exceeded() or not self._hear(message):
-                    await connection.close(TOO_MUCH, "no message of this page, or too many")
-                    return
-                await connection.send(json.dumps({"left": sorted(self._left)}))
-        except ConnectionClosed:
-            pass
-
-    def _own(self, token: str) -> bool | None:
-        return secrets.compare_digest(token.encode(), self._token.encode()) or None
 
     def _hear(self, message: str | bytes) -> bool:
         """Note what the page says; whether it is something that it may."""
