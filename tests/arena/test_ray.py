@@ -82,6 +82,8 @@ def cluster() -> Iterator[Cluster]:
     with pytest.MonkeyPatch.context() as patch:
         # What is compiled already.
         patch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache"))
+        # Ray has its processes give way to all others, and beside other tests they would hardly begin.
+        patch.setenv("RAY_worker_niceness", "0")
         head = {"num_cpus": 0, "include_dashboard": False, "object_store_memory": 100 << 20}
         cluster = Cluster(initialize_head=True, head_node_args=head)
         try:
