@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from multiprocessing import forkserver, get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.watch import TOLD, Patience, Watch
-from nathlon.policies.patience import BLAS_THREADS
+from nathlon.policies.patience import one_blas_thread
 
 NO_MEMORY = 71
 """With what a worker exits that has run out of memory."""
@@ -36,7 +35,7 @@ def start_server() -> None:
         # Ctrl-C is for this process to answer; that one would print where it was interrupted.
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
-            with _one_blas_thread():
+            with one_blas_thread():
                 forkserver.ensure_running()
         finally:
             signal.signal(signal.SIGINT, before)
@@ -71,7 +70,7 @@ class Worker:
         self.idle, self.fresh, self.began = False, True, False
         self._pipe, theirs = _CONTEXT.Pipe()
         self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch, sink), daemon=True)
-        with _one_blas_thread():
+        with one_blas_thread():
             self._process.start()
         theirs.close()
 
@@ -111,18 +110,3 @@ class Worker:
         """End it at once; what it has sent can still be read."""
         self._process.kill()
         self._process.join()
-
-
-@contextmanager
-def _one_blas_thread() -> Iterator[None]:
-    """Processes started meanwhile take the setting from their environment, before they load BLAS."""
-    before = {name: os.environ.get(name) for name in BLAS_THREADS}
-    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value

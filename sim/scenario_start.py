@@ -78,7 +78,7 @@ class AnywhereStart(Section):
     kind: Literal["anywhere"]
     gap_m: Span
     beside_share: Annotated[float, Field(ge=0, le=1)]  # of starts with the first car beside the road
-    spun_share: Annotated[float, Field(ge=0, le=1)] = 0.0  # of starts with it at rest, facing anywhere
+    spun_share: Annotated[float, Field(ge=0, le=1)] = 0.0  # at rest anywhere, facing anywhere
 
 
 class FrozenCar(Section):

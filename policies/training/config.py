@@ -115,11 +115,13 @@ class PolishSettings(Section):
         rate: of Adam at first; it falls by half a cosine to a twentieth.
         batch: steps of cars in a minibatch.
         deviation: of the noise on pedals and steering.
+        teacher: policy that is imitated where cars are lost, such as `driver`.
     """
 
     rate: Annotated[float, Field(gt=0, le=1)] = 5e-5
     batch: Count = 8192
     deviation: tuple[Deviation, Deviation] = (0.04, 0.015)
+    teacher: str | None = None
 
 
 class ObservationSettings(Section):
@@ -150,7 +152,7 @@ class TrainingConfig(Section):
         opponents: of the rollouts that name none of their own.
         coached: start states of races of one car, see `nathlon.policies.training.coached`.
         workers: processes that step all the rollouts while the learner updates; 0 takes turns in one process,
-            which is exactly reproducible.
+            which is exactly reproducible. Polishing shares its trials among them.
         refresh_every: updates between the policies that the rollouts are given.
         tables: one replay table for each of the rollouts, or one for all.
         keep_replay: whether a stop keeps the replay tables too, so that going on needs no warm-up.

@@ -6,10 +6,7 @@ Those that go badly, against the built-in driver, are drawn more often.
 from __future__ import annotations
 
 import json
-import signal
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +16,7 @@ from numpy.typing import NDArray
 from nathlon.policies.driver import Driver
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import TrainingConfig, Variety
+from nathlon.policies.training.processes import start_processes
 from nathlon.sim.car_family import PARENTS, generate_car, write_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.course import SurfaceGrip
@@ -133,10 +131,7 @@ def prepare(
     if variety.home:
         wanted += [("home", i) for i in range(len(HOME) * len(PARENTS))]
     ready: dict[tuple[str, int], Pair | None] = {}
-    # Ctrl-C reaches the whole group; this process decides what it means.
-    with ProcessPoolExecutor(
-        mp_context=get_context("spawn"), initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
-    ) as processes:
+    with start_processes() as processes:
         waiting = {key: processes.submit(_prepared, folder, *key, variety.slippery) for key in wanted}
         try:
             for key, pair in waiting.items():

@@ -12,8 +12,7 @@ the steering: it is there because critics do not see what that costs.
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -28,17 +27,19 @@ from nathlon.policies.checkpoint import (
     save_checkpoint,
 )
 from nathlon.policies.replay_buffer.tables import apportion
-from nathlon.policies.training.config import Rollouts, TrainingConfig
+from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
-from nathlon.policies.training.pairs import Pair, PairDraw, ready_pairs
+from nathlon.policies.training.pairs import PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
 from nathlon.policies.training.proximal import Proximal
-from nathlon.policies.training.trial import Trial
+from nathlon.policies.training.trial_pool import Plan, TrialPool
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 
 STARTS = 16
 """Differing ones in a round."""
+SIDE_BY_SIDE = 4
+"""Of these on one pair in one trial."""
 FINAL_RATE = 0.05
 """Share of Adam's rate that is left at the end; it falls by half a cosine."""
 CHECKPOINT_EVERY = 10
@@ -94,7 +95,7 @@ class Polish:
         self._races = [(rollouts, count) for rollouts, count in zip(own, counts, strict=True) if count]
         self._facts = {
             "checkpoint": checkpoint_id(checkpoint),
-            "configuration": config.model_dump_json(),
+            "configuration": config.model_dump_json(exclude={"workers"}),
             "rounds": str(rounds),
             "seed": str(seed),
         }
@@ -123,10 +124,15 @@ class Polish:
         """
         pairs, self._evaluated = ready_pairs(self._folder, self._config, on_pair)
         self._draw = PairDraw(pairs, self._weights)
-        varied = self._config.variety is not None
-        self._kept = [] if varied else [self._trial(*races, pairs[0]) for races in self._races]
+        pool = TrialPool(self._config, self._path)
+        try:
+            self._rounds(pool, on_round)
+        finally:
+            pool.close()
+
+    def _rounds(self, pool: TrialPool, on_round: Callable[[Round], None]) -> None:
         while self.rounds < self._total:
-            reward = self._round()
+            reward = self._round(pool)
             if self.rounds % CHECKPOINT_EVERY == 0 or self.rounds == self._total:
                 self._checkpoint(reward)
             save_state(
@@ -143,36 +149,30 @@ class Polish:
             )
             on_round(Round(self.rounds, reward))
 
-    def _round(self) -> float:
+    def _round(self, pool: TrialPool) -> float:
         """Drive, and improve on it; the mean reward of a car."""
         rng = np.random.default_rng([self._seed, self.rounds])
-        network = self._learner.network
-        drives, cars = [], []
-        for trial in self._trials(rng):
-            drive = trial.drive(network, rng)
-            if trial.alone:
-                self._draw.note(trial.pair, drive.speed)
-            drives.append(drive)
-            cars.append(trial.cars)
+        plans = self._plans(rng)
+        drives = list(pool.drive(plans, self._learner.network))
+        for plan, drive in zip(plans, drives, strict=True):
+            if drive.alone:
+                self._draw.note(plan.pair, drive.speed)
         driven = [each for drive in drives for each in drive.driven]
         left = 0.5 + 0.5 * math.cos(math.pi * self.rounds / self._total)
         rate = self._config.polish.rate * (FINAL_RATE + (1.0 - FINAL_RATE) * left)
         self.updates += self._learner.improve(driven, rate, self._config.polish.batch, rng)
         self.rounds += 1
         self.transitions += sum(drive.steps for drive in drives)
-        return float(np.average([drive.reward for drive in drives], weights=cars))
+        return float(np.average([drive.reward for drive in drives], weights=[drive.cars for drive in drives]))
 
-    def _trials(self, rng: np.random.Generator) -> Iterable[Trial]:
-        """The races of a round; of a variety each start is on a pair of its own."""
-        if self._kept:
-            yield from self._kept
-            return
-        for rollouts, count in self._races:
-            for _ in range(count):
-                yield self._trial(rollouts, 1, self._draw.draw(rng))
-
-    def _trial(self, rollouts: Rollouts, starts: int, pair: Pair) -> Trial:
-        return Trial(self._config, rollouts, pair, starts, self._path, os.cpu_count() or 1)
+    def _plans(self, rng: np.random.Generator) -> list[Plan]:
+        """The trials of a round; of a variety each start is on a pair of its own."""
+        together = 1 if self._config.variety else SIDE_BY_SIDE
+        return [
+            Plan(rollouts, self._draw.draw(rng), min(together, count - first), int(rng.integers(2**63)))
+            for rollouts, count in self._races
+            for first in range(0, count, together)
+        ]
 
     def _checkpoint(self, reward: float) -> None:
         tensors = dict(self._tensors)

@@ -56,6 +56,11 @@ def scenario_of(rollouts: Rollouts, pair: Pair) -> Scenario:
     return scenario.model_copy(update={"perception_delay_s": delay})
 
 
+def tells_pace(scenario: Scenario) -> bool:
+    """Whether a car's speed in it tells of circuit and car: alone, and not of how it got back on its way."""
+    return scenario.cars == 1 and not getattr(scenario.start, "spun_share", 0.0)
+
+
 def learners_of(rollouts: Rollouts, cars: int) -> NDArray[np.int64]:
     """Indices of the learner's cars in each race of so many cars."""
     if rollouts.learners > cars:
@@ -129,9 +134,9 @@ class Rollout:
         return len(self._env.cars)
 
     @property
-    def alone(self) -> bool:
-        """Whether each race has one car."""
-        return self._env.others == 0 and len(self._env.cars) == len(self.episodes.endings)
+    def tells_pace(self) -> bool:
+        """Whether the learner's speed tells of circuit and car."""
+        return tells_pace(self.episodes.scenario)
 
     @property
     def demonstrated(self) -> bool:

@@ -90,8 +90,7 @@ class Stint:
         self._left_s -= self._rollout.episodes.step_s
         if self._left_s <= 0.0:
             step = step._replace(truncated=step.valid & ~step.terminated)
-            # Traffic and standing starts slow any car down, and say little of the pair.
-            if self._driven.driven_s and self._rollout.alone:
+            if self._driven.driven_s and self._rollout.tells_pace:
                 speed = self._driven.components["progress"] / self._driven.driven_s
                 self._draw.note(self._pair, speed)
             self._begin()

@@ -2,6 +2,8 @@
 
 What goes wrong is driven again by groups of its own, from shortly before, with bolder noise: it happens too
 seldom to be learnt from otherwise, and too much alike.
+
+Where cars are lost, noise of their own does not show the way back. There a teacher says what to do.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from nathlon.policies.training.failures import Failure, Failures
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import CONTACTS, Reward
-from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of
+from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of, tells_pace
+from nathlon.policies.training.teacher import Teacher
 from nathlon.sim.episode import Episodes
 from nathlon.sim.instruments import Instruments
 
@@ -53,12 +56,14 @@ class Driven(NamedTuple):
         noise: (n, 2) float32, of the actions, in deviations; where it was bolder, over the square of the
             boldness, since that is what the gradient of its density goes by.
         advantage: (n,) float32, in deviations.
+        lesson: (n, 2) float32, what the teacher would have done; nan where nobody asks.
     """
 
     seen: Array
     means: Array
     noise: Array
     advantage: Array
+    lesson: Array
 
 
 class Drive(NamedTuple):
@@ -69,32 +74,23 @@ class Drive(NamedTuple):
         reward: mean of a car from the starts, without discount.
         speed: mean progress on the course from the starts, m/s.
         steps: driven by the policy's cars, all together.
+        cars: that the policy drove from the starts.
+        alone: whether they drove alone and on the road, so that their speed tells of the pair.
     """
 
     driven: tuple[Driven, ...]
     reward: float
     speed: float
     steps: int
+    cars: int
+    alone: bool
 
 
 class Trial:
-    """Races of one scenario of a configuration.
-
-    Attributes:
-        scenario: name of the scenario.
-        pair: circuit and car.
-        cars: that the policy drives, in all races.
-        alone: whether each race has one car.
-    """
+    """Races of one scenario of a configuration."""
 
     def __init__(
-        self,
-        config: TrainingConfig,
-        rollouts: Rollouts,
-        pair: Pair,
-        starts: int,
-        checkpoint: Path,
-        threads: int,
+        self, config: TrainingConfig, rollouts: Rollouts, pair: Pair, starts: int, checkpoint: Path
     ) -> None:
         """Races yet to be started.
 
@@ -104,7 +100,6 @@ class Trial:
             pair: circuit and car.
             starts: how many differing ones.
             checkpoint: drives where `self` and `past` do.
-            threads: on which the world works.
 
         Raises:
             InputError: if the races cannot be made.
@@ -112,7 +107,7 @@ class Trial:
         scenario = scenario_of(rollouts, pair)
         self._deviation = np.array(config.polish.deviation, np.float32)
         self._starts, self._again = starts, round(rollouts.mistakes * starts)
-        self._episodes = Episodes(pair.circuit, pair.car, scenario, starts * GROUP, threads, STUCK_S)
+        self._episodes = Episodes(pair.circuit, pair.car, scenario, starts * GROUP, 1, STUCK_S)
         learners = learners_of(rollouts, scenario.cars)
         opponents = (rollouts.opponents or config.opponents) if len(learners) < scenario.cars else ()
         self._population = Population(opponents, pair)
@@ -124,8 +119,9 @@ class Trial:
         weights = config.reward.model_copy(update={"steering": 0.0})
         world = self._episodes.world
         self._reward = Reward(weights, Instruments(world.track, world.car, self._episodes.step_s))
-        self.scenario, self.pair, self.cars = scenario.name, pair, len(self._env.races)
-        self.alone = scenario.cars == 1
+        self._cars, self._alone = len(self._env.races), tells_pace(scenario)
+        teacher = config.polish.teacher
+        self._teacher = Teacher(teacher, pair, self._env) if teacher else None
 
     def drive(self, act: Act, rng: np.random.Generator) -> Drive:
         """Drive all races once, with noise; then some again, from moments before what went wrong.
@@ -156,9 +152,9 @@ class Trial:
         """All races for so long, as they stand."""
         step_s = self._episodes.step_s
         length, until = round(length_s / step_s), round((length_s - UNTOLD_S) / step_s)
-        shape = (length, self.cars)
+        shape = (length, self._cars)
         seen = np.empty((*shape, self._env.seen.shape[1]), np.float32)
-        means = np.empty((*shape, 2), np.float32)
+        means, lessons = np.empty((*shape, 2), np.float32), np.full((*shape, 2), np.nan, np.float32)
         noise = lasting(rng.standard_normal((*shape, 2), np.float32), kept)
         rewards, charges, driving = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
         motion = np.empty((*shape, len(MOTION)))
@@ -168,6 +164,8 @@ class Trial:
             motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
             driving[step] = cars["driving"]
             seen[step], means[step] = self._env.seen, act(self._env.seen)
+            if self._teacher:
+                lessons[step] = self._teacher.lesson(cars)
             rewards[step], charges[step] = self._step(
                 np.clip(means[step] + boldness * self._deviation * noise[step], -1.0, 1.0)
             )
@@ -179,10 +177,10 @@ class Trial:
         told = driving[:until]
         advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
         advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
-        chosen = (seen[:until][told], means[:until][told], noise[:until][told] / boldness)
-        driven = Driven(*chosen, advantage.astype(np.float32))
+        seen, means, noise, lessons = (each[:until][told] for each in (seen, means, noise, lessons))
+        driven = Driven(seen, means, noise / boldness, advantage.astype(np.float32), lessons)
         speed = float((self._progress - begun).mean()) / length_s
-        return Drive((driven,), reward, speed, int(driving.sum()))
+        return Drive((driven,), reward, speed, int(driving.sum()), self._cars, self._alone)
 
     @property
     def _progress(self) -> NDArray[np.float64]:
@@ -201,6 +199,7 @@ class Trial:
             self._env.seat(range(GROUP * self._starts), np.tile(who, (GROUP, 1)))
         seeds = rng.integers(2**63, size=self._starts).tolist() * GROUP
         self._env.start(range(len(seeds)), map(np.random.default_rng, seeds))
+        self._forget()
         self._episodes.world.state["finish"] = np.inf  # so that who is faster goes farther, not home
         self._episodes.limit_s[:] = np.inf
 
@@ -213,7 +212,12 @@ class Trial:
         moments = {int(race): failures[which[race]].moment for race in races}
         self._episodes.world.state["driving"] = False
         self._env.start(list(moments), map(np.random.default_rng, moments), moments)
+        self._forget()
         self._episodes.limit_s[:] = np.inf
+
+    def _forget(self) -> None:
+        if self._teacher:
+            self._teacher.forget()
 
     def _step(self, actions: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Rewards of a step with actions (cars, 2), without contacts and of these alone, (cars,) each."""

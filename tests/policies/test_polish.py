@@ -68,7 +68,7 @@ def polished(folder: Path, rounds: int, stop_after: int | None = None) -> None:
 
 def drive(settings: TrainingConfig, seed: int = 5) -> tuple[Driven, float]:
     network = load_checkpoint(CHECKPOINT).network
-    races = Trial(settings, settings.rollouts[0], HOME, 2, CHECKPOINT, threads=1)
+    races = Trial(settings, settings.rollouts[0], HOME, 2, CHECKPOINT)
     drive = races.drive(network, np.random.default_rng(seed))
     assert len(drive.driven) == 1
     return drive.driven[0], drive.reward
@@ -115,7 +115,7 @@ def test_what_went_wrong_is_driven_again(settings: TrainingConfig, monkeypatch: 
 
     monkeypatch.setattr(Failures, "draw", draw)
     rollouts = settings.rollouts[0].model_copy(update={"mistakes": 0.5})
-    races = Trial(settings, rollouts, HOME, 2, CHECKPOINT, threads=1)
+    races = Trial(settings, rollouts, HOME, 2, CHECKPOINT)
     network = load_checkpoint(CHECKPOINT).network
     done = races.drive(network, np.random.default_rng(5))
     first, again = done.driven

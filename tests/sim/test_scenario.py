@@ -218,6 +218,17 @@ def test_spun_cars_face_anywhere() -> None:
     assert counts.max() < 40 + 4 * 6
 
 
+def test_spun_cars_stand_on_the_road_and_beside_it() -> None:
+    scenario, rng = load_scenario("recovery"), np.random.default_rng(0)
+    starts = [scenario.place(TRACK, rng) for _ in range(400)]
+    row = np.array([int(start.distance[0] / TRACK.spacing) for start in starts])
+    lateral = np.array([start.lateral[0] for start in starts])
+    left, right = lateral - TRACK.table[row, LEFT], -lateral - TRACK.table[row, RIGHT]
+    for beside in (left > 0.0, right > 0.0, (left < 0.0) & (right < 0.0)):
+        assert beside.mean() > 0.15
+    assert np.maximum(left, right).max() < 20.0
+
+
 def test_start_anywhere_covers_the_lap() -> None:
     scenario, rng = load_scenario("1v0"), np.random.default_rng(0)
     distance = np.array([scenario.place(TRACK, rng).distance[0] for _ in range(400)])

@@ -1,0 +1,29 @@
+"""Processes that share the work of one on this machine."""
+
+from __future__ import annotations
+
+import signal
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import torch
+
+from nathlon.policies.patience import one_blas_thread
+
+
+def start_processes(count: int | None = None) -> ProcessPoolExecutor:
+    """Processes that begin afresh and work on one thread each.
+
+    Args:
+        count: how many; without it, one for each core.
+    """
+    processes = ProcessPoolExecutor(count, get_context("spawn"), _begin)
+    with one_blas_thread():
+        processes.submit(int)  # it starts them all with the first task
+    return processes
+
+
+def _begin() -> None:
+    # Ctrl-C reaches the whole group; the process that started these decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    torch.set_num_threads(1)

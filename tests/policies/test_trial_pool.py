@@ -1,0 +1,46 @@
+"""Trials in processes of their own."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.pairs import Pair
+from nathlon.policies.training.trial import Drive
+from nathlon.policies.training.trial_pool import Plan, TrialPool
+from nathlon.sim.errors import InputError
+
+CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
+
+
+def test_it_does_not_matter_how_many_processes_drive() -> None:
+    """And one that ends is no traceback."""
+    rollouts = {"scenario": "1v0", "races": 1, "learners": 1}
+    given = {"updates": 1, "updates_per_step": 1, "warm_up": 1, "replay": 1, "checkpoint_every": 1}
+    config = TrainingConfig.model_validate(
+        {"circuit": "lindenring", "car": "gt3", "rollouts": [rollouts], **given}
+    )
+    plans = [Plan(config.rollouts[0], Pair("lindenring", "gt3"), 1, seed) for seed in (1, 2)]
+    network = load_checkpoint(CHECKPOINT).network
+    found: list[list[Drive]] = []
+    for workers in (0, 2):
+        pool = TrialPool(config.model_copy(update={"workers": workers}), CHECKPOINT)
+        try:
+            found.append(list(pool.drive(plans, network)))
+            if pool._processes:
+                pool._processes.submit(os._exit, 1)
+                with pytest.raises(InputError, match="a worker process has ended"):
+                    list(pool.drive(plans, network))
+        finally:
+            pool.close()
+    for here, there in zip(*found, strict=True):
+        assert here.steps == there.steps
+        assert here.reward == pytest.approx(there.reward, rel=1e-4)
+        for one, other in zip(here.driven[0], there.driven[0], strict=True):
+            assert np.allclose(one, other, atol=1e-3, equal_nan=True)
+    assert found[0][0].reward != found[0][1].reward
