@@ -130,34 +130,39 @@ def prepare(
     wanted = [("generated", variety.first_seed + i) for i in range(variety.pairs + variety.held_out)]
     if variety.home:
         wanted += [("home", i) for i in range(len(HOME) * len(PARENTS))]
-    ready: dict[tuple[str, int], Pair | None] = {}
-    with start_processes() as processes:
-        waiting = {key: processes.submit(_prepared, folder, *key, variety.slippery) for key in wanted}
-        try:
-            for key, pair in waiting.items():
-                ready[key] = pair.result()
-                on_pair(len(ready), len(wanted))
-        finally:
-            processes.shutdown(cancel_futures=True)
-    held_out = set(wanted[variety.pairs : variety.pairs + variety.held_out])
-    trained = [pair for key, pair in ready.items() if key not in held_out and pair is not None]
-    return trained, [pair for key, pair in ready.items() if key in held_out and pair is not None]
+    notes = [folder / f"{kind}-{number}.json" for kind, number in wanted]
+    missing = [place for place, note in enumerate(notes) if not note.exists()]
+    ready = len(wanted) - len(missing)
+    on_pair(ready, len(wanted))
+    if missing:
+        with start_processes() as processes:
+            waiting = [processes.submit(_make, notes[place], *wanted[place], variety) for place in missing]
+            try:
+                for count, made in enumerate(waiting, ready + 1):
+                    made.result()
+                    on_pair(count, len(wanted))
+            finally:
+                processes.shutdown(cancel_futures=True)
+    pairs = [_known(note) for note in notes]
+    held_out = range(variety.pairs, variety.pairs + variety.held_out)
+    trained = [pair for place, pair in enumerate(pairs) if place not in held_out and pair is not None]
+    return trained, [pair for pair in (pairs[place] for place in held_out) if pair is not None]
 
 
-def _prepared(folder: Path, kind: str, number: int, slippery: float) -> Pair | None:
-    """A pair with the lap of a driver who has practised; None if no driver gets round."""
-    note = folder / f"{kind}-{number}.json"
-    if note.exists():
-        try:
-            known = json.loads(read_text(note, "pair"))
-            return None if known is None else Pair(*known)
-        except (ValueError, TypeError):
-            raise InputError(
-                f"{note}: expected the JSON of a circuit, a car, a grip and a lap time"
-            ) from None
-    folder.mkdir(parents=True, exist_ok=True)
+def _known(note: Path) -> Pair | None:
+    """The pair of a note; None if no driver gets round."""
+    try:
+        known = json.loads(read_text(note, "pair"))
+        return None if known is None else Pair(*known)
+    except (ValueError, TypeError):
+        raise InputError(f"{note}: expected the JSON of a circuit, a car, a grip and a lap time") from None
+
+
+def _make(note: Path, kind: str, number: int, variety: Variety) -> None:
+    """Write the note of a pair, with the lap of a driver who has practised."""
+    note.parent.mkdir(parents=True, exist_ok=True)
     if kind == "generated":
-        pair = _generated(folder, number, slippery)
+        pair = _generated(note.parent, number, variety)
     else:
         pair = Pair(HOME[number // len(PARENTS)], PARENTS[number % len(PARENTS)])
     try:
@@ -168,16 +173,19 @@ def _prepared(folder: Path, kind: str, number: int, slippery: float) -> Pair | N
         made = pair._replace(lap_s=driver.lap_s)
     with whole_file(note) as partial:
         partial.write_text(json.dumps(made), "utf-8")
-    return made
 
 
-def _generated(folder: Path, seed: int, slippery: float) -> Pair:
+def _generated(folder: Path, seed: int, variety: Variety) -> Pair:
     rng = np.random.default_rng(seed)
     style = list(STYLES)[seed % len(STYLES)]
-    circuit, car = folder / f"{style}-{seed}", folder / f"car-{seed}.toml"
+    circuit = folder / f"{style}-{seed}"
     if not circuit.exists():
         write_generated(folder, seed, style)
+    slippery = rng.random() < variety.slippery
+    grip = round(float(rng.uniform(*SLIPPERY)), 2) if slippery else 1.0
+    if rng.random() < variety.shipped:
+        return Pair(str(circuit), PARENTS[rng.integers(len(PARENTS))], grip)
+    car = folder / f"car-{seed}.toml"
     if not car.exists():
         write_car(car, generate_car(seed))
-    grip = round(float(rng.uniform(*SLIPPERY)), 2) if rng.random() < slippery else 1.0
     return Pair(str(circuit), str(car), grip)

@@ -68,7 +68,7 @@ def test_the_teacher_is_asked_where_cars_are_lost_and_says_what_it_would_do(
     for name, value in {"GROUP": 4, "HORIZON_S": 3.0, "UNTOLD_S": 1.0}.items():
         monkeypatch.setattr(trial, name, value)
     asked = np.isfinite(recovery("driver").lesson).all(axis=1)
-    assert 0 < asked.sum() < len(asked)
+    assert 0.0 < asked.mean() < 1.0
     assert np.isnan(recovery(None).lesson).all()
     # Who is its own teacher would do what it does.
     own = recovery(str(CHECKPOINT))
