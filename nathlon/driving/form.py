@@ -49,12 +49,15 @@ def form(store: Path | str, name: str, circuit: str, car: str) -> Form | None:
     if "://" not in str(store) and not Path(store).exists():
         return None
     with Store.open(store) as opened:
-        paces = [
-            pace
+        drives = [
+            shown
             for record in opened.runs()
             if _of(record, name, circuit, car)
-            for pace in _shown(opened, record)
-        ][-LAST:]
+            for shown in _shown(opened, record)
+        ]
+    # How somebody gets along with others says more of the next race than how fast they are alone.
+    paces = [pace for pace, others in drives if others] or [pace for pace, _ in drives]
+    paces = paces[-LAST:]
     if not paces:
         return None
     doubt = stdev(paces) if len(paces) > 1 else ONE_DOUBT
@@ -66,8 +69,8 @@ def _of(record: RunRecord, name: str, circuit: str, car: str) -> bool:
     return [choice.get(key) for key in ("name", "circuit", "car")] == [name, circuit, car]
 
 
-def _shown(store: Store, record: RunRecord) -> Iterator[float]:
-    """The pace that a drive shows; none if it was not finished."""
+def _shown(store: Store, record: RunRecord) -> Iterator[tuple[float, bool]]:
+    """The pace that a drive shows and whether others were forecast with it; none if it was not finished."""
     choice: dict[str, Any] = record.config["choice"]
     results = store.results_of_run(record.name)
     own = results.filter(results["car"] == choice["seat"] - 1).row(0, named=True)
@@ -76,9 +79,9 @@ def _shown(store: Store, record: RunRecord) -> Iterator[float]:
     foretold: Any = store.facts(record.name).get("forecast")
     if foretold:
         # The same race as somebody of a known pace drove it: what others cost both is in neither's favour.
-        yield foretold["pace"] * foretold["race_time_s"] / own["race_time_s"]
+        yield foretold["pace"] * foretold["race_time_s"] / own["race_time_s"], True
     else:
-        yield pace_of(own["race_time_s"], choice["circuit"], choice["car"], choice["laps"])
+        yield pace_of(own["race_time_s"], choice["circuit"], choice["car"], choice["laps"]), False
 
 
 def pace_of(race_time_s: float, circuit: str, car: str, laps: int) -> float:
