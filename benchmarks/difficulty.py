@@ -2,8 +2,8 @@
 
 Scripted people of ten paces, who see 200 ms late and have a wheel with the aids, drive alone from the grid,
 and then three matched races from the last place. Each race is kept as that of a person, and the next one is
-matched by what has been kept: the third by two races. Tempers: races of eight built-in drivers who all have to pass, the fastest from
-the back.
+matched by what has been kept: the third by two races. Tempers: races of eight built-in drivers who all have
+to pass, the fastest from the back.
 
     python -m benchmarks.difficulty --json FILE
 

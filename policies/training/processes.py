@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 
 import torch
 
@@ -12,7 +14,7 @@ from nathlon.policies.patience import one_blas_thread
 
 
 def start_processes(count: int | None = None) -> ProcessPoolExecutor:
-    """Processes that begin afresh and work on one thread each.
+    """Processes that begin afresh, work on one thread each, and end with this one however it ends.
 
     Args:
         count: how many; without it, one for each core.
@@ -27,3 +29,11 @@ def _begin() -> None:
     # Ctrl-C reaches the whole group; the process that started these decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    assert parent is not None, "it was started by one"
+    parent.join()
+    os._exit(1)
