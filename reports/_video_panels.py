@@ -44,7 +44,7 @@ class Panels:
     def __init__(self, log: RaceLog, followed: int, size: tuple[int, int]) -> None:
         self._log, self._followed = log, followed
         self._width, self._height = size
-        self._names, self._colours = brief(log.names), car_colours(log.teams)
+        self._names, self._colours = brief(log.names), car_colours(log)
         self._gap_s = gaps(log)
         self._news = [incident for incident in log.incidents if incident.kind not in NOTICES]
         endings = [incident for incident in log.incidents if incident.kind == "ending"]

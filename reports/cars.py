@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from nathlon.arena.foxglove_scene import TEAM_COLOURS
+from nathlon.arena.match import NO_TEAM
 from nathlon.arena.race_log import RaceLog
 from nathlon.sim.errors import InputError
+
+ENTRANT_COLOURS = (
+    (86, 180, 233),
+    (230, 159, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (240, 228, 66),
+    (213, 94, 0),
+    (120, 120, 235),
+    (160, 190, 120),
+)
+"""Red, green and blue of entrants in races without teams; colour-blind people tell most of them apart."""
 
 
 def winner(log: RaceLog) -> int:
@@ -39,12 +53,18 @@ def car_index(log: RaceLog, car: str, path: Path) -> int:
     return min(named, key=lambda number: log.samples["place"][-1, number]) if len(log.time_s) else named[0]
 
 
-def car_colours(teams: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """A shade of its team's colour for each car, the first of a team the strongest."""
-    colours = []
-    for car, team in enumerate(teams):
-        earlier, size = teams[:car].count(team), teams.count(team)
-        white = 0.6 * earlier / size
-        red, green, blue = (round(part + white * (255 - part)) for part in TEAM_COLOURS[team])
-        colours.append((red, green, blue))
-    return colours
+def car_colours(log: RaceLog) -> list[tuple[int, int, int]]:
+    """A shade of its team's colour for each car, the first the strongest; without teams its entrant's."""
+    if set(log.teams) == {NO_TEAM}:
+        known = list(dict.fromkeys(log.names))
+        groups = [known.index(name) % len(ENTRANT_COLOURS) for name in log.names]
+        return [_shade(ENTRANT_COLOURS[group], groups, car) for car, group in enumerate(groups)]
+    return [_shade(TEAM_COLOURS[team], log.teams, car) for car, team in enumerate(log.teams)]
+
+
+def _shade(colour: tuple[int, int, int], groups: Sequence[int], car: int) -> tuple[int, int, int]:
+    """Whiter, the more cars of its group come before it."""
+    earlier, size = groups[:car].count(groups[car]), groups.count(groups[car])
+    white = 0.6 * earlier / size
+    red, green, blue = (round(part + white * (255 - part)) for part in colour)
+    return red, green, blue

@@ -48,7 +48,7 @@ def race_data(log: RaceLog) -> dict[str, Any]:
         "race": log.race,
         "cars": [
             {"name": name, "team": team, "colour": _css(colour)}
-            for name, team, colour in zip(labels(log), log.teams, car_colours(log.teams), strict=True)
+            for name, team, colour in zip(labels(log), log.teams, car_colours(log), strict=True)
         ],
         "length": log.car_length_m,
         "width": log.car_width_m,

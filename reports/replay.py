@@ -117,7 +117,7 @@ def _log_cars(stream: Logging, log: RaceLog, followed: int) -> None:
     time_s = np.interp(frames, ticks, log.time_s)
     index = [rr.TimeColumn(TIMELINE, duration=time_s)]
     at = poses(log, time_s)
-    for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
+    for car, (colour, label) in enumerate(zip(car_colours(log), labels(log), strict=True)):
         x, y, z, yaw, pitch, roll = (at[name][:, car] for name in POSE)
         pose = rr.Transform3D.columns(
             translation=np.stack([x, y, z], axis=1), quaternion=orientation(yaw, pitch, roll)
@@ -192,7 +192,7 @@ def _log_cameras(stream: Logging, followed: int) -> None:
 
 def _log_series(stream: Logging, log: RaceLog, followed: int) -> None:
     gap_s = gaps(log)
-    for car, (colour, label) in enumerate(zip(car_colours(log.teams), labels(log), strict=True)):
+    for car, (colour, label) in enumerate(zip(car_colours(log), labels(log), strict=True)):
         sample = log.samples[:, car]
         speed = np.hypot(sample["velocity_x_m_s"], sample["velocity_y_m_s"])
         series = {

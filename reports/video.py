@@ -124,7 +124,7 @@ class _Scene:
         self._lines += [(line[:, :2], outline.zone, ZONE, 0.5) for line in (outline.left, outline.right)]
         self._start = np.stack([outline.left[0, :2], outline.right[0, :2]])
         self._names = brief(log.names)
-        self._colour_of = car_colours(log.teams)
+        self._colour_of = car_colours(log)
         self._models = [_from_above(log, colour) for colour in self._colour_of]
 
     def draw(

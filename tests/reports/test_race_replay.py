@@ -18,7 +18,7 @@ from nathlon.arena.recording import read_recording, write_recording
 from nathlon.reports._countryside import countryside
 from nathlon.reports._motion import gaps
 from nathlon.reports.car_model import car_model
-from nathlon.reports.cars import car_colours, winner
+from nathlon.reports.cars import ENTRANT_COLOURS, car_colours, winner
 from nathlon.reports.replay import (
     DRAUGHT_M,
     FRAMES_PER_TICK,
@@ -215,12 +215,20 @@ def test_the_race_sheet_lists_cars_by_place(log: RaceLog) -> None:
     assert [row.split(" | ")[1] for row in rows] == ["1 entrant b", "0 entrant a", "2 entrant a"]
 
 
-def test_cars_of_a_team_differ_in_shade_only() -> None:
-    colours = car_colours((0, 1, 0, -1))
+def test_cars_of_a_team_differ_in_shade_only(log: RaceLog) -> None:
+    colours = car_colours(replace(log, teams=(0, 1, 0, -1), names=("a", "b", "a", "c")))
     assert colours[0] == TEAM_COLOURS[0]
     assert colours[1] == TEAM_COLOURS[1]
     assert len(set(colours)) == 4
     assert colours[2][2] == max(colours[2]), "a lighter blue is still blue"
+
+
+def test_without_teams_cars_of_an_entrant_differ_in_shade_only(log: RaceLog) -> None:
+    names = tuple("abacdefghij")
+    colours = car_colours(replace(log, teams=(-1,) * len(names), names=names))
+    assert colours[:2] == list(ENTRANT_COLOURS[:2])
+    assert len(set(colours)) == len(names)
+    assert all(part > strong for part, strong in zip(colours[2], ENTRANT_COLOURS[0], strict=True))
 
 
 def test_the_country_meets_the_walls_and_leaves_the_circuit_free() -> None:
