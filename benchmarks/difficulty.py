@@ -8,9 +8,9 @@ to pass, the fastest from the back.
     python -m benchmarks.difficulty --json FILE
 
 Figures: `drivers`, one row each: `pace` that it was told to drive, `shown` before each race, `forecast` and
-`place` of each; `places`, the mean of each race over all drivers, and `after_two` of the third; `within`,
-drivers who came in at most one place from the middle there; `tempers`, contacts and those at fault a race, by
-circuit and temper.
+`place` of each; `places` and `forecasts`, means of each race over all drivers; `after_two`, the place in the
+third; `within`, drivers who came in at most one place from the middle there; `tempers`, contacts and those at
+fault a race, by circuit and temper.
 """
 
 from __future__ import annotations
@@ -136,6 +136,7 @@ def main() -> None:
         "drivers": rows,
         "middle": MIDDLE,
         "places": places.mean(axis=0).round(2).tolist(),
+        "forecasts": np.mean([row["forecast"] for row in rows], axis=0).round(2).tolist(),
         "after_two": round(float(places[:, -1].mean()), 2),
         "within": int((np.abs(places[:, -1] - MIDDLE) <= 1.0).sum()),
         "tempers": tempers(),

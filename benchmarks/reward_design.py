@@ -9,8 +9,9 @@ Ctrl-C.
 Figures: `settings`; `rounds`, of each the candidates with `formula`, `tac`, `refused`, and of those trained
 `strength`, `marks` of the rule and `lap_s`; `formula` of the winner; for `designed` and `by_hand`: `lap_s`,
 the median of eight time trials (null unless half of them were completed), `clean` of them without leaving the
-course, `marks`, and the means of `nathlon.reward_design.measures.MEASURES` of a clip; and `processor_s` of
-all of it in this process, over all its starts.
+course, `marks`, and the means of `nathlon.reward_design.measures.MEASURES` of a clip; `points`, by how many
+team points a race the designed one beats the other, 4v4, and its interval; and `processor_s` of all of it in
+this process, over all its starts.
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import polars as pl
 import torch
 
 from benchmarks.result import write_result
 from benchmarks.time_trial import drive_alone
 from nathlon.arena.entrant import enter
+from nathlon.arena.pool import run_matches
 from nathlon.policies.load import load_policy
 from nathlon.policies.training.config import CONFIGS, read_config
 from nathlon.policies.training.log import Status
@@ -37,11 +41,15 @@ from nathlon.reward_design.measures import marks, mean, measure, read_rule
 from nathlon.reward_design.sampling import Sampler
 from nathlon.reward_design.settings import DesignSettings
 from nathlon.reward_design.trying import train
+from nathlon.selection.round_robin import tournament_matches
 from nathlon.sim.whole_file import whole_file
 from nathlon.terminal import say
+from nathlon.tournament.points import matchups
 
 TASK = "drive fast, leave room, stay on the road"
 FRESH_SEED, FRESH_STARTS = 90_000, 48
+PAIRS = 20
+"""Mirrored pairs of races between the two."""
 BY_HAND = "by-hand"
 
 
@@ -75,6 +83,17 @@ def driven(checkpoint: Path, settings: DesignSettings) -> dict[str, Any]:
         "marks": round(sum(marks(rule, one) for one in measured) / len(measured), 3),
         **{name: round(value, 4) for name, value in mean(measured).items()},
     }
+
+
+def points(designed: Path, by_hand: Path, settings: DesignSettings) -> list[float]:
+    """Team points a race by which the designed one beats the other, and the 95 % interval's bounds."""
+    place = settings.training.circuit, settings.training.car
+    entrants = [enter(str(path), *place) for path in (designed, by_hand)]
+    matches = tournament_matches(entrants, PAIRS, np.random.SeedSequence(FRESH_SEED))
+    results = pl.concat([rows for _, rows in run_matches(matches, 1)])
+    table = matchups(results, np.random.default_rng(FRESH_SEED))
+    row = table.row(by_predicate=pl.col("entrant") == entrants[0].id, named=True)
+    return [round(row[name], 2) for name in ("difference", "difference_low", "difference_high")]
 
 
 def told(design: Design) -> list[list[dict[str, Any]]]:
@@ -139,9 +158,13 @@ def main() -> None:
         "factor": design.final.candidate.factor,
         "fresh_starts": FRESH_STARTS,
     }
-    for name, place in (("designed", FINAL), ("by_hand", BY_HAND)):
-        checkpoint = max((folder / place / "checkpoints").glob("*.safetensors"))
+    last = {
+        name: max((folder / place / "checkpoints").glob("*.safetensors"))
+        for name, place in (("designed", FINAL), ("by_hand", BY_HAND))
+    }
+    for name, checkpoint in last.items():
         figures[name] = driven(checkpoint, settings)
+    figures["points"] = points(last["designed"], last["by_hand"], settings)
     figures["processor_s"] = round(clock.note())
     write_result(asked.json, figures)
 
