@@ -17,8 +17,6 @@ from nathlon.policies.training.trial import Driven
 
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
-HEED = 100.0
-"""Weight of lessons beside the loss of PPO, whose gradients have the size of one over a deviation."""
 LEAST_SLOPE, UTMOST = 0.1, 0.9993
 """Of the tangent, and the action beyond which it has its own."""
 
@@ -101,7 +99,7 @@ class Proximal:
         Returns:
             how many updates that made.
         """
-        seen, means, noise, advantage, lessons = (
+        seen, means, noise, advantage = (
             torch.from_numpy(np.concatenate(parts)) for parts in zip(*driven, strict=True)
         )
         for group in self._adam.param_groups:
@@ -109,11 +107,9 @@ class Proximal:
         order = torch.from_numpy(rng.permutation(len(seen)))
         batches = max(1, len(order) // batch)
         for rows in order[: batches * batch].chunk(batches):
-            now = self.means(seen[rows])
-            moved = (now - means[rows]) / self._deviation
-            loss = proximal_loss(moved, noise[rows], advantage[rows])
+            moved = (self.means(seen[rows]) - means[rows]) / self._deviation
             self._adam.zero_grad()
-            torch.autograd.backward(loss + HEED * imitation_loss(now, lessons[rows]))
+            torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
             self._adam.step()
         return batches
 
@@ -173,9 +169,3 @@ def proximal_loss(moved: Tensor, noise: Tensor, advantage: Tensor) -> Tensor:
     ratio = (moved * noise - 0.5 * moved.square()).sum(dim=1).exp()
     clipped = ratio.clamp(1.0 - CLIP, 1.0 + CLIP)
     return -torch.minimum(ratio * advantage, clipped * advantage).mean()
-
-
-def imitation_loss(means: Tensor, lessons: Tensor) -> Tensor:
-    """Mean square of how far means (n, actions) are from lessons (n, actions); none where these are nan."""
-    target = torch.where(lessons.isnan(), means.detach(), lessons)
-    return (means - target).square().sum(dim=1).mean()

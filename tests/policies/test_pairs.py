@@ -17,8 +17,10 @@ from nathlon.policies.training import polish, trial
 from nathlon.policies.training.config import TrainingConfig, Variety
 from nathlon.policies.training.pairs import Pair, PairDraw, prepare
 from nathlon.policies.training.polish import Polish, Round
+from nathlon.policies.training.rollout import tells_pace
 from nathlon.policies.training.trainer import Trainer
 from nathlon.sim.errors import InputError
+from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 
 pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
@@ -70,6 +72,13 @@ def test_what_goes_badly_is_drawn_more_often() -> None:
     # Weights 0.05, 0.2 and 1, of which 1 stands for what was never driven.
     expected = {"gt3": 80, "coupe": 320, "prototype": 1600}
     assert all(abs(drawn[car] - count) < 6 * count**0.5 for car, count in expected.items())
+
+
+@pytest.mark.parametrize(
+    ("scenario", "expected"), [("1v0", True), ("recovery", False), ("1v1", False), ("time_trial", True)]
+)
+def test_only_laps_alone_tell_how_well_a_pair_goes(scenario: str, expected: bool) -> None:
+    assert tells_pace(load_scenario(scenario)) is expected
 
 
 def test_drivers_practise_for_the_road_as_it_is() -> None:
