@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable
-from itertools import pairwise
+from itertools import accumulate
 
 from nathlon.arena.match import Match
 from nathlon.arena.worlds.contract import Setup
@@ -62,7 +62,10 @@ def _setup(match: Match) -> Setup:
 
 
 def _split(matches: list[Match], parts: int) -> list[list[Match]]:
-    """Even parts in the order given, none of them empty."""
-    parts = min(parts, len(matches))
-    ends = [len(matches) * part // parts for part in range(parts + 1)]
-    return [matches[begin:end] for begin, end in pairwise(ends)]
+    """Parts in the order given that take about as long, none of them empty."""
+    seconds = [_car_seconds(match) for match in matches]
+    total = sum(seconds)
+    groups = defaultdict[int, list[Match]](list)
+    for match, own, until in zip(matches, seconds, accumulate(seconds), strict=True):
+        groups[int((until - 0.5 * own) / total * parts)].append(match)
+    return list(groups.values())

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from nathlon.arena.entrant import enter
@@ -133,6 +133,7 @@ def test_a_pool_keeps_its_processes_and_its_results(mixed_rates: str) -> None:
     st.lists(st.tuples(st.sampled_from(["race", "1v0", "sprint", "grand_prix"]), st.integers(1, 40))),
     st.integers(1, 64),
 )
+@example([("race", 1)] * 11 + [("race", 30)] * 2, 1)
 @settings(max_examples=50, deadline=None)
 def test_groups_hold_every_match_once_and_nothing_unlike(kinds: list[tuple[str, int]], workers: int) -> None:
     matches = [
