@@ -20,7 +20,7 @@ from rich.progress import track
 from benchmarks.time_trial import drive_alone, limits
 from nathlon.arena.entrant import enter
 from nathlon.policies.bundled import BUNDLED
-from nathlon.policies.checkpoint import Card, read_card
+from nathlon.policies.checkpoint import ANY, Card, read_card
 from nathlon.policies.sources import DRIVER
 
 matplotlib.use("Agg")
@@ -39,11 +39,14 @@ Runs = dict[tuple[str, str], list[tuple[Path, list[Card]]]]
 
 
 def bundled_runs() -> Runs:
-    """The curves of the runs that checkpoints are bundled of, with the cards of these, by circuit and car."""
+    """The curves of the runs that checkpoints are bundled of, with the cards of these, by circuit and car.
+
+    Those of any circuit are left out: their laps are means over several.
+    """
     runs: Runs = {}
     for curve in sorted((BUNDLED / "curves").glob("*.csv")):
         cards = [read_card(path) for path in sorted(BUNDLED.rglob(f"{curve.stem}-*.safetensors"))]
-        if cards:
+        if cards and cards[0].circuit != ANY:
             runs.setdefault((cards[0].circuit, cards[0].car), []).append((curve, cards))
     return runs
 
