@@ -32,6 +32,7 @@ from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
 from nathlon.policies.training.pairs import PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
 from nathlon.policies.training.proximal import Proximal
+from nathlon.policies.training.state import STATE_FILE
 from nathlon.policies.training.trial_pool import Plan, TrialPool
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
@@ -42,6 +43,8 @@ SIDE_BY_SIDE = 4
 """Of these on one pair in one trial."""
 FINAL_RATE = 0.05
 """Share of Adam's rate that is left at the end; it falls by half a cosine."""
+AVERAGED = 0.1
+"""Weight of the last round in the average that is a checkpoint; the first ten rounds count alike."""
 CHECKPOINT_EVERY = 10
 POLISHED = ", polished"
 """What a card says behind its algorithm, once, however often it was."""
@@ -107,7 +110,10 @@ class Polish:
         if state:
             self.rounds, self.updates, self.transitions = state.rounds, state.updates, state.transitions
             self._curve = state.curve
-            self._learner.load(state.learner)
+            try:
+                self._learner.load(state.learner)
+            except KeyError as missing:
+                raise InputError(f"{folder / STATE_FILE}: tensor {missing} is missing") from None
             self._weights = state.weights
 
     def run(
@@ -162,6 +168,7 @@ class Polish:
         rate = self._config.polish.rate * (FINAL_RATE + (1.0 - FINAL_RATE) * left)
         self.updates += self._learner.improve(driven, rate, self._config.polish.batch, rng)
         self.rounds += 1
+        self._learner.average(max(1.0 / self.rounds, AVERAGED))
         self.transitions += sum(drive.steps for drive in drives)
         return float(np.average([drive.reward for drive in drives], weights=[drive.cars for drive in drives]))
 
@@ -176,7 +183,7 @@ class Polish:
 
     def _checkpoint(self, reward: float) -> None:
         tensors = dict(self._tensors)
-        for name, layer in self._learner.named():
+        for name, layer in self._learner.averages():
             tensors[name] = tensors[name].copy()
             tensors[name][..., : layer.shape[-1]] = layer  # the last one's deviations are left alone
         scenarios = (

@@ -63,6 +63,7 @@ class Proximal:
         self.encoder = _parameters(network.encoder) if isinstance(network, EncodedMlp) else []
         self._facts = network.facts if isinstance(network, EncodedMlp) else 0
         self._all = [tensor for layer in (*self.layers, *self.encoder) for tensor in layer]
+        self._averages = [tensor.detach().clone() for tensor in self._all]
         self._adam = torch.optim.Adam(self._all)
 
     @property
@@ -113,18 +114,29 @@ class Proximal:
             self._adam.step()
         return batches
 
-    def named(self) -> Iterator[tuple[str, NDArray[np.float32]]]:
-        """The layers as they are, by the names that they have in a checkpoint."""
+    def average(self, share: float) -> None:
+        """Move the average of the layers towards them as they are.
+
+        Args:
+            share: of the way, in 0..1.
+        """
+        for average, tensor in zip(self._averages, self._all, strict=True):
+            average.lerp_(tensor.detach(), share)
+
+    def averages(self) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        """The average of the layers, by the names that they have in a checkpoint."""
+        averages = iter(self._averages)
         for prefix, layers in (("", self.layers), (ENCODER, self.encoder)):
-            for index, (weight, bias) in enumerate(_arrays(layers)):
-                yield f"{prefix}{index}.weight", weight
-                yield f"{prefix}{index}.bias", bias
+            for index in range(len(layers)):
+                yield f"{prefix}{index}.weight", next(averages).numpy()
+                yield f"{prefix}{index}.bias", next(averages).numpy()
 
     def tensors(self) -> dict[str, Tensor]:
-        """Layers and the optimiser's state, by name."""
+        """Layers, their average and the optimiser's state, by name."""
         tensors = {}
         for index, tensor in enumerate(self._all):
             tensors[f"parameter.{index}"] = tensor.detach().clone()
+            tensors[f"average.{index}"] = self._averages[index].clone()
             for name, value in self._adam.state[tensor].items():
                 tensors[f"adam.{index}.{name}"] = value.clone()
         return tensors
@@ -137,11 +149,13 @@ class Proximal:
             ValueError: if one is of another shape.
         """
         for index, tensor in enumerate(self._all):
-            found = tensors[f"parameter.{index}"]
+            found, average = tensors[f"parameter.{index}"], tensors[f"average.{index}"]
             moments = {name: tensors[f"adam.{index}.{name}"] for name in ("step", "exp_avg", "exp_avg_sq")}
-            if not found.shape == tensor.shape == moments["exp_avg"].shape == moments["exp_avg_sq"].shape:
+            shapes = {each.shape for each in (found, average, moments["exp_avg"], moments["exp_avg_sq"])}
+            if shapes != {tensor.shape}:
                 raise ValueError(f"parameter.{index}")
             tensor.data.copy_(found)
+            self._averages[index].copy_(average)
             self._adam.state[tensor] = moments
 
 

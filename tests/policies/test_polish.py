@@ -243,6 +243,27 @@ def test_going_on_after_a_stop_comes_to_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("few")
+def test_a_checkpoint_is_an_average_of_rounds(tmp_path: Path) -> None:
+    work = Polish(CHECKPOINT, ALONE, tmp_path, 14, seed=3)
+    rounds: list[np.ndarray] = []
+    averages: list[np.ndarray] = []
+
+    def on_round(_: polish.Round) -> None:
+        rounds.append(work._learner.network.layers[0][0].copy())
+        averages.append(dict(work._learner.averages())["0.weight"].copy())
+
+    work.run(on_round)
+    expected = np.mean(rounds[:10], axis=0)
+    np.testing.assert_allclose(averages[9], expected, atol=1e-6)
+    for each in rounds[10:]:
+        expected = 0.9 * expected + 0.1 * each
+    np.testing.assert_allclose(averages[13], expected, atol=1e-6)
+    assert np.abs(rounds[13] - expected).max() > 1e-5
+    kept = load_file(tmp_path / "checkpoints" / "round-00014.safetensors")["0.weight"]
+    np.testing.assert_array_equal(kept, averages[13].astype(kept.dtype))
+
+
+@pytest.mark.usefixtures("few")
 def test_what_is_polished_can_be_polished_further(tmp_path: Path) -> None:
     polished(tmp_path / "once", 2)
     once = tmp_path / "once" / "checkpoints" / "round-00002.safetensors"
@@ -266,8 +287,13 @@ def test_another_polishing_is_refused(tmp_path: Path) -> None:
         Polish(CHECKPOINT.with_name("lindenring-grid-044k.safetensors"), ALONE, tmp_path, 2, seed=3)
     with safe_open(state, framework="np") as file:
         facts = file.metadata()
+    tensors = load_file(state)
+    kept = {name: tensor for name, tensor in tensors.items() if name != "average.0"}
+    save_file(kept, state, facts)  # as states were before checkpoints were averages
+    with refusal(state, "tensor 'average.0' is missing"):
+        Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
     counts = np.array([2, 6])  # as states had them that did not count transitions
-    save_file({**load_file(state), "counts": counts}, state, facts)
+    save_file({**tensors, "counts": counts}, state, facts)
     with refusal(state, "counts has 2 numbers, expected rounds, updates, transitions"):
         Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
     state.write_bytes(state.read_bytes()[:100])
