@@ -47,10 +47,13 @@ pytestmark = pytest.mark.takes_long
 pytest_plugins = ["tests.databases"]
 
 DUEL = 'PettingZooWorld({"duel": envs["duel"]})'
-SLOW = """PettingZooWorld(
-    {"duel": envs["duel"]}, score=lambda seat: (__import__("time").sleep(0.02), seat.total)[1]
-)"""
-"""Episodes of 0.04 s."""
+HELD = """PettingZooWorld({"duel": envs["duel"]}, score=lambda seat: (held(), seat.total)[1])
+import time
+def held():
+    time.sleep(0.02)
+    while Path(__file__).with_name("held").exists():
+        time.sleep(0.02)"""
+"""Episodes of 0.04 s, none of which ends while it says so."""
 KILLED = """PettingZooWorld({"duel": envs["duel"]}, score=lambda seat: (killed_once(), seat.total)[1])
 import os, signal
 def killed_once():
@@ -188,14 +191,16 @@ def test_races_of_ours_and_their_recordings_are_those_of_this_machine(
 def test_nodes_join_and_leave_in_mid_run(
     cluster: Cluster, tmp_path: Path, nodes: Nodes, pool: Pool, caplog: pytest.LogCaptureFixture
 ) -> None:
-    matches = duels(world_of(tmp_path, SLOW), tmp_path, 60)
+    matches = duels(world_of(tmp_path, HELD), tmp_path, 60)
     with Store(tmp_path / "store.sqlite") as store:
         with under_way(RayEngine(store, pool, nodes), matches, store) as ended:
+            (tmp_path / "held").touch()
             before = cluster.worker_nodes.copy()
             node_of(cluster)
             for node in before:
                 cluster.remove_node(node)
             assert len(store.stored(match.key for match in matches)) < 60
+            (tmp_path / "held").unlink()
             assert sorted(key for key, _ in ended.result(60)) == sorted(match.key for match in matches)
         assert nodes.workers == 1
         assert store.results_of(match.key for match in matches).equals(results_of(matches, pool))
