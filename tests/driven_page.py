@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page
 
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
-from tests.opened_page import SCREENSHOTS, faults, overhear
+from tests.opened_page import SCREENSHOTS, faults, overhear, until
 
 MAP = """localStorage.setItem("nathlon drive: view", '{"kind": "map"}');"""
 """Which is drawn in less time than the view from behind."""
@@ -28,8 +28,7 @@ class Drive:
         self.until("document.querySelector('#choice button.first')")
 
     def until(self, condition: str) -> None:
-        wait = "await new Promise(done => setTimeout(done, 20))"
-        self.page.evaluate(f"async () => {{ while (!({condition})) {wait}; }}")
+        until(self.page, condition)
 
     def begin(self, **fields: str) -> None:
         for name, value in fields.items():
@@ -39,7 +38,7 @@ class Drive:
 
     def go(self, **fields: str) -> None:
         self.begin(**fields)
-        self.until("document.getElementById('lights').textContent === 'GO'")
+        self.until("document.getElementById('lights').classList.contains('go')")
 
     def speed(self) -> float:
         return float(self.page.locator("#car b").inner_text())

@@ -18,7 +18,7 @@ from nathlon.meeting.record import Record
 from nathlon.meeting.server import MeetingServer, serve_meeting
 from nathlon.meeting.tokens import Tokens
 from tests.drives import fast, in_a_thread
-from tests.opened_page import SCREENSHOTS, faults, overhear
+from tests.opened_page import SCREENSHOTS, faults, overhear, until
 
 
 @contextmanager
@@ -52,8 +52,7 @@ class Window:
         self.until("document.querySelector('.question h2, #stands.lost')")
 
     def until(self, condition: str) -> None:
-        wait = "await new Promise(done => setTimeout(done, 20))"
-        self.page.evaluate(f"async () => {{ while (!({condition})) {wait}; }}")
+        until(self.page, condition)
 
     def shows(self, text: str, part: str = "#questions") -> None:
         """Wait until a part of the page shows a text."""

@@ -23,6 +23,7 @@ from tests.selections import build, night_before
 
 SCREENSHOTS = Path(os.environ.get("SCREENSHOTS", Path(__file__).parent.parent / "build" / "screenshots"))
 """Where tests leave pictures of what they have seen."""
+PATIENCE_MS = 240_000
 LIMIT_S = 60.5
 REPLAY = {
     "why": "the closest race",
@@ -71,6 +72,20 @@ def overhear(page: Page) -> tuple[list[str], list[str]]:
     return requests, complaints
 
 
+def until(page: Page, condition: str) -> None:
+    """Wait for it, but not for ever; Playwright's own way needs `eval`, which the pages' policies forbid."""
+    page.evaluate(
+        f"""async ([condition, patience]) => {{
+            const end = performance.now() + patience;
+            while (!({condition})) {{
+                if (performance.now() > end) throw new Error(`waited in vain: ${{condition}}`);
+                await new Promise(done => setTimeout(done, 20));
+            }}
+        }}""",
+        [condition, PATIENCE_MS],
+    )
+
+
 def shown(page: Page, selector: str) -> NDArray[np.uint8]:
     """The pixels of an element, (rows, columns, 3), also of what WebGL draws."""
     picture = page.locator(selector).screenshot()
@@ -100,10 +115,7 @@ class Opened:
         self.until("[...document.querySelectorAll('figure')].every(figure => figure.querySelector('svg'))")
 
     def until(self, condition: str) -> None:
-        """Wait for it frame by frame; Playwright's own way needs `eval`, which the page's policy forbids."""
-        self.page.evaluate(
-            f"async () => {{ while (!({condition})) await new Promise(requestAnimationFrame); }}"
-        )
+        until(self.page, condition)
 
     def picture(self, name: str) -> None:
         """Leave a picture of the whole page."""

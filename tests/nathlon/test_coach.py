@@ -20,7 +20,7 @@ from nathlon.coaching.proof import Window, try_edits
 from nathlon.reports.coach import CoachFacts
 from tests.command_line import nathlon as command
 from tests.command_line import refused
-from tests.opened_page import SCREENSHOTS, faults, overhear
+from tests.opened_page import SCREENSHOTS, faults, overhear, until
 from tests.race_logs import oval_race
 
 EARLY_M = 30
@@ -210,11 +210,7 @@ def test_a_clip_plays_from_its_beginning(browser: Browser, result: CoachResult) 
     page.locator(".watch").first.click()
     assert page.locator("#play").get_attribute("aria-pressed") == "true"
     began = at_s(page)
-    page.evaluate(
-        "async (from) => { while (!(document.getElementById('scrub').value > from))"
-        " await new Promise(requestAnimationFrame); }",
-        began + 0.2,
-    )
+    until(page, f"document.getElementById('scrub').value > {began + 0.2}")
     page.keyboard.press("Space")
     page.close()
 

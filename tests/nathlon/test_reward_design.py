@@ -33,7 +33,7 @@ from nathlon.reward_design.pictures import OWN, Painter
 from nathlon.reward_design.sampling import Sampler
 from nathlon.reward_design.wording import Model as Wordsmith
 from nathlon.sim.errors import InputError
-from tests.opened_page import SCREENSHOTS, faults, overhear
+from tests.opened_page import SCREENSHOTS, faults, overhear, until
 from tests.reward_designs import STARTS, TASK, filmed, settings
 from tests.scripted_model import Model
 from tests.trainings import TOML
@@ -157,14 +157,13 @@ def test_its_page_shows_everything(whole: Design, browser: Browser, tmp_path: Pa
     page = browser.new_page(viewport={"width": 1400, "height": 1000})
     requests, complaints = overhear(page)
     page.goto((tmp_path / "index.html").as_uri())
-    ready = "async () => { while (!document.body.dataset.ready) await new Promise(requestAnimationFrame); }"
-    page.evaluate(ready)
+    until(page, "document.body.dataset.ready")
     assert page.locator("h1").inner_text() == "<b>fast</b>"
     for found in whole.rounds:
         for one in found:
             assert page.get_by_text(one.formula, exact=True).count() >= 1
     page.select_option("#right", DRIVER)
-    page.evaluate(ready.replace("ready)", "ready.includes(' beside '))"))
+    until(page, "document.body.dataset.ready.includes(' beside ')")
     assert page.locator("#scene, #scene-beside").count() == 2
     SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     page.screenshot(path=SCREENSHOTS / "reward.png", full_page=True)
@@ -280,8 +279,7 @@ def test_people_compare_without_knowing_whom(films: Path, studio: Studio, browse
     page.goto(opened[0])
 
     def shows(pair: int) -> None:
-        condition = f"document.body.dataset.pair === '{pair}'"
-        page.evaluate(f"async () => {{ while (!({condition})) await new Promise(requestAnimationFrame); }}")
+        until(page, f"document.body.dataset.pair === '{pair}'")
 
     shows(0)
     assert "driver:pace" not in page.content()
