@@ -11,7 +11,7 @@ from typing import Any
 
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.watch import TOLD, Patience, Watch
-from nathlon.policies.patience import one_blas_thread
+from nathlon.policies.child_processes import starting_processes
 
 NO_MEMORY = 71
 """With what a worker exits that has run out of memory."""
@@ -35,7 +35,7 @@ def start_server() -> None:
         # Ctrl-C is for this process to answer; that one would print where it was interrupted.
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
-            with one_blas_thread():
+            with starting_processes():
                 forkserver.ensure_running()
         finally:
             signal.signal(signal.SIGINT, before)
@@ -70,7 +70,7 @@ class Worker:
         self.idle, self.fresh, self.began = False, True, False
         self._pipe, theirs = _CONTEXT.Pipe()
         self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch, sink), daemon=True)
-        with one_blas_thread():
+        with starting_processes():
             self._process.start()
         theirs.close()
 

@@ -13,7 +13,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
-from nathlon.policies.patience import BLAS_THREADS
+from nathlon.policies.child_processes import BLAS_THREADS
 from nathlon.sim.wire import pack, unpack
 
 if TYPE_CHECKING:

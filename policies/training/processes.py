@@ -10,7 +10,7 @@ from threading import Thread
 
 import torch
 
-from nathlon.policies.patience import one_blas_thread
+from nathlon.policies.child_processes import starting_processes
 
 
 def start_processes(count: int | None = None) -> ProcessPoolExecutor:
@@ -20,7 +20,7 @@ def start_processes(count: int | None = None) -> ProcessPoolExecutor:
         count: how many; without it, one for each core.
     """
     processes = ProcessPoolExecutor(count, get_context("spawn"), _begin)
-    with one_blas_thread():
+    with starting_processes():
         processes.submit(int)  # it starts them all with the first task
     return processes
 

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 import torch
 
+from nathlon.policies.child_processes import starting_processes
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.pairs import Pair
@@ -97,7 +98,8 @@ class ProcessWorkers:
             here, there = context.Pipe()
             arguments = (there, config, pairs, network, news, stream)
             process = context.Process(target=_serve, args=arguments, daemon=True)
-            process.start()
+            with starting_processes():
+                process.start()
             there.close()
             self._pipes.append(here)
             self._processes.append(process)
