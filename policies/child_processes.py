@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -32,3 +33,17 @@ def starting_processes() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+class FreshProcess(SpawnProcess):
+    """A process that begins with nothing of this one."""
+
+    def start(self) -> None:
+        with starting_processes():
+            super().start()
+
+
+class FreshProcesses(SpawnContext):
+    """What makes such processes, whoever asks for them, and whenever."""
+
+    Process = FreshProcess

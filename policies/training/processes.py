@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import signal
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context, parent_process
+from multiprocessing import parent_process
 from threading import Thread
 
 import torch
 
-from nathlon.policies.child_processes import starting_processes
+from nathlon.policies.child_processes import FreshProcesses
 
 
 def start_processes(count: int | None = None) -> ProcessPoolExecutor:
@@ -19,10 +19,7 @@ def start_processes(count: int | None = None) -> ProcessPoolExecutor:
     Args:
         count: how many; without it, one for each core.
     """
-    processes = ProcessPoolExecutor(count, get_context("spawn"), _begin)
-    with starting_processes():
-        processes.submit(int)  # it starts them all with the first task
-    return processes
+    return ProcessPoolExecutor(count, FreshProcesses(), _begin)
 
 
 def _begin() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +11,7 @@ from typing import Protocol
 import numpy as np
 import torch
 
-from nathlon.policies.child_processes import starting_processes
+from nathlon.policies.child_processes import FreshProcesses
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.pairs import Pair
@@ -91,15 +90,14 @@ class ProcessWorkers:
         seed: np.random.SeedSequence,
     ) -> None:
         """Start the processes, as many as the configuration says; for the arguments see `RolloutWorker`."""
-        context = multiprocessing.get_context("spawn")
+        context = FreshProcesses()
         self._pipes: list[Connection] = []
         self._processes = []
         for stream in seed.spawn(config.workers):
             here, there = context.Pipe()
             arguments = (there, config, pairs, network, news, stream)
             process = context.Process(target=_serve, args=arguments, daemon=True)
-            with starting_processes():
-                process.start()
+            process.start()
             there.close()
             self._pipes.append(here)
             self._processes.append(process)

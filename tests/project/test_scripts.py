@@ -9,6 +9,7 @@ from pathlib import Path
 from nathlon.policies.bundled import BUNDLED
 
 SCRIPT = """
+import time
 from nathlon.arena.entrance import trained_on
 from nathlon.arena.pool import Pool
 from nathlon.policies.training.processes import start_processes
@@ -16,8 +17,9 @@ from nathlon.policies.training.processes import start_processes
 print("begun", flush=True)
 with Pool(1) as pool:
     print(*trained_on(pool, ["CHECKPOINT"]), flush=True)
-with start_processes(1) as processes:
-    print(processes.submit(len, "three").result())
+with start_processes(2) as processes:
+    for waiting in [processes.submit(time.sleep, 0.1) for _ in range(2)]:
+        print(waiting.result())
 """
 
 
@@ -27,4 +29,4 @@ def test_processes_do_not_run_the_script_again(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.replace("CHECKPOINT", str(checkpoint)))
     done = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True)
-    assert (done.stdout, done.returncode) == ("begun\nporto-sereno coupe\n5\n", 0), done.stderr
+    assert (done.stdout, done.returncode) == ("begun\nporto-sereno coupe\nNone\nNone\n", 0), done.stderr
