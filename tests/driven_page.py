@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from axe_playwright_python.sync_playwright import Axe
@@ -36,8 +38,7 @@ class Drive:
         self.page.click("#choice button.first")
         self.until("!document.getElementById('track').hidden")
 
-    def go(self, **fields: str) -> None:
-        self.begin(**fields)
+    def started(self) -> None:
         self.until("document.getElementById('lights').classList.contains('go')")
 
     def speed(self) -> float:
@@ -49,6 +50,15 @@ class Drive:
     def picture(self, name: str) -> None:
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         self.page.screenshot(path=SCREENSHOTS / f"drive-{name}.png")
+
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """The race stands still meanwhile, and the page is not told: pictures may take their time."""
+        heat = self.room.heat
+        assert heat is not None
+        heat.pause()
+        yield
+        heat.go_on()
 
     def done(self) -> Any:
         """What the server has heard last."""
@@ -80,8 +90,8 @@ def raced(drive: Drive, interrupted: bool = False) -> None:
         keyboard = drive.page.keyboard
         keyboard.down("ArrowUp")
         keyboard.press("m")
-        drive.until("document.getElementById('news').textContent.includes('You marked')")
         keyboard.press("p")
+        drive.until("document.getElementById('news').textContent.includes('You marked')")
         drive.until("document.getElementById('pause').open")
         drive.picture("blind-race")
         keyboard.up("ArrowUp")
