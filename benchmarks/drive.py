@@ -73,6 +73,7 @@ def page(url: str, token: str, choice: dict[str, Any], seconds: float, told: Con
         number = shaped = frames = 0
         due = time.monotonic()
         begun = end = np.inf
+        ready = False
         while (now := time.monotonic()) < end:
             if now >= due:
                 number += 1
@@ -86,6 +87,9 @@ def page(url: str, token: str, choice: dict[str, Any], seconds: float, told: Con
             if isinstance(message, str):
                 continue
             head = np.frombuffer(message, HEAD, 1)[0]
+            if not ready:
+                socket.send(json.dumps({"type": "ready"}))
+                ready = True
             if begun == np.inf and head["phase"] == RACING and head["time_s"] > SETTLE_S:
                 begun, end = now, now + seconds
                 told.send("begun")

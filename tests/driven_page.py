@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
 from typing import Any
 
 from axe_playwright_python.sync_playwright import Axe
@@ -11,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
-from tests.opened_page import SCREENSHOTS, faults, overhear, until
+from tests.opened_page import PATIENCE_MS, SCREENSHOTS, faults, overhear, until
 
 MAP = """localStorage.setItem("nathlon drive: view", '{"kind": "map"}');"""
 """Which is drawn in less time than the view from behind."""
@@ -38,27 +37,16 @@ class Drive:
         self.page.click("#choice button.first")
         self.until("!document.getElementById('track').hidden")
 
-    def started(self) -> None:
-        self.until("document.getElementById('lights').classList.contains('go')")
-
-    def speed(self) -> float:
-        return float(self.page.locator("#car b").inner_text())
-
-    def faster_than(self, km_h: float) -> None:
-        self.until(f"Number(document.querySelector('#car b').textContent) > {km_h}")
-
     def picture(self, name: str) -> None:
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         self.page.screenshot(path=SCREENSHOTS / f"drive-{name}.png")
 
-    @contextmanager
-    def stopped(self) -> Iterator[None]:
-        """The race stands still meanwhile, and the page is not told: pictures may take their time."""
-        heat = self.room.heat
-        assert heat is not None
-        heat.pause()
-        yield
-        heat.go_on()
+    def heard(self, keys: bool, steering: float, throttle: float, brake: float) -> None:
+        """Wait until the server has heard this."""
+        end = time.monotonic() + PATIENCE_MS / 1000.0
+        while self.done() != (keys, steering, throttle, brake):
+            assert time.monotonic() < end, f"heard last: {self.done()}"
+            self.page.wait_for_timeout(20)
 
     def done(self) -> Any:
         """What the server has heard last."""
@@ -90,8 +78,8 @@ def raced(drive: Drive, interrupted: bool = False) -> None:
         keyboard = drive.page.keyboard
         keyboard.down("ArrowUp")
         keyboard.press("m")
-        keyboard.press("p")
         drive.until("document.getElementById('news').textContent.includes('You marked')")
+        keyboard.press("p")
         drive.until("document.getElementById('pause').open")
         drive.picture("blind-race")
         keyboard.up("ArrowUp")

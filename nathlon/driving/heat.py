@@ -108,7 +108,7 @@ class Heat:
         self._thread.start()
 
     def pause(self) -> None:
-        """Stand still before the next step."""
+        """Stand still before the next step, or keep the countdown from going on."""
         self._running.clear()
 
     def go_on(self) -> None:
@@ -201,6 +201,8 @@ class Heat:
     def _count_down(self) -> None:
         for _ in range(round(COUNTDOWN_S / LOOK_S)):
             self._show(COUNTDOWN)
+            while not self._running.wait(LOOK_S):
+                self._show(COUNTDOWN)
             self.clock.rest(LOOK_S)
             if self._left.is_set():
                 break

@@ -134,6 +134,9 @@ class Room:
                 await self._begin(Choice.read(choice))
             case {"type": "restart"} if self._chosen is not None:
                 await self._begin(self._chosen)
+            case {"type": "ready"} if self.heat is not None:
+                if self._told[-1] != PAUSED:
+                    self.heat.go_on()
             case {"type": "pause"} if self.heat is not None:
                 self._pause()
             case {"type": "go on"} if self.heat is not None:
@@ -186,6 +189,8 @@ class Room:
             self._new_clock(),
         )
         self.heat = heat
+        # The countdown begins when the page shows the grid: the first pictures may take it seconds.
+        heat.pause()
         heat.start()
         if self._letters is None:
             self._pause()

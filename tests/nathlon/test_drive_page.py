@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
+from benchmarks.steered_page import LedClock
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
+from nathlon.sim.world import DYNAMICS_DT
 from tests.driven_page import MAP, Drive, serious
 from tests.drives import served
 
@@ -23,34 +25,43 @@ navigator.getGamepads = () => [window.pad];
 
 @pytest.fixture
 def drives(tmp_path: Path) -> Iterator[tuple[DriveServer, Room]]:
-    with served(tmp_path, pace=3.0) as both:
+    with served(tmp_path) as both:
         yield both
 
 
-def test_a_race_is_driven_with_keys(browser: Browser, drives: tuple[DriveServer, Room]) -> None:
-    drive = Drive(browser, *drives)
+def steps(seconds: float) -> int:
+    return round(seconds / DYNAMICS_DT)
+
+
+def test_a_race_is_driven_with_keys(browser: Browser, tmp_path: Path) -> None:
+    """The world makes the steps that it is given: a browser may take its time for a picture."""
+    clock = LedClock()
+    with served(tmp_path, clock=clock) as both:
+        race_with_keys(Drive(browser, *both), clock)
+
+
+def race_with_keys(drive: Drive, clock: LedClock) -> None:
     assert serious(drive.page) == []
     drive.picture("menu")
     drive.begin(name="Ada", laps="1", cars="4", seat="2")
     keyboard = drive.page.keyboard
-    # Before the start: a browser may take longer to show it than it takes to be out as stuck.
     keyboard.down("ArrowUp")
-    drive.started()
-    drive.faster_than(40.0)
-    assert drive.done() == (True, 0.0, 1.0, 0.0)
-    with drive.stopped():
-        drive.picture("chase")
+    drive.heard(True, 0.0, 1.0, 0.0)
+    clock.give(steps(4.0))
+    drive.until("Number(document.querySelector('#car b').textContent) > 40")
+    assert drive.page.locator("#lights").inner_text() in ("GO", "")
+    drive.picture("chase")
     keyboard.down("KeyA")
+    drive.heard(True, 1.0, 1.0, 0.0)
+    clock.give(steps(0.5))
     drive.until("Number(document.querySelector('#car svg rect:last-child').getAttribute('x')) < 96")
-    assert drive.done() == (True, 1.0, 1.0, 0.0)
     keyboard.up("KeyA")
     keyboard.up("ArrowUp")
-    with drive.stopped():
-        for name in ("cockpit", "map"):
-            keyboard.press("c")
-            drive.page.wait_for_timeout(200)
-            drive.picture(name)
-        assert drive.page.locator("#map").is_visible()
+    for name in ("cockpit", "map"):
+        keyboard.press("c")
+        drive.page.wait_for_timeout(200)
+        drive.picture(name)
+    assert drive.page.locator("#map").is_visible()
     keyboard.press("p")
     drive.until("document.getElementById('pause').open")
     assert serious(drive.page) == []
@@ -63,8 +74,11 @@ def test_a_race_is_driven_with_keys(browser: Browser, drives: tuple[DriveServer,
     assert not heat.aids.steering
     assert heat.aids.pedals
     keyboard.down("ArrowDown")
+    drive.heard(True, 0.0, 0.0, 1.0)
+    clock.give(steps(8.0))
     drive.until("Number(document.querySelector('#car b').textContent) < 5")
     keyboard.up("ArrowDown")
+    clock.let_go()
     # Out as stuck, and the race goes to its end without the person.
     drive.until("document.getElementById('result').open")
     drive.picture("result")
@@ -77,21 +91,25 @@ def test_a_race_is_driven_with_keys(browser: Browser, drives: tuple[DriveServer,
     drive.close()
 
 
-def test_a_race_is_driven_with_a_standard_gamepad(browser: Browser, drives: tuple[DriveServer, Room]) -> None:
-    pad = PAD.replace("MAPPING", '"standard"').replace("AXES", "[0, 0, 0, 0]")
-    drive = Drive(browser, *drives, script=pad)
-    drive.page.select_option("[name=device]", "Wheel (Vendor: 046d)")
-    drive.begin(cars="1", seat="1")
-    drive.page.evaluate("() => { pad.buttons[7].value = 1; pad.axes[0] = -0.03; }")
-    drive.started()
-    drive.faster_than(30.0)
-    assert drive.done() == (False, 0.0, 1.0, 0.0)
-    drive.page.evaluate("() => { pad.buttons[7].value = 0.25; pad.axes[0] = -1; }")
-    drive.until("Number(document.querySelector('#car svg rect:last-child').getAttribute('x')) < 96")
-    assert drive.done() == (False, 1.0, 0.25, 0.0)
-    drive.page.keyboard.press("r")
-    drive.until("Number(document.querySelector('#car b').textContent) < 1")
-    drive.close()
+def test_a_race_is_driven_with_a_standard_gamepad(browser: Browser, tmp_path: Path) -> None:
+    clock = LedClock()
+    with served(tmp_path, clock=clock) as both:
+        pad = PAD.replace("MAPPING", '"standard"').replace("AXES", "[0, 0, 0, 0]")
+        drive = Drive(browser, *both, script=pad)
+        drive.page.select_option("[name=device]", "Wheel (Vendor: 046d)")
+        drive.begin(cars="1", seat="1")
+        drive.page.evaluate("() => { pad.buttons[7].value = 1; pad.axes[0] = -0.03; }")
+        drive.heard(False, 0.0, 1.0, 0.0)
+        clock.give(steps(3.0))
+        drive.until("Number(document.querySelector('#car b').textContent) > 30")
+        drive.page.evaluate("() => { pad.buttons[7].value = 0.25; pad.axes[0] = -1; }")
+        drive.heard(False, 1.0, 0.25, 0.0)
+        clock.give(steps(0.5))
+        drive.until("Number(document.querySelector('#car svg rect:last-child').getAttribute('x')) < 96")
+        drive.page.keyboard.press("r")
+        clock.let_go()
+        drive.until("Number(document.querySelector('#car b').textContent) < 1")
+        drive.close()
 
 
 def test_a_wheel_is_calibrated_once_and_known_again(

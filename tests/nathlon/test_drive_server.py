@@ -16,7 +16,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from nathlon.driving.frames import HEAD, PAUSED
+from nathlon.driving.frames import COUNTDOWN, HEAD, PAUSED, RACING
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
 from nathlon.driving.wheel import LARGEST_FRAME, MOST_FRAMES
@@ -167,11 +167,30 @@ def test_a_choice_that_cannot_be_is_told_in_a_sentence(server: DriveServer) -> N
         assert "circuit '../../etc' is unknown" in hear(connection, "refused")["why"]
 
 
+def test_a_race_begins_when_the_page_is_ready(tmp_path: Path) -> None:
+    """It would be over in a moment otherwise: a hundred seconds of it take one."""
+    with served(tmp_path, pace=100.0) as (server, _), enter(server) as connection:
+        say(connection, type="race", choice=choice().model_dump(mode="json"))
+        hear(connection, "race")
+        assert {(int(head["phase"]), int(head["tick"])) for head in (see(connection) for _ in range(20))} == {
+            (COUNTDOWN, 0)
+        }
+        say(connection, type="pause")
+        hear(connection, "paused")
+        say(connection, type="ready")
+        assert {int(see(connection)["phase"]) for _ in range(20)} == {COUNTDOWN}
+        say(connection, type="go on")
+        while see(connection)["phase"] != RACING:
+            pass
+        say(connection, type="leave")
+
+
 def test_a_page_that_goes_away_finds_the_race_where_it_was(drive: tuple[DriveServer, Room]) -> None:
     server, room = drive
     with enter(server) as connection:
         say(connection, type="race", choice=choice().model_dump(mode="json"))
         assert [car["name"] for car in hear(connection, "race")["cars"]][1] == "1 human:Ada"
+        say(connection, type="ready")
         while see(connection)["tick"] < 30:
             pass
         connection.send(inputs(1, throttle=1.0))

@@ -1,6 +1,7 @@
 // The page: connection, inputs and drawing, put together.
 
 const SEND_MS = 1000 / 60;
+const READY = 3; // pictures after which the countdown may begin: a graphics driver may take seconds for the first ones
 const VIEWS = ["chase", "cockpit", "map"];
 
 function start() {
@@ -12,7 +13,7 @@ function start() {
   let seen = newSight();
   const settings = { kind: view ? "chase" : "map", mirror: true, line: true, sound: true, ...kept.read("view", {}) };
   if (!view) settings.kind = "map";
-  let driving = null; // the race: { race, own, hud, map, reference, started, paused }
+  let driving = null; // the race: { race, own, hud, map, reference, started, paused, drawn, begins }
   const inputs = newInputs(() => send());
   const seconds = () => performance.now() / 1000;
   let heard = Promise.resolve();
@@ -76,7 +77,7 @@ function start() {
     driving = {
       race: words, own: words.choice.seat - 1, made, reference, paused: false, started: false, aids: { ...words.choice.aids },
       hud: newHud({ race: words, scene: made, reference }), map: newMap(made, words.cars),
-      begins: seconds() + words.countdown_s,
+      drawn: 0, begins: Infinity,
     };
     view?.show(made);
     seen = newSight();
@@ -86,9 +87,20 @@ function start() {
     if (words.field) driving.hud.tell({ text: words.field, cars: [driving.own], penalty_s: 0 }, driving.own, 4);
   }
 
+  function countDown() {
+    if (!driving.started) driving.begins = seconds() + driving.race.countdown_s;
+  }
+
+  function ready() {
+    if (driving.paused) return;
+    link.say({ type: "ready" });
+    countDown();
+  }
+
   function pause() {
     if (!driving) return;
     driving.paused = true;
+    if (!driving.started) driving.begins = Infinity;
     pauseDialog({
       aids: driving.aids,
       field: driving.race.field,
@@ -101,6 +113,7 @@ function start() {
 
   function resume() {
     driving.paused = false;
+    countDown();
     el("pause").close();
   }
 
@@ -160,6 +173,8 @@ function start() {
     else view.render(frame, ...seen(frame, driving.own, settings));
     driving.hud.draw(frame, driving.own, performance.now());
     sound.play(frame, driving.own, settings.sound && !driving.paused);
+    driving.drawn += 1;
+    if (driving.drawn === READY) ready();
   }
   paint();
 }
