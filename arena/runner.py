@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from nathlon.arena.classification import BLANK, classify
 from nathlon.arena.match import Match, Swap
 from nathlon.arena.team import ROW_WISE, Absent, Team
+from nathlon.arena.team_of_networks import TeamOfNetworks, joined
 from nathlon.arena.watch import Watch
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.car import load_car
@@ -87,8 +88,8 @@ class _View:
 
     def __init__(self, spec: ObservationSpec, teams: list[Team], grid: int, reaction: Reaction) -> None:
         """Teams of a world with `grid` cars a race."""
-        self.teams = teams
-        cars = np.concatenate([team.cars for team in teams])
+        self.teams = joined(teams)
+        cars = np.concatenate([team.cars for team in self.teams])
         self._perception = Perception(spec, cars // grid, cars % grid, reaction)
 
     def keep(self, driving: NDArray[np.bool_]) -> None:
@@ -96,7 +97,7 @@ class _View:
         self._perception.keep(np.concatenate([team.keep(driving) for team in self.teams]))
         self.teams = [team for team in self.teams if len(team.cars)]
 
-    def look(self, world: World) -> Iterator[tuple[Team, Batch, NDArray[np.bool_]]]:
+    def look(self, world: World) -> Iterator[tuple[Team | TeamOfNetworks, Batch, NDArray[np.bool_]]]:
         """The teams that have cars to act, what all their cars see, and which are due; once a tick."""
         seen, due = self._perception.see(world), self._perception.due(world)
         begin = 0

@@ -1,17 +1,26 @@
-"""Multilayer perceptrons, run by numpy."""
+"""Multilayer perceptrons, run by numpy; those for a few rows by a kernel."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nathlon.policies.policy import Batch
-from nathlon.sim.kernel import lean_kernel
+from nathlon.sim.kernel import fused, lean_kernel
 
 FEW = 4
-"""Rows up to which they are multiplied one by one."""
+"""Rows up to which a kernel is faster than BLAS, which would first copy all weights.
+
+Its outputs of a row do not depend, to the last bit, on the rows beside it.
+"""
+AT_ONCE = 4
+"""Inputs of a layer that are weighed between two looks at its sums."""
+STARTS = tuple(np.array([0, rows]) for rows in range(FEW + 1))
 
 
 @lean_kernel
@@ -20,16 +29,6 @@ def _relu(sums: Batch, bias: Batch) -> None:
         for unit in range(len(bias)):
             total = sums[row, unit] + bias[unit]
             sums[row, unit] = np.float32(0.0) if total < 0.0 else total  # so that nan stays nan
-
-
-def _weigh(layer: Batch, weight: Batch) -> Batch:
-    """Their product. Of a few rows one by one: for a matrix, BLAS would first copy all weights."""
-    if len(layer) > FEW:
-        return layer @ weight
-    sums = np.empty((len(layer), weight.shape[1]), np.float32)
-    for row, total in zip(layer, sums, strict=True):
-        np.dot(row, weight, out=total)
-    return sums
 
 
 def _tanh(sums: Batch, bias: Batch) -> None:
@@ -49,6 +48,42 @@ def _linear(sums: Batch, bias: Batch) -> None:
 FUNCTIONS = {"relu": _relu, "tanh": _tanh, "clip": _clip, "linear": _linear}
 """Of a layer's weighted inputs (n, outputs) and bias (outputs,), in place."""
 
+IN_PLACE: dict[str, Callable[[Batch], Any]] = {
+    "relu": lambda sums: np.maximum(sums, 0.0, out=sums),
+    "tanh": lambda sums: np.tanh(sums, out=sums),
+    "clip": lambda sums: np.clip(sums, -1.0, 1.0, out=sums),
+    "linear": lambda sums: sums,
+}
+"""Of sums with their bias, number by number."""
+
+
+@lean_kernel
+def _weigh(inputs: Batch, starts: NDArray[np.int64], weights: Batch, biases: Batch, sums: Batch) -> None:
+    """Sums (n, outputs) of layers (networks, inputs, outputs); rows of a network begin and end at starts.
+
+    A product is added to a sum in the order of the inputs, and both are rounded once, so that all processors
+    come to the same.
+    """
+    networks, size, units = weights.shape
+    whole = size - size % AT_ONCE
+    for network in range(networks):
+        begin, end = starts[network], starts[network + 1]
+        for row in range(begin, end):
+            for unit in range(units):
+                sums[row, unit] = biases[network, unit]
+        for at in range(0, whole, AT_ONCE):
+            for row in range(begin, end):
+                a, b, c, d = inputs[row, at], inputs[row, at + 1], inputs[row, at + 2], inputs[row, at + 3]
+                for unit in range(units):
+                    total = fused(a, weights[network, at, unit], sums[row, unit])
+                    total = fused(b, weights[network, at + 1, unit], total)
+                    total = fused(c, weights[network, at + 2, unit], total)
+                    sums[row, unit] = fused(d, weights[network, at + 3, unit], total)
+        for at in range(whole, size):
+            for row in range(begin, end):
+                for unit in range(units):
+                    sums[row, unit] = fused(inputs[row, at], weights[network, at, unit], sums[row, unit])
+
 
 @dataclass(frozen=True)
 class Mlp:
@@ -66,11 +101,49 @@ class Mlp:
 
     def __call__(self, inputs: Batch) -> Batch:
         """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""
+        if len(inputs) <= FEW:
+            return self._alone(inputs, STARTS[len(inputs)])
         layer = inputs
         for index, (weight, bias) in enumerate(self.layers, 1):
-            layer = _weigh(layer, weight)
+            layer = layer @ weight
             FUNCTIONS[self.hidden if index < len(self.layers) else self.output](layer, bias)
         return layer
+
+    @cached_property
+    def _alone(self) -> MlpStack:
+        return MlpStack([self])
+
+
+class MlpStack:
+    """Perceptrons of one shape, each for a few rows: outputs of a row are those that `Mlp` has for it."""
+
+    def __init__(self, networks: Sequence[Mlp]) -> None:
+        """Networks whose layers have the same shapes, and the same functions."""
+        self._functions = [networks[0].hidden] * (len(networks[0].layers) - 1) + [networks[0].output]
+        self._layers = [
+            tuple(map(_stacked, zip(*layers, strict=True)))
+            for layers in zip(*(network.layers for network in networks), strict=True)
+        ]
+
+    def __call__(self, inputs: Batch, starts: NDArray[np.int64]) -> Batch:
+        """Outputs (n, outputs) float32.
+
+        Args:
+            inputs: (n, inputs) float32, those of the first network first.
+            starts: (networks + 1,) int64, where the rows of each network begin, and n.
+        """
+        layer = np.ascontiguousarray(inputs, np.float32)
+        for (weights, biases), function in zip(self._layers, self._functions, strict=True):
+            sums = np.empty((len(layer), weights.shape[2]), np.float32)
+            _weigh(layer, starts, weights, biases, sums)
+            IN_PLACE[function](sums)
+            layer = sums
+        return layer
+
+
+def _stacked(parts: Sequence[Batch]) -> Batch:
+    """Arrays of one shape as one; of a single one no copy, if its rows lie in a row."""
+    return np.stack(parts) if len(parts) > 1 else np.ascontiguousarray(parts[0])[None]
 
 
 class EncodedMlp:

@@ -57,6 +57,7 @@ DECISIVE = (
     "arena/results.py",
     "arena/runner.py",
     "arena/team.py",
+    "arena/team_of_networks.py",
     "arena/watch.py",
 )
 """Files, and folders with all that is in them, by their place in the package."""

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from numba import config, float64, njit
+from numba import config, float32, float64, njit
 from numba.extending import intrinsic
 
 from nathlon.sim.decisive import fingerprint
@@ -60,7 +60,7 @@ lean_inlined = njit(**LEAN_OPTIONS, forceinline=True)
 
 
 def _fused(_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """a * b + c in float64, rounded once.
+    """a * b + c, rounded once: in float32 if all three are, else in float64.
 
     The compiler rounds sums of products so as well, but with two products it may choose which of them
     it rounds first, and choose anew after a change elsewhere.
@@ -69,7 +69,8 @@ def _fused(_context: Any, a: Any, b: Any, c: Any) -> Any:
     def build(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         return builder.fma(*arguments)
 
-    return float64(float64, float64, float64), build
+    kind = float32 if a == b == c == float32 else float64
+    return kind(kind, kind, kind), build
 
 
 # A kernel leaves out the context, which types cannot tell.

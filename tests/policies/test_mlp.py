@@ -8,8 +8,10 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from nathlon.policies.mlp import FEW, EncodedMlp, Mlp
+from nathlon.policies.mlp import FEW, EncodedMlp, Mlp, MlpStack
 
 SIZES = (7, 16, 9, 2)
 Function = Callable[[np.ndarray], np.ndarray]
@@ -23,10 +25,12 @@ OUTPUT: dict[str, Function] = {
 }
 
 
-def layers(rng: np.random.Generator) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+def layers(
+    rng: np.random.Generator, sizes: tuple[int, ...] = SIZES
+) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
     return tuple(
         (rng.standard_normal((into, out), np.float32), rng.standard_normal(out, np.float32))
-        for into, out in pairwise(SIZES)
+        for into, out in pairwise(sizes)
     )
 
 
@@ -73,3 +77,25 @@ def test_encoded_inputs_join_the_others(rows: int, kinds: int) -> None:
         joined = np.concatenate([seen, np.maximum(facts @ encoder[0][0] + encoder[0][1], 0.0)], axis=1)
         expected = Mlp(weights, "relu", "tanh")(joined.astype(np.float32))
         np.testing.assert_allclose(network(np.concatenate([seen, facts], axis=1)), expected, atol=1e-5)
+
+
+@settings(deadline=None)
+@given(
+    sizes=st.lists(st.integers(1, 37), min_size=2, max_size=4),
+    rows=st.lists(st.integers(0, FEW), min_size=1, max_size=5),
+    hidden=st.sampled_from(["relu", "tanh"]),
+    seed=st.integers(0, 1000),
+)
+def test_what_a_row_gives_does_not_depend_on_what_is_beside_it(
+    sizes: list[int], rows: list[int], hidden: Literal["relu", "tanh"], seed: int
+) -> None:
+    """Neither rows of the same network nor other networks, to the last bit."""
+    rng = np.random.default_rng(seed)
+    networks = [Mlp(layers(rng, tuple(sizes)), hidden, "tanh") for _ in rows]
+    starts = np.cumsum([0, *rows])
+    inputs = rng.standard_normal((starts[-1], sizes[0]), np.float32)
+    came = MlpStack(networks)(inputs, starts)
+    assert came.shape == (len(inputs), sizes[-1])
+    for network, begin, count in zip(networks, starts, rows, strict=False):
+        for row in range(begin, begin + count):
+            np.testing.assert_array_equal(network(inputs[row : row + 1])[0], came[row])
