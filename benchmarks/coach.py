@@ -32,7 +32,8 @@ from nathlon.driving.finalists import champions
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.training.coached import read_coach
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
-from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.policies.training.run_folder import CONFIG_FILE
+from nathlon.policies.training.trainer import Trainer
 from nathlon.progress import progress_bars
 from nathlon.sim.errors import InputError
 from nathlon.terminal import say

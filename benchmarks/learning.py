@@ -39,8 +39,9 @@ from nathlon.arena.entrant import enter
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.log import CURVE_FILE, Status
+from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.state import REPLAY_FILE
-from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.policies.training.trainer import Trainer
 from nathlon.progress import progress_bars
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault

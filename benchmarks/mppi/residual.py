@@ -11,7 +11,8 @@ from typing import Any
 
 from benchmarks.mppi.driven import SETTINGS, laps, planned
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
-from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.policies.training.run_folder import CONFIG_FILE
+from nathlon.policies.training.trainer import Trainer
 from nathlon.progress import progress_bars
 from nathlon.terminal import say
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from nathlon.bounds import MOST_PAIRS, MOST_WORKERS
-from nathlon.commands.options import AsJson, Out
+from nathlon.commands.options import AsJson, EngineAddress, Out
 from nathlon.commands.selection import stoppable
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.progress import Progress
 
-    from nathlon.policies.training.ablation import Run
+    from nathlon.policies.training.ablation import Run, Train
     from nathlon.policies.training.config import TrainingConfig
     from nathlon.policies.training.log import Status
 
@@ -51,6 +52,10 @@ def ablate(
         int | None,
         typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner, processes of the races."),
     ] = None,
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="Who trains: this machine, or a cluster all runs at once.")
+    ] = "local",
+    engine_address: EngineAddress = "auto",
     as_json: AsJson = False,
 ) -> None:
     """Train variants of a configuration without parts of the method, and draw what the parts are worth.
@@ -75,7 +80,8 @@ def ablate(
     runs = plan(configs, seeds, out)
     with stoppable("The same command goes on."):
         with progress_bars(not as_json) as progress:
-            diverged = _train(runs, out, progress)
+            with _training(engine, engine_address) as train:
+                diverged = _train(train, runs, out, progress)
             raced = _race(runs, out, pairs, worker_count(workers), progress) if pairs else None
         found = _publish(runs, out, raced)
     files = {
@@ -109,33 +115,44 @@ def _base(name: str, updates: int | None) -> TrainingConfig:
     return config
 
 
-def _train(runs: Sequence[Run], out: Path, progress: Progress) -> int:
+@contextmanager
+def _training(engine: str, address: str) -> Iterator[Train]:
+    """What trains runs: this process, or the processors of a cluster."""
+    if engine == "local":
+        from nathlon.policies.training.ablation import train_in_turn
+
+        yield train_in_turn
+        return
+    from nathlon.arena.on_ray.cluster import joined
+
+    with joined(address):
+        from nathlon.policies.training.on_ray.runs import train_on_cluster
+
+        yield train_on_cluster
+
+
+def _train(train: Train, runs: Sequence[Run], out: Path, progress: Progress) -> int:
     """Train those that are not finished, and publish after each; the number of those that diverged."""
-    from nathlon.policies.training.trainer import Diverged
+    updates = {str(run): run.updates for run in runs}
+    ended = sum(run.finished for run in runs)
+    overall = progress.add_task("runs", total=len(runs), completed=ended, note="")
+    task = progress.add_task(
+        "updates", total=sum(run.config.updates for run in runs), completed=sum(updates.values()), note=""
+    )
+
+    def on_status(run: Run, status: Status) -> None:
+        updates[str(run)] = status.updates
+        lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
+        note = f"{run}: {status.updates_per_s:.0f}/s, {lap}"
+        progress.update(task, completed=sum(updates.values()), note=note)
 
     diverged = 0
-    overall = progress.add_task("runs", total=len(runs), note="")
-    current = progress.add_task("updates", total=None, note="")
-    for run in runs:
-        name = f"{run.variant}, seed {run.seed}"
-        progress.update(overall, note=name)
-        if not run.finished:
-            trainer = run.trainer()
-            progress.reset(current, total=run.config.updates, completed=trainer.updates, note="warming up")
-
-            def on_status(status: Status) -> None:
-                lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
-                progress.update(
-                    current, completed=status.updates, note=f"{status.updates_per_s:.0f}/s, {lap}"
-                )
-
-            try:
-                trainer.run(on_status)
-            except Diverged as error:
-                warn(str(error))
-                diverged += 1
-            _publish(runs, out)
+    for why in train([run for run in runs if not run.finished], on_status):
+        if why:
+            warn(why)
+            diverged += 1
         progress.advance(overall)
+        _publish(runs, out)
     return diverged
 
 

@@ -35,6 +35,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Workers = Annotated[
     int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes; one for each core by default.")
 ]
+EngineAddress = Annotated[
+    str, typer.Option(help="Of the Ray cluster; auto for the one that this machine is part of.")
+]
 Shortlist = Annotated[
     int | None, typer.Option(min=1, max=MOST_SHORTLISTED, help="Entrants that reach the round robin.")
 ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from nathlon.bounds import MOST_WORKERS
-from nathlon.commands.options import AsJson, Out, Seed
+from nathlon.commands.options import AsJson, EngineAddress, Out, Seed
 from nathlon.commands.selection import stoppable
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
@@ -34,9 +34,7 @@ def train(
     engine: Annotated[
         Literal["local", "ray"], typer.Option(help="Who runs the rollout workers: this machine or a cluster.")
     ] = "local",
-    engine_address: Annotated[
-        str, typer.Option(help="Of the Ray cluster; auto for the one that this machine is part of.")
-    ] = "auto",
+    engine_address: EngineAddress = "auto",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
     origin: Annotated[
         Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")

@@ -17,8 +17,9 @@ from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps
 from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.pairs import Pair
+from nathlon.policies.training.run_folder import CHECKPOINTS, CONFIG_FILE
 from nathlon.policies.training.state import STATE_FILE, load_state
-from nathlon.policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
+from nathlon.policies.training.trainer import Trainer
 from nathlon.reward_design.clips import Clips, Studio, kept
 from nathlon.sim.errors import InputError
 

@@ -6,16 +6,23 @@ A variant makes a configuration from the base; each run of one, with one seed, i
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.log import CURVE_FILE
+from nathlon.policies.training.log import CURVE_FILE, Status
+from nathlon.policies.training.run_folder import (
+    CHECKPOINTS,
+    CONFIG_FILE,
+    make_run_folder,
+    read_run_folder,
+)
 from nathlon.policies.training.state import STATE_FILE, load_state
-from nathlon.policies.training.trainer import CHECKPOINTS, CONFIG_FILE, Trainer
+from nathlon.policies.training.trainer import Diverged, Trainer
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
@@ -122,11 +129,18 @@ class Run:
     folder: Path
     config: TrainingConfig
 
+    def __str__(self) -> str:
+        return f"{self.variant}, seed {self.seed}"
+
+    @property
+    def updates(self) -> int:
+        """How many it has behind it."""
+        return load_state(self.folder).updates if (self.folder / STATE_FILE).exists() else 0
+
     @property
     def finished(self) -> bool:
         """Whether it has come to its end."""
-        state = self.folder / STATE_FILE
-        return state.exists() and load_state(self.folder).updates >= self.config.updates
+        return self.updates >= self.config.updates
 
     @property
     def curve(self) -> Path:
@@ -138,18 +152,31 @@ class Run:
         """The last checkpoint so far."""
         return max((self.folder / CHECKPOINTS).glob("*.safetensors"), default=None)
 
+    def claim(self) -> None:
+        """Make its folder that of this run; it may be so already.
+
+        Raises:
+            InputError: if its folder cannot be used or holds another run.
+        """
+        if not (self.folder / CONFIG_FILE).exists():
+            make_run_folder(self.folder, self.config, self.seed)
+        elif read_run_folder(self.folder) != (self.config, self.seed):
+            raise InputError(f"{self.folder}: holds another training run; choose another folder")
+
     def trainer(self) -> Trainer:
         """The run, at its beginning or where it stopped.
 
         Raises:
             InputError: if its folder cannot be used or holds another run.
         """
-        if not (self.folder / CONFIG_FILE).exists():
-            return Trainer.start(self.folder, self.config, self.seed)
-        trainer = Trainer.resume(self.folder)
-        if (trainer.config, trainer.seed) != (self.config, self.seed):
-            raise InputError(f"{self.folder}: holds another training run; choose another folder")
-        return trainer
+        self.claim()
+        return Trainer.resume(self.folder)
+
+
+OnStatus = Callable[[Run, Status], None]
+"""Told every few hundred updates how a run is getting on."""
+Train = Callable[[Iterable[Run], OnStatus], Iterator[str]]
+"""Trains runs to their end, and yields for each that has come to it why it diverged, or ''."""
 
 
 def plan(configs: dict[str, TrainingConfig], seeds: int, out: Path) -> list[Run]:
@@ -187,3 +214,14 @@ def _compare(path: Path, found: TrainingConfig, wanted: TrainingConfig) -> None:
             raise InputError(
                 f"{path}: of another configuration, which differs in {name}; choose another folder"
             )
+
+
+def train_in_turn(runs: Iterable[Run], on_status: OnStatus) -> Iterator[str]:
+    """Train runs here, one after the other; see `Train`."""
+    for run in runs:
+        try:
+            run.trainer().run(partial(on_status, run))
+        except Diverged as error:
+            yield str(error)
+        else:
+            yield ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +11,6 @@ from typing import Literal
 
 import numpy as np
 import torch
-from pydantic import ValidationError
 
 from nathlon.policies.checkpoint import Card, save_checkpoint
 from nathlon.policies.qrsac.learner import QRSAC
@@ -21,6 +19,7 @@ from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
 from nathlon.policies.training.log import Status, TrainingLog
 from nathlon.policies.training.pairs import Pair, ready_pairs
+from nathlon.policies.training.run_folder import CHECKPOINTS, make_run_folder, read_run_folder
 from nathlon.policies.training.state import (
     REPLAY_FILE,
     STATE_FILE,
@@ -33,12 +32,7 @@ from nathlon.policies.training.state import (
 from nathlon.policies.training.worker import Experience, Gathered, News
 from nathlon.policies.training.worker_pool import MakeWorkers, WorkerPool, local_workers
 from nathlon.sim.errors import InputError
-from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
 
-CONFIG_FILE = "run.json"
-CHECKPOINTS = "checkpoints"
 ACTION_SIZE = 2
 LOG_EVERY = 250
 
@@ -102,18 +96,10 @@ class Trainer:
             InputError: if the folder already holds a run or cannot be made, memory is too small, there is no
                 such device, or the origin holds no state of networks of the same shape.
         """
-        if (folder / CONFIG_FILE).exists():
-            raise InputError(f"{folder}: holds a training run already; resume it or choose another folder")
         trainer = cls(folder, config, seed, device)
         if origin is not None:
             trainer._load_networks(origin)
-        try:
-            (folder / CHECKPOINTS).mkdir(parents=True, exist_ok=True)
-            _write_text(
-                folder / CONFIG_FILE, json.dumps({"seed": seed, "config": config.model_dump()}, indent=1)
-            )
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+        make_run_folder(folder, config, seed)
         if origin is not None:
             trainer._save_state()
         return trainer
@@ -128,17 +114,7 @@ class Trainer:
         Raises:
             InputError: if the folder holds no run, or one that cannot be read, or there is no such device.
         """
-        path = folder / CONFIG_FILE
-        if not path.exists():
-            raise InputError(f"{path}: no training run to resume")
-        text = read_text(path, "training run")
-        try:
-            facts = json.loads(text)
-            trainer = cls(folder, TrainingConfig.model_validate(facts["config"]), int(facts["seed"]), device)
-        except ValidationError as error:
-            raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
-        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
-            raise InputError(f"{path}: expected the JSON of a training run with config and seed") from None
+        trainer = cls(folder, *read_run_folder(folder), device)
         if (folder / STATE_FILE).exists():
             trainer._load_state()
         return trainer
@@ -317,8 +293,3 @@ def _tables(config: TrainingConfig) -> ReplayTables:
         config.qrsac.n_step,
         config.qrsac.gamma,
     )
-
-
-def _write_text(path: Path, text: str) -> None:
-    with whole_file(path) as partial:
-        partial.write_text(text, "utf-8")

@@ -18,7 +18,8 @@ from nathlon.policies.load import load_policy
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.training.config import CONFIGS
 from nathlon.policies.training.config import read_config as read_training
-from nathlon.policies.training.trainer import CONFIG_FILE, Trainer
+from nathlon.policies.training.run_folder import CONFIG_FILE
+from nathlon.policies.training.trainer import Trainer
 from nathlon.selection.config import TEMPLATE, read_config
 from nathlon.sim.car import Car, read_car
 from nathlon.sim.data_file import DATA, read_toml

@@ -1,4 +1,4 @@
-"""Rollouts of a training run on the nodes of a Ray cluster."""
+"""Rollouts of a training run, and whole runs, on the nodes of a Ray cluster."""
 
 from __future__ import annotations
 
@@ -15,8 +15,12 @@ import torch
 from nathlon.api.training import train
 from nathlon.arena.on_ray.cluster import joined
 from nathlon.policies.qrsac.networks import Perceptron
+from nathlon.policies.training.ablation import Run, configurations, train_in_turn
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.log import Status
+from nathlon.policies.training.on_ray import runs
+from nathlon.policies.training.on_ray.run_actor import RunActor, Start
+from nathlon.policies.training.on_ray.runs import train_on_cluster
 from nathlon.policies.training.on_ray.travel import Arrived, needed, pack
 from nathlon.policies.training.on_ray.workers import RayWorkers
 from nathlon.policies.training.pairs import Pair
@@ -212,3 +216,80 @@ def test_a_cluster_needs_to_know_how_many_workers(cluster: Cluster, tmp_path: Pa
     with pytest.raises(InputError, match="workers is 0, expected how many"):
         train(config, tmp_path / "run", engine="ray", engine_address=cluster.address, progress=False)
     assert not (tmp_path / "run").exists()
+
+
+RUNS = tuple(configurations(CONFIG.model_copy(update={"workers": 0}), ["n-step-1"]).items())
+
+
+def run_of(folder: Path, which: int = 0, **changes: object) -> Run:
+    name, config = RUNS[which]
+    return Run(name, 1, folder / name, config.model_copy(update=changes))
+
+
+@pytest.fixture
+def uncompiled_there(member: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `uncompiled` is here, for actors that train."""
+
+    class Uncompiled(RunActor):  # travels by value from here
+        def train(self, start: Start) -> str:
+            with torch.compiler.set_stance("force_eager"):
+                return super().train(start)
+
+    monkeypatch.setattr(runs, "RunActor", Uncompiled)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Checkpoints of a run, and its curve but for how long it took."""
+    files = {path.name: path.read_bytes() for path in folder.rglob("*.safetensors") if "step" in path.name}
+    rows = [row.split(",") for row in (folder / "curve.csv").read_text().splitlines()]
+    return files | {"curve": repr([row[:2] + row[3:] for row in rows]).encode()}
+
+
+def test_whole_runs_come_to_what_they_come_to_here(uncompiled_there: None, tmp_path: Path) -> None:
+    torch.set_num_threads(1)
+    here, there = ([run_of(tmp_path / name, which) for which in (0, 1)] for name in ("here", "there"))
+    assert list(train_in_turn(here, lambda *_: None)) == ["", ""]
+    told: set[str] = set()
+    assert list(train_on_cluster(there, lambda run, status: told.add(str(run)))) == ["", ""]
+    assert told == {"base, seed 1", "n-step-1, seed 1"}
+    for mine, others in zip(here, there, strict=True):
+        assert others.finished
+        assert len(contents(mine.folder)) == 5
+        assert contents(others.folder) == contents(mine.folder)
+        assert list((others.folder / "tensorboard").iterdir())
+        assert others.trainer().config == mine.config
+
+
+def test_a_run_whose_process_is_lost_goes_on_from_its_last_checkpoint(
+    uncompiled_there: None, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    import ray
+
+    run = run_of(tmp_path, updates=3_000, checkpoint_every=500)
+    lost: list[int] = []
+
+    def on_status(run: Run, status: Status) -> None:
+        if run.updates and not lost:
+            lost.append(run.updates)
+            [name] = [name for name in ray.util.list_named_actors() if "nathlon training" in name]
+            ray.kill(ray.get_actor(name))
+
+    assert list(train_on_cluster([run], on_status)) == [""]
+    assert "base, seed 1 is lost" in caplog.text
+    assert lost[0] >= 500
+    assert run.finished
+    curve = (run.folder / "curve.csv").read_text().splitlines()[1:]
+    assert [int(row.split(",")[0]) for row in curve] == [500, 1000, 1500, 2000, 2500, 3000]
+
+
+def test_a_run_that_diverges_there_says_so(uncompiled_there: None, tmp_path: Path) -> None:
+    reward = CONFIG.reward.model_copy(update={"progress": 1e300})
+    [why] = train_on_cluster([run_of(tmp_path, reward=reward)], lambda *_: None)
+    assert "training diverged" in why
+    assert not run_of(tmp_path).finished
+
+
+def test_an_ablation_says_what_is_wrong_with_a_run(uncompiled_there: None, tmp_path: Path) -> None:
+    rollouts = (CONFIG.rollouts[0].model_copy(update={"learners": 2}),)
+    with pytest.raises(InputError, match=r"^rollouts 1v0: learners is 2, expected"):
+        list(train_on_cluster([run_of(tmp_path, rollouts=rollouts)], lambda *_: None))

@@ -1,0 +1,53 @@
+"""The folder of a training run: what says which run it is, and where its checkpoints are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from nathlon.policies.training.config import TrainingConfig
+from nathlon.sim.errors import InputError
+from nathlon.sim.untrusted_file import read_text
+from nathlon.sim.validation import first_fault
+from nathlon.sim.whole_file import whole_file
+
+CONFIG_FILE = "run.json"
+CHECKPOINTS = "checkpoints"
+
+
+def make_run_folder(folder: Path, config: TrainingConfig, seed: int) -> None:
+    """Make a folder that of a new run.
+
+    Raises:
+        InputError: if it holds one already, or cannot be written.
+    """
+    path = folder / CONFIG_FILE
+    if path.exists():
+        raise InputError(f"{folder}: holds a training run already; resume it or choose another folder")
+    try:
+        (folder / CHECKPOINTS).mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as partial:
+            partial.write_text(json.dumps({"seed": seed, "config": config.model_dump()}, indent=1), "utf-8")
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+
+
+def read_run_folder(folder: Path) -> tuple[TrainingConfig, int]:
+    """Configuration and seed of the run in a folder.
+
+    Raises:
+        InputError: if it holds no run, or one that cannot be read.
+    """
+    path = folder / CONFIG_FILE
+    if not path.exists():
+        raise InputError(f"{path}: no training run to resume")
+    text = read_text(path, "training run")
+    try:
+        facts = json.loads(text)
+        return TrainingConfig.model_validate(facts["config"]), int(facts["seed"])
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        raise InputError(f"{path}: expected the JSON of a training run with config and seed") from None
