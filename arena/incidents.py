@@ -69,9 +69,10 @@ class IncidentWatch:
         contacts = world.new_contacts(self._race)
         self.incidents += [self._contact(contact, cars) for contact in contacts]
         self.incidents += self._mishaps(cars, now)
-        penalised = np.bincount(contacts["fault"][contacts["penalty_s"] > 0.0], minlength=len(cars))
-        self.incidents += self._penalties(cars, penalised, now)
-        self._before = {name: cars[name].copy() for name in TALLIES}
+        if any((cars[name] != self._before[name]).any() for name in TALLIES):
+            penalised = np.bincount(contacts["fault"][contacts["penalty_s"] > 0.0], minlength=len(cars))
+            self.incidents += self._penalties(cars, penalised, now)
+            self._before = {name: cars[name].copy() for name in TALLIES}
 
     def _contact(self, contact: np.void, cars: NDArray[np.void]) -> Incident:
         first, second = int(contact["behind"]), int(contact["ahead"])
@@ -107,6 +108,8 @@ class IncidentWatch:
 
     def _mishaps(self, cars: NDArray[np.void], now: float) -> Iterator[Incident]:
         for flag, (kind, verb) in FLAGS.items():
+            if not cars[flag].any():
+                continue
             for car in np.flatnonzero(cars[flag] & (now - self._raised_s[flag] > APART_S)).tolist():
                 yield Incident(now, kind, (car,), f"{self._names[car]} {verb} {self._where(cars[car])}")
             self._raised_s[flag][cars[flag]] = now

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 CAR_SAMPLE = np.dtype(
     [
@@ -125,10 +124,22 @@ class RaceLog:
 def orientation(
     yaw: NDArray[np.floating], pitch: NDArray[np.floating], roll: NDArray[np.floating]
 ) -> NDArray[np.float64]:
-    """Quaternions x, y, z, w, (..., 4), that turn the world's axes into those of cars with these angles."""
-    angles = np.stack([yaw, pitch, roll], axis=-1).astype(np.float64)
-    quaternions: NDArray[np.float64] = Rotation.from_euler("ZYX", angles.reshape(-1, 3)).as_quat()
-    return quaternions.reshape(*yaw.shape, 4)
+    """Quaternions x, y, z, w, (..., 4), that turn the world's axes into those of cars with these angles, rad.
+
+    Yaw first, then pitch, then roll, each about the axes as turned so far (Diebel, Representing attitude,
+    2006).
+    """
+    halves = [np.asarray(angle, np.float64) / 2 for angle in (yaw, pitch, roll)]
+    (cos_yaw, cos_pitch, cos_roll), (sin_yaw, sin_pitch, sin_roll) = map(np.cos, halves), map(np.sin, halves)
+    return np.stack(
+        [
+            sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
+            cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
+            cos_roll * cos_pitch * sin_yaw - sin_roll * sin_pitch * cos_yaw,
+            cos_roll * cos_pitch * cos_yaw + sin_roll * sin_pitch * sin_yaw,
+        ],
+        axis=-1,
+    )
 
 
 def lap_length(outline: Outline) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from importlib.metadata import version
 from typing import NamedTuple
 
@@ -181,17 +182,24 @@ class _Recorder:
         self._full_lock = world.parameters.car.full_lock
         self._raised = {flag: since & ~kept[:, None] for flag, since in raised.items()}
 
-    def _samples(self, index: int, moments: Sequence[_Moment]) -> NDArray[np.void]:
-        """(moments, cars) CAR_SAMPLE of one of the races."""
+    @cached_property
+    def _seen(self) -> tuple[NDArray[np.void], dict[str, NDArray[np.bool_]]]:
+        """(moments, races, cars) SEEN, and by the names in FLAGS what was raised."""
         # np.stack would compare the records' types once a moment.
-        cars = np.empty((len(moments), len(self._names[index])), SEEN)
-        for row, moment in enumerate(moments):
-            cars[row] = moment.cars[index]
+        cars = np.empty((len(self._moments), *self._moments[0].cars.shape), SEEN)
+        for row, moment in enumerate(self._moments):
+            cars[row] = moment.cars
+        return cars, {flag: np.array([moment.raised[flag] for moment in self._moments]) for flag in FLAGS}
+
+    def _samples(self, index: int, kept: NDArray[np.bool_]) -> NDArray[np.void]:
+        """(moments, cars) CAR_SAMPLE of one of the races at some of its moments."""
+        seen, raised = self._seen
+        cars = seen[kept, index]
         sample = np.zeros(cars.shape, CAR_SAMPLE)
         for name, source in COPIED.items():
             sample[name] = cars[source]
         for flag in FLAGS:
-            sample[flag] = [moment.raised[flag][index] for moment in moments]
+            sample[flag] = raised[flag][kept, index]
         pitch = -np.arctan(cars["slope_x"])
         sample["pitch_rad"] = pitch
         sample["roll_rad"] = np.arctan(cars["slope_y"] * np.cos(pitch))
@@ -209,8 +217,8 @@ class _Recorder:
         """All that was seen, as a race log, with each car's ending and the time until then."""
         match, number = self._match, self._races[index]
         race, names, body = match.races[number], self._names[index], load_car(match.car).body
-        moments = [moment for moment in self._moments if moment.kept[index]]
-        samples = self._samples(index, moments)
+        kept = np.array([moment.kept[index] for moment in self._moments])
+        samples = self._samples(index, kept)
         incidents = list(self._watches[index].incidents)
         for car, (ending, seconds) in enumerate(zip(endings, driven_s, strict=True)):
             text = f"{car} {names[car]}: {ending.replace('_', ' ')} after {seconds:.3f} s"
@@ -232,7 +240,7 @@ class _Recorder:
             car_width_m=body.width_m,
             outline=self._outline,
             sections=stretches(self._track),
-            time_s=np.array([moment.time_s[index] for moment in moments]),
+            time_s=np.array([moment.time_s[index] for moment in self._moments])[kept],
             samples=samples,
             incidents=tuple(sorted(incidents, key=lambda incident: incident.time_s)),
         )
