@@ -12,8 +12,9 @@ from nathlon.arena.worlds.contract import Setup
 from nathlon.arena.worlds.registry import load_world
 
 CARS = 256
-"""In a world: beyond it the work for each car is most of the work, and the networks of all their matches
-leave the cache from tick to tick."""
+"""In a world: beyond it the work for each car is most of the work."""
+MATCHES = 64
+"""In a world: beyond it their networks fill memory, and leave the cache from tick to tick."""
 CAR_SECONDS = 160_000.0
 """To simulate in a world at most: some ten seconds of work, which is lost when a run is killed."""
 GROUPS_A_WORKER = 2
@@ -37,13 +38,13 @@ def group(matches: Iterable[Match], workers: int) -> list[list[Match]]:
     groups = []
     for kind, those in alike.items():
         most = min(share, CAR_SECONDS, CARS * _setup(those[0]).time_s)
-        groups += _split(those, math.ceil(seconds[kind] / most - ROUNDING))
+        groups += _split(those, math.ceil(max(seconds[kind] / most, len(those) / MATCHES) - ROUNDING))
     return sorted(groups, key=lambda those: -sum(map(_car_seconds, those)))
 
 
 def fill(match: Match) -> int:
     """How many matches like this one fill a world."""
-    return max(1, int(min(CAR_SECONDS, CARS * _setup(match).time_s) / _car_seconds(match)))
+    return max(1, min(MATCHES, int(min(CAR_SECONDS, CARS * _setup(match).time_s) / _car_seconds(match))))
 
 
 def longest_first(matches: Iterable[Match]) -> list[Match]:

@@ -17,7 +17,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from nathlon.arena.entrant import enter
-from nathlon.arena.grouping import CARS, group
+from nathlon.arena.grouping import CARS, MATCHES, fill, group
 from nathlon.arena.job import HOG_BYTES, Loss, Racing, again
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
@@ -166,6 +166,15 @@ def test_groups_are_even_and_there_is_enough_for_all_workers() -> None:
         groups = group([filter_match(index) for index in range(count)], workers)
         found = sorted(map(len, groups))
         assert found == sizes or sorted(set(found)) == sizes
+
+
+def test_no_group_has_more_matches_than_have_room_in_memory() -> None:
+    alone = [
+        Match("t", str(i), "1v0", "lindenring", "gt3", ("a",), ("a",), (Race(1, (Seat(0),)),))
+        for i in range(200)
+    ]
+    assert [len(those) for those in group(alone, 1)] == [50] * 4
+    assert fill(alone[0]) == MATCHES
 
 
 def job(name: str, **facts: object) -> Racing:
