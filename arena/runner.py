@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
@@ -24,6 +25,8 @@ from nathlon.sim.reaction import Perception, Reaction
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 from nathlon.sim.world import World
+
+log = logging.getLogger(__name__)
 
 Observer = Callable[[World], None]
 LineUp = tuple[Match, Sequence[Policy | Absent]]
@@ -242,6 +245,8 @@ class _Meeting:
             self._take_over(relief, relief.car in relieved)
         illegal = ~np.isfinite(self._actions).all(axis=1)
         if illegal.any():
+            if self._cars["driving"][illegal].any():
+                log.warning("a policy gave actions that are not finite: its cars are out")
             self._retire(np.flatnonzero(illegal), "illegal_action")
             self._actions[illegal] = 0.0
 

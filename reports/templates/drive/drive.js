@@ -82,6 +82,7 @@ function start() {
     view?.show(made);
     seen = newSight();
     el("menu").hidden = true;
+    document.activeElement?.blur(); // a button that is hidden would keep the keys until the next picture
     el("track").hidden = false;
     notice("");
     if (words.field) driving.hud.tell({ text: words.field, cars: [driving.own], penalty_s: 0 }, driving.own, 4);
