@@ -199,6 +199,8 @@ def draw(variants: dict[str, dict[str, Any]], path: Path) -> None:
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     axes.axhline(0.0, color=GREY, linewidth=0.8)
+    axes.grid(color="#e4e7ea", linewidth=0.6)
+    axes.set_axisbelow(True)
     for name, of in variants.items():
         x, y = of["at_fault_per_km"], of["points"]
         x_ends = [of[f"at_fault_per_km_{end}"] for end in ("low", "high")]
@@ -208,6 +210,7 @@ def draw(variants: dict[str, dict[str, Any]], path: Path) -> None:
         axes.plot([x] * of["seeds"], of["points_by_seed"], "_", color=bars[0].get_color(), alpha=0.6)
     mean = float(np.mean([of["base_at_fault_per_km"] for of in variants.values()]))
     axes.plot(mean, 0.0, "D", color=GREY, label="base, in the same races")
+    axes.set_xlim(left=0.0)
     axes.set_xlabel("contacts at fault, 1/km and car")
     axes.set_ylabel("team points a race, less those of the base")
     axes.spines[["top", "right"]].set_visible(False)
@@ -225,7 +228,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/ablation"), help="folder of the runs")
     parser.add_argument("--part", type=int, default=0, help="of the runs that this command trains")
     parser.add_argument("--parts", type=int, default=1)
-    parser.add_argument("--pairs", type=int, default=12, help="mirrored pairs of races of each duel")
+    parser.add_argument("--pairs", type=int, default=48, help="mirrored pairs of races of each duel")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path, help="file for the figures as well")
     parser.add_argument("--figure", type=Path, help="PNG file to draw them to")
