@@ -26,7 +26,10 @@ def test_a_page_that_lags_behind_its_results_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stale = tmp_path / "benchmarks.md"
-    stale.write_text(PAGE.read_text("utf-8").replace("1,825", "1,826"), "utf-8")
+    passed = all_results()["tests"].figures["passed"]
+    now = PAGE.read_text("utf-8")
+    stale.write_text(now.replace(f"{passed:,}", f"{passed + 1:,}"), "utf-8")
+    assert stale.read_text("utf-8") != now
     monkeypatch.setattr(page, "PAGE", stale)
     monkeypatch.setattr("sys.argv", ["page", "--check"])
     with pytest.raises(SystemExit, match="1"):

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.takes_long
+
 PAGE = Path(__file__).parent.parent.parent / "docs" / "tutorial.md"
 NOT_RUN = "<!-- not run by the test -->\n"
 BLOCK = re.compile(
