@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nathlon.arena.classification import BLANK, classify
 from nathlon.arena.match import Match, Swap
 from nathlon.arena.team import ROW_WISE, Absent, Team
-from nathlon.arena.team_of_networks import TeamOfNetworks, joined
+from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.arena.watch import Watch
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.car import load_car
@@ -91,7 +91,7 @@ class _View:
 
     def __init__(self, spec: ObservationSpec, teams: list[Team], grid: int, reaction: Reaction) -> None:
         """Teams of a world with `grid` cars a race."""
-        self.teams = joined(teams)
+        self.teams = join_networks(teams)
         cars = np.concatenate([team.cars for team in self.teams])
         self._perception = Perception(spec, cars // grid, cars % grid, reaction)
 

@@ -27,12 +27,11 @@ class TeamOfNetworks:
         cars: (n,) int64, indices in the world, those of the first network first.
     """
 
-    def __init__(self, teams: Sequence[Team]) -> None:
-        """The policies and cars of some teams of `groups`."""
+    def __init__(self, teams: Sequence[Team], networks: Sequence[Mlp]) -> None:
+        """The cars of some teams, and the network of each."""
         self.cars = np.concatenate([team.cars for team in teams])
         self._network_of = np.repeat(np.arange(len(teams)), [len(team.cars) for team in teams])
-        self._networks = MlpStack([network for team in teams if (network := _network(team))])
-        self._count = len(teams)
+        self._networks, self._count = MlpStack(networks), len(networks)
         self._find_starts()
 
     def _find_starts(self) -> None:
@@ -51,21 +50,14 @@ class TeamOfNetworks:
         return self._networks(seen, self._starts), ""
 
 
-def joined(teams: Iterable[Team]) -> list[Team | TeamOfNetworks]:
-    """Teams in which networks of few cars are asked together; all observe by the same spec."""
-    alike: dict[object, list[Team]] = defaultdict(list)
+def join_networks(teams: Iterable[Team]) -> list[Team | TeamOfNetworks]:
+    """Teams in which small networks of few cars are asked together; all observe by the same spec."""
+    others: list[Team | TeamOfNetworks] = []
+    alike: dict[object, list[tuple[Team, Mlp]]] = defaultdict(list)
     for team in teams:
-        network = _network(team)
-        shapes = network and (network.hidden, network.output, *(w.shape for w, _ in network.layers))
-        alike[shapes or team].append(team)
-    return [those[0] if _network(those[0]) is None else TeamOfNetworks(those) for those in alike.values()]
-
-
-def _network(team: Team) -> Mlp | None:
-    """The network of a team that may be joined with others; None for other teams."""
-    policy = team.policy
-    if not isinstance(policy, (NetworkPolicy, Sb3Policy)) or len(team.cars) > FEW:
-        return None
-    network = policy.network
-    small = isinstance(network, Mlp) and sum(weight.size for weight, _ in network.layers) < LARGE
-    return network if small and isinstance(network, Mlp) else None
+        network = team.policy.network if isinstance(team.policy, (NetworkPolicy, Sb3Policy)) else None
+        if isinstance(network, Mlp) and network.size < LARGE and len(team.cars) <= FEW:
+            alike[network.shape].append((team, network))
+        else:
+            others.append(team)
+    return [*others, *(TeamOfNetworks(*zip(*those, strict=True)) for those in alike.values())]

@@ -7,7 +7,7 @@ import pytest
 
 from nathlon.arena import team_of_networks
 from nathlon.arena.team import Team
-from nathlon.arena.team_of_networks import TeamOfNetworks, joined
+from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.policies.bundled import BUNDLED as BUNDLED_FOLDER
 from nathlon.policies.checkpoint import Card, NetworkPolicy, load_checkpoint
 from nathlon.policies.mlp import FEW
@@ -30,7 +30,7 @@ def of_shape(card: Card) -> NetworkPolicy:
 def test_networks_of_one_shape_with_few_cars_are_joined() -> None:
     narrow = of_shape(FIRST.card.model_copy(update={"hidden": (8,)}))
     teams = [team(FIRST), team(narrow), team(LAST, FEW), team(narrow, 1)]
-    wide, small = joined(teams)
+    wide, small = join_networks(teams)
     assert isinstance(wide, TeamOfNetworks)
     assert isinstance(small, TeamOfNetworks)
     assert wide.cars.tolist() == [0, 1, *range(FEW)]
@@ -41,6 +41,6 @@ def test_others_stay_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those with many cars, with an encoder, or so large that they are to be watched."""
     [encoded] = (BUNDLED_FOLDER / "generalist").glob("generalist-055k.safetensors")
     teams = [team(FIRST, FEW + 1), team(LAST, FEW + 1), team(load_checkpoint(encoded)), team(FIRST)]
-    assert joined(teams)[:3] == teams[:3]
+    assert join_networks(teams)[:3] == teams[:3]
     monkeypatch.setattr(team_of_networks, "LARGE", 100_000)
-    assert joined(teams) == teams
+    assert join_networks(teams) == teams

@@ -13,6 +13,7 @@ from typing import Any
 from nathlon.policies.training.ablation import OnStatus, Run
 from nathlon.policies.training.on_ray.run_actor import Report, RunActor, Start
 from nathlon.policies.training.on_ray.travel import needed, pack
+from nathlon.policies.training.on_ray.workers import WAIT_S, WARN_S
 from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.state import STATE_FILE
 from nathlon.sim.decisive import fingerprint
@@ -23,8 +24,6 @@ log = logging.getLogger(__name__)
 
 REPORT_S = 2.0
 """Between two reports of a run."""
-WARN_S, WAIT_S = 20.0, 300.0
-"""For the first free processor: until it is said that there is none, and until it is given up."""
 LIVES = 3
 """Actors that a run may lose in a row, none of which has made a checkpoint."""
 
