@@ -5,7 +5,7 @@ nathlon evaluate runs/circuit-1 --world examples/worlds/circuit.py:world --out r
 
 from typing import Any
 
-from highway_env.envs import RacetrackEnv  # type: ignore[import-not-found]
+from highway_env.envs import RacetrackEnv
 
 from nathlon import Declared, PettingZooWorld
 
@@ -32,9 +32,7 @@ class Circuit:
         self.possible_agents = tuple(f"car_{car}" for car in range(cars))
         self.observation_space = lambda _: self._road.observation_space[0]
         self.action_space = lambda _: self._road.action_space[0]
-
-    def render(self) -> Any:
-        return self._road.render()
+        self.render = self._road.render
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         seen, _ = self._road.reset(seed=seed)
@@ -53,13 +51,9 @@ class Circuit:
         return observations, rewards, ends, dict.fromkeys(ends, False), infos
 
 
-world = PettingZooWorld(
-    {"alone": lambda: Circuit(1), "duel": lambda: Circuit(2)},
-    measures={
-        "distance_m": Declared(lambda seat: seat.infos["way"]),
-        "contacts": Declared(lambda seat: seat.infos["hit"]),
-    },
-    packages=("highway-env",),
-    most_steps=60,
-    step_s=STEP_S,
-)
+MEASURES = {
+    "distance_m": Declared(lambda seat: seat.infos["way"]),
+    "contacts": Declared(lambda seat: seat.infos["hit"]),
+}
+SCENARIOS = {"alone": lambda: Circuit(1), "duel": lambda: Circuit(2)}
+world = PettingZooWorld(SCENARIOS, measures=MEASURES, packages=("highway-env",), most_steps=60, step_s=STEP_S)

@@ -19,19 +19,14 @@ class Four:
     """Connect four as a ParallelEnv: whoever is not to move is asked too, and what it says is ignored."""
 
     possible_agents = ("player_0", "player_1")
-    metadata: dict[str, Any] = {"name": "four"}  # noqa: RUF012
     render_mode = "rgb_array"
+    metadata: dict[str, Any] = {"name": "four"}  # noqa: RUF012
 
     def __init__(self) -> None:
         self._game, self.agents = connect_four_v3.raw_env(self.render_mode), list[str]()
-
-    def observation_space(self, _: str) -> Box:
-        """Own discs, then the other's."""
-        return Box(0.0, 1.0, (84,), np.float32)
-
-    def action_space(self, _: str) -> Discrete:
-        """A column; of full ones the nearest that is not is taken."""
-        return Discrete(7)
+        # Own discs, then the other's; a column, for which the nearest that is not full is taken.
+        self.observation_space = lambda _: Box(0.0, 1.0, (84,), np.float32)
+        self.action_space = lambda _: Discrete(7)
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """As of ParallelEnv."""
