@@ -1,10 +1,13 @@
 """CartPole of gym 0.25 in an interpreter of its own, with numpy below 1.24: its pins are older than ours.
 
 python -m venv old && old/bin/pip install gym==0.25.2 "numpy<1.24"
-OLD_GYM=old/bin/python nathlon evaluate runs/pole --world examples/worlds/old_gym.py:world
+OLD_GYM=$PWD/old/bin/python nathlon evaluate runs/old_gym-1 --world examples/worlds/old_gym.py:world
 """
 
 import os
+from typing import Any
+
+import gymnasium
 
 from nathlon import GymnasiumWorld
 
@@ -14,3 +17,8 @@ world = GymnasiumWorld(
     packages=("gym",),
     most_steps=500,
 )
+
+
+def pole() -> Any:
+    """The same pole of today's Gymnasium, for training."""
+    return gymnasium.make("CartPole-v1")

@@ -38,6 +38,7 @@ TASKS = {
     "four": Task("Four", 24_000, ("player_0", "player_1")),
     "circuit": Task("Circuit", 8_000, ("car_0",)),
     "carracing": Task("drive", 4_000),
+    "old_gym": Task("pole", 12_000),
 }
 CHECKPOINTS = 12
 
