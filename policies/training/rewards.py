@@ -26,7 +26,7 @@ from nathlon.sim.track import SECTION
 
 PASSING_AHEAD_M = 40.0
 PASSING_BEHIND_M = 20.0
-CONTACTS = ("contact", "rear_end", "unsporting")
+CONTACTS = ("contact", "rear_end", "unsporting", "at_fault")
 """Components that charge contacts with cars."""
 EXPRESSION = "expression"
 """The component that an expression gives; its weight is 1."""
@@ -64,6 +64,7 @@ class RewardWeights(BaseModel):
     contact: float = 0.0
     rear_end: float = 0.0
     unsporting: float = 0.0
+    at_fault: float = 0.0
     off_course_in: dict[str, Annotated[float, Field(ge=0)]] = {}
     expression: Annotated[str, AfterValidator(_readable)] | None = None
 
@@ -174,6 +175,11 @@ def unsporting(
     return penalty
 
 
+def at_fault(before: Records, after: Records) -> Rewards:
+    """Minus the contacts begun that the stewards lay to the car; not among the components of the reference."""
+    return (before["contacts_at_fault"] - after["contacts_at_fault"]).astype(np.float64)
+
+
 def _speed_squared(cars: Records) -> Rewards:
     return cars["velocity_x"] ** 2 + cars["velocity_y"] ** 2
 
@@ -226,6 +232,7 @@ class Reward:
             "contact": contact(after),
             "rear_end": rear_end(contacts, where, after.shape),
             "unsporting": unsporting(contacts, where, self._curved, after.shape),
+            "at_fault": at_fault(before, after),
             **own,
         }
 

@@ -193,6 +193,7 @@ class TestReward:
         assert components["unsporting"][0].tolist() == [0.0, -1.0]
         assert components["rear_end"][0] == pytest.approx([0.0, -100.0], rel=0.1)
         assert components["contact"][0].tolist() == [-1.0, -1.0]
+        assert components["at_fault"][0].tolist() == [0.0, -1.0]
 
     def test_an_expression_stands_alone_or_beside_the_weights_that_are_given(self) -> None:
         text = "0.1 * progress / m - 2 * (lateral > 3 * m)"
