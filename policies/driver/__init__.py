@@ -25,17 +25,20 @@ from nathlon.sim.car import Car, load_car, with_grip
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.physics.chassis import AIR_DENSITY
-from nathlon.sim.track import TANGENT_X, TANGENT_Y, Track, X, Y, load_track
+from nathlon.sim.track import TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, Track, X, Y, load_track
 
 CARE = 0.9
 """Share of the grip found in practice that a driver uses among others and off its line."""
 ASIDE_M = 1.0
 """Its speeds there hold for a line moved so far to either side."""
+TURNING_CIRCLE = 1.2
+"""Radius of a turn at full lock, beside that of wheels that roll without slip."""
 
 
 def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Temper) -> Knowledge:
     left, right = room_aside(track)
     body, limits = car.body, envelope(car)
+    wheelbase = body.front_axle_m + body.rear_axle_m
     asides = [
         profile(track, line.offset + aside, limits, CARE * line.grip) for aside in (-ASIDE_M, 0.0, ASIDE_M)
     ]
@@ -50,6 +53,8 @@ def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Tempe
         direction=np.unwrap(np.arctan2(track.table[:, TANGENT_Y], track.table[:, TANGENT_X])),
         left=left,
         right=right,
+        wall_left=track.table[:, WALL_LEFT].copy(),
+        wall_right=track.table[:, WALL_RIGHT].copy(),
         path=line.path,
         steering=plan(line, car, limits, pace),
         limits=limits,
@@ -59,6 +64,7 @@ def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Tempe
         a=body.front_axle_m,
         b=body.rear_axle_m,
         full_lock=car.steering.full_lock_rad,
+        turning_circle=TURNING_CIRCLE * wheelbase / np.tan(car.steering.full_lock_rad),
         peak_slip=car.tyre.peak_slip_angle_rad[1],
         downforce=0.5 * AIR_DENSITY * car.aero.downforce_area_m2 / body.mass_kg,
         draught_loss=car.aero.draught_downforce_share,

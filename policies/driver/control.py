@@ -9,6 +9,7 @@ import numpy as np
 from nathlon.policies.driver.knowledge import Knowledge, Layout, along, clip
 from nathlon.policies.driver.speed_profile import at_speed, corner_limit, demand, look_up
 from nathlon.policies.driver.traffic import mind_others
+from nathlon.policies.driver.turning import OVERHANG_M, turn_round
 from nathlon.sim.kernel import inlined, kernel
 from nathlon.sim.observation import CENTRE, LINES
 from nathlon.sim.physics.chassis import GRAVITY
@@ -40,7 +41,9 @@ NO_BRAKES = 0.85
 nothing: braking unloads the rear axle, and in a turn that begins then its slip quadruples in 0.4 s."""
 SPIN_RAD = 0.5
 """Beyond this angle to the line, or of sideslip, the driver slows down to turn round."""
-TURNING_SPEED = 5.0
+SLIDING_M_S = 8.0
+"""Beyond this speed it only brakes."""
+TURNING_SPEED = 4.5
 TURNING_PEDAL = 0.35
 
 
@@ -187,9 +190,18 @@ def drive_one(
         pedal *= clip((NO_BRAKES - sliding) / (NO_BRAKES - ALL_BRAKES), 0.0, 1.0)
     else:
         pedal *= clip(2.0 - sliding, 0.1, 1.0)
+    steering = clip(angle / knows.full_lock, -1.0, 1.0)
     if abs(sideslip) > SPIN_RAD or abs(course) > SPIN_RAD:
-        pedal = -1.0 if abs(velocity) > TURNING_SPEED else TURNING_PEDAL
-    return pedal, clip(angle / knows.full_lock, -1.0, 1.0), aside, drift
+        pedal = -1.0
+        if abs(velocity) < SLIDING_M_S:
+            pedal = clip(TURNING_SPEED - abs(velocity), -1.0, 1.0) * TURNING_PEDAL
+            turned = heading - along(knows.heading, distance, knows.spacing)
+            turned = math.atan2(math.sin(turned), math.cos(turned))
+            if abs(turned) > SPIN_RAD:
+                room_left = along(knows.wall_left, distance, knows.spacing) - lateral - OVERHANG_M
+                room_right = along(knows.wall_right, distance, knows.spacing) + lateral - OVERHANG_M
+                steering = turn_round(turned, room_left, room_right, knows.turning_circle)
+    return pedal, steering, aside, drift
 
 
 @kernel

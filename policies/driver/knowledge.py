@@ -62,6 +62,8 @@ class Knowledge(NamedTuple):
     direction: NDArray[np.float64]
     left: NDArray[np.float64]  # room beside it for a move off the line
     right: NDArray[np.float64]
+    wall_left: NDArray[np.float64]  # from the centre line to the walls
+    wall_right: NDArray[np.float64]
     path: Path
     steering: Steering
     limits: Envelope
@@ -71,6 +73,7 @@ class Knowledge(NamedTuple):
     a: float  # centre of mass to the axles
     b: float
     full_lock: float
+    turning_circle: float  # radius of the way round at walking pace
     peak_slip: float
     downforce: float  # m/s^2 for each (m/s)^2
     draught_loss: float  # share of it lost in full slipstream

@@ -15,6 +15,7 @@ from nathlon.policies.driver.margins import room
 from nathlon.policies.driver.practice import LEAST_GRIP, practise
 from nathlon.policies.driver.racing_line import minimum_time
 from nathlon.policies.driver.speed_profile import Profile, corner_limit, path_of, profile
+from nathlon.policies.driver.turning import turn_round
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.sim.car import load_car
@@ -132,6 +133,42 @@ def test_a_race_of_eight_drivers_is_finished_by_most() -> None:
     rows: list[list[Policy]] = [[Driver("lindenring", "gt3", pace) for pace in np.linspace(0.92, 1.0, 8)]]
     run(world, rows, 170.0)
     assert np.isfinite(world.state["finish_s"][0]).sum() >= 6
+
+
+@pytest.mark.parametrize(
+    ("turned", "left", "right", "expected"),
+    [
+        pytest.param(1.0, 20.0, 20.0, -1.0, id="the short way"),
+        pytest.param(-1.0, 20.0, 20.0, 1.0, id="the short way, mirrored"),
+        pytest.param(2.2, 8.0, 20.0, 1.0, id="away from a wall, though it is the long way"),
+        pytest.param(3.0, 2.0, 20.0, 1.0, id="through the wider side"),
+        pytest.param(3.0, 20.0, 2.0, -1.0, id="through the wider side, mirrored"),
+        pytest.param(np.pi - 0.4, 7.0, 9.0, 0.0, id="nearer to one side first"),
+        pytest.param(np.pi, 7.0, 9.0, -2.0 * np.sin(0.4), id="nearer to the left first"),
+    ],
+)
+def test_turns_where_there_is_room(turned: float, left: float, right: float, expected: float) -> None:
+    assert turn_round(turned, left, right, 8.0) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("heading", [1.5, -2.2, np.pi])
+def test_drives_on_from_rest_whichever_way_it_faces(heading: float) -> None:
+    track = load_track("lindenring")
+    lateral = np.array([4.0, 0.0, -4.0])
+    world = World(track, load_car("gt3"), 3, 1)
+    for race in range(3):
+        world.reset(
+            race,
+            Start(
+                distance=np.array([300.0]),
+                lateral=lateral[race : race + 1],
+                heading=np.array([heading]),
+                speed=np.zeros(1),
+                finish=np.array([np.inf]),
+            ),
+        )
+    run(world, [[Driver("lindenring", "gt3")]] * 3, 20.0)
+    assert (world.state["progress"] > 400.0).all()
 
 
 def test_worn_tyres_and_a_slipstream_slow_the_driver_down() -> None:
