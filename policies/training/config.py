@@ -117,11 +117,13 @@ class PolishSettings(Section):
         rate: of Adam at first; it falls by half a cosine to a twentieth.
         batch: steps of cars in a minibatch.
         deviation: of the noise on pedals and steering.
+        teacher: policy that is imitated where cars are lost, such as `driver`.
     """
 
     rate: Annotated[float, Field(gt=0, le=1)] = 5e-5
     batch: Count = 8192
     deviation: tuple[Deviation, Deviation] = (0.04, 0.015)
+    teacher: str | None = None
 
 
 class ObservationSettings(Section):

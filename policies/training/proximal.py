@@ -17,6 +17,8 @@ from nathlon.policies.training.trial import Driven
 
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
+HEED = 100.0
+"""Weight of lessons beside the loss of PPO, whose gradients have the size of one over a deviation."""
 LEAST_SLOPE, UTMOST = 0.1, 0.9993
 """Of the tangent, and the action beyond which it has its own."""
 
@@ -100,17 +102,22 @@ class Proximal:
         Returns:
             how many updates that made.
         """
-        seen, means, noise, advantage = (
+        seen, means, noise, advantage, lessons = (
             torch.from_numpy(np.concatenate(parts)) for parts in zip(*driven, strict=True)
         )
         for group in self._adam.param_groups:
             group["lr"] = rate
+        taught = bool((~lessons.isnan()).any())
         order = torch.from_numpy(rng.permutation(len(seen)))
         batches = max(1, len(order) // batch)
         for rows in order[: batches * batch].chunk(batches):
-            moved = (self.means(seen[rows]) - means[rows]) / self._deviation
+            now = self.means(seen[rows])
+            moved = (now - means[rows]) / self._deviation
+            loss = proximal_loss(moved, noise[rows], advantage[rows])
+            if taught:
+                loss = loss + HEED * imitation_loss(now, means[rows], lessons[rows])
             self._adam.zero_grad()
-            torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
+            torch.autograd.backward(loss)
             self._adam.step()
         return batches
 
@@ -183,3 +190,12 @@ def proximal_loss(moved: Tensor, noise: Tensor, advantage: Tensor) -> Tensor:
     ratio = (moved * noise - 0.5 * moved.square()).sum(dim=1).exp()
     clipped = ratio.clamp(1.0 - CLIP, 1.0 + CLIP)
     return -torch.minimum(ratio * advantage, clipped * advantage).mean()
+
+
+def imitation_loss(means: Tensor, before: Tensor, lessons: Tensor) -> Tensor:
+    """Mean square of how far means (n, actions) are from lessons (n, actions).
+
+    Where these are nan, from what they were `before`, so that what is learnt where cars are lost does not
+    spill over to where they are not.
+    """
+    return (means - torch.where(lessons.isnan(), before, lessons)).square().sum(dim=1).mean()

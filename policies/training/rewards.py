@@ -176,7 +176,7 @@ def unsporting(
 
 
 def at_fault(before: Records, after: Records) -> Rewards:
-    """Minus the contacts begun that the stewards lay to the car; not among the components of the reference."""
+    """-1 for each contact begun that the stewards lay to the car; not among those of the reference."""
     return (before["contacts_at_fault"] - after["contacts_at_fault"]).astype(np.float64)
 
 

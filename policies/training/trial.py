@@ -2,6 +2,8 @@
 
 What goes wrong is driven again by groups of its own, from shortly before, with bolder noise: it happens too
 seldom to be learnt from otherwise, and too much alike.
+
+Where cars are lost, noise of their own does not show the way back. There a teacher says what to do.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.rewards import CONTACTS, Reward
 from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of, tells_pace
+from nathlon.policies.training.teacher import Teacher
 from nathlon.sim.episode import Episodes
 from nathlon.sim.instruments import Instruments
 
@@ -53,12 +56,14 @@ class Driven(NamedTuple):
         noise: (n, 2) float32, of the actions, in deviations; where it was bolder, over the square of the
             boldness, since that is what the gradient of its density goes by.
         advantage: (n,) float32, in deviations.
+        lesson: (n, 2) float32, what the teacher would have done; nan where nobody asks.
     """
 
     seen: Array
     means: Array
     noise: Array
     advantage: Array
+    lesson: Array
 
 
 class Drive(NamedTuple):
@@ -115,6 +120,8 @@ class Trial:
         world = self._episodes.world
         self._reward = Reward(weights, Instruments(world.track, world.car, self._episodes.step_s))
         self._cars, self._alone = len(self._env.races), tells_pace(scenario)
+        teacher = config.polish.teacher
+        self._teacher = Teacher(teacher, pair, self._env) if teacher else None
 
     def drive(self, act: Act, rng: np.random.Generator) -> Drive:
         """Drive all races once, with noise; then some again, from moments before what went wrong.
@@ -147,7 +154,7 @@ class Trial:
         length, until = round(length_s / step_s), round((length_s - UNTOLD_S) / step_s)
         shape = (length, self._cars)
         seen = np.empty((*shape, self._env.seen.shape[1]), np.float32)
-        means = np.empty((*shape, 2), np.float32)
+        means, lessons = np.empty((*shape, 2), np.float32), np.full((*shape, 2), np.nan, np.float32)
         noise = lasting(rng.standard_normal((*shape, 2), np.float32), kept)
         rewards, charges, driving = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
         motion = np.empty((*shape, len(MOTION)))
@@ -157,6 +164,8 @@ class Trial:
             motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
             driving[step] = cars["driving"]
             seen[step], means[step] = self._env.seen, act(self._env.seen)
+            if self._teacher:
+                lessons[step] = self._teacher.lesson(cars)
             rewards[step], charges[step] = self._step(
                 np.clip(means[step] + boldness * self._deviation * noise[step], -1.0, 1.0)
             )
@@ -168,8 +177,8 @@ class Trial:
         told = driving[:until]
         advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
         advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
-        seen, means, noise = (each[:until][told] for each in (seen, means, noise))
-        driven = Driven(seen, means, noise / boldness, advantage.astype(np.float32))
+        seen, means, noise, lessons = (each[:until][told] for each in (seen, means, noise, lessons))
+        driven = Driven(seen, means, noise / boldness, advantage.astype(np.float32), lessons)
         speed = float((self._progress - begun).mean()) / length_s
         return Drive((driven,), reward, speed, int(driving.sum()), self._cars, self._alone)
 
@@ -190,6 +199,7 @@ class Trial:
             self._env.seat(range(GROUP * self._starts), np.tile(who, (GROUP, 1)))
         seeds = rng.integers(2**63, size=self._starts).tolist() * GROUP
         self._env.start(range(len(seeds)), map(np.random.default_rng, seeds))
+        self._forget()
         self._episodes.world.state["finish"] = np.inf  # so that who is faster goes farther, not home
         self._episodes.limit_s[:] = np.inf
 
@@ -202,7 +212,12 @@ class Trial:
         moments = {int(race): failures[which[race]].moment for race in races}
         self._episodes.world.state["driving"] = False
         self._env.start(list(moments), map(np.random.default_rng, moments), moments)
+        self._forget()
         self._episodes.limit_s[:] = np.inf
+
+    def _forget(self) -> None:
+        if self._teacher:
+            self._teacher.forget()
 
     def _step(self, actions: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Rewards of a step with actions (cars, 2), without contacts and of these alone, (cars,) each."""

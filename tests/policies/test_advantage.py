@@ -120,7 +120,7 @@ def learner() -> Proximal:
 def some(work: Proximal) -> Driven:
     """Actions of which those with less steering brought more."""
     seen, noise = drawn(7, 500, 5).astype(np.float32), drawn(8, 500, 2).astype(np.float32)
-    return Driven(seen, work.network(seen), noise, -noise[:, 1])
+    return Driven(seen, work.network(seen), noise, -noise[:, 1], np.full_like(noise, np.nan))
 
 
 def test_the_policy_moves_to_what_brought_more() -> None:
@@ -131,6 +131,21 @@ def test_the_policy_moves_to_what_brought_more() -> None:
     moved = (work.network(driven.seen) - driven.means) / DEVIATION
     assert moved[:, 1].mean() < -0.02
     assert abs(moved[:, 0].mean()) < 0.5 * abs(moved[:, 1].mean())
+
+
+def test_the_policy_moves_to_what_the_teacher_does_and_stays_elsewhere() -> None:
+    work = learner()
+    driven = some(work)
+    lessons = driven.lesson.copy()
+    lessons[:250] = 0.5
+    driven.seen[:250] += 3.0
+    before = work.network(driven.seen)
+    driven = driven._replace(means=before, advantage=0.0 * driven.advantage, lesson=lessons)
+    for _ in range(100):
+        work.improve([driven], 3e-3, 8192, np.random.default_rng(0))
+    now = work.network(driven.seen)
+    assert np.abs(now[:250] - 0.5).mean() < 0.25 * np.abs(before[:250] - 0.5).mean()
+    assert np.abs(now - before)[250:].mean() < 0.5 * np.abs(now - before)[:250].mean()
 
 
 def test_going_on_from_its_tensors_is_the_same() -> None:

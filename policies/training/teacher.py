@@ -1,0 +1,53 @@
+"""A teacher: a policy that says what it would do in the place of a car that is lost.
+
+A policy that has come to brake where it is lost never finds the way back by noise of its own: all of its
+group stand still alike. The teacher's actions are imitated there (DAgger, Ross et al., AISTATS 2011): the
+policy drives, and is told at each step what the teacher would do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nathlon.policies.apart import load_guest
+from nathlon.policies.environments.opponents import Opponent, OpponentWrapper
+from nathlon.policies.policy import Batch
+from nathlon.policies.training.mistakes import ASTRAY_RAD
+from nathlon.policies.training.pairs import Pair
+
+SLOW_M_S = 10.0
+"""Speed up to which a car may be lost: who is faster has not stopped sliding yet."""
+
+
+def lost(cars: NDArray[np.void]) -> NDArray[np.bool_]:
+    """Which cars (CAR_STATE of any shape) crawl, and face away from the road, are off it or at a wall."""
+    slow = np.hypot(cars["velocity_x"], cars["velocity_y"]) < SLOW_M_S
+    return slow & ((np.abs(cars["heading_error"]) > ASTRAY_RAD) | cars["off_course"] | cars["wall_contact"])
+
+
+class Teacher:
+    """Looks on from the cars that are driven from outside."""
+
+    def __init__(self, policy: str, pair: Pair, env: OpponentWrapper) -> None:
+        """A policy by its name, and the races in which it looks on.
+
+        Raises:
+            InputError: if it is not known or cannot be read.
+        """
+        known = load_guest(pair.wise(policy), pair.circuit, pair.car)
+        view = env.episodes.watch(known.observation_spec, env.races, env.cars)
+        self._everywhere = np.arange(len(env.cars))
+        self._policy = Opponent(known, view, env.episodes.world, env.races, env.cars)
+
+    def forget(self) -> None:
+        """Start afresh, as the races do."""
+        self._policy.forget(self._everywhere)
+
+    def lesson(self, cars: NDArray[np.void]) -> Batch:
+        """What it would do, (n, 2); nan for cars that are not lost.
+
+        Args:
+            cars: (n,) CAR_STATE.
+        """
+        return np.where(lost(cars)[:, None], self._policy.act(self._everywhere), np.float32(np.nan))
