@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
-from nathlon.policies.environments.opponents import Opponent, OpponentWrapper
+from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.policy import Batch
 from nathlon.policies.training.mistakes import ASTRAY_RAD
 from nathlon.policies.training.pairs import Pair
@@ -35,14 +35,13 @@ class Teacher:
         Raises:
             InputError: if it is not known or cannot be read.
         """
-        known = load_guest(pair.wise(policy), pair.circuit, pair.car)
-        view = env.episodes.watch(known.observation_spec, env.races, env.cars)
-        self._everywhere = np.arange(len(env.cars))
-        self._policy = Opponent(known, view, env.episodes.world, env.races, env.cars)
+        self._policy = load_guest(pair.wise(policy), pair.circuit, pair.car)
+        self._world, self._races, self._cars = env.episodes.world, env.races, env.cars
+        self.forget()
 
     def forget(self) -> None:
         """Start afresh, as the races do."""
-        self._policy.forget(self._everywhere)
+        self._memory = self._policy.initial_memory(len(self._cars))
 
     def lesson(self, cars: NDArray[np.void]) -> Batch:
         """What it would do, (n, 2); nan for cars that are not lost.
@@ -50,4 +49,9 @@ class Teacher:
         Args:
             cars: (n,) CAR_STATE.
         """
-        return np.where(lost(cars)[:, None], self._policy.act(self._everywhere), np.float32(np.nan))
+        lesson = np.full((len(cars), 2), np.nan, np.float32)
+        asked = np.flatnonzero(lost(cars))
+        if len(asked):
+            seen = self._world.observe(self._policy.observation_spec, self._races[asked], self._cars[asked])
+            lesson[asked], self._memory[asked] = self._policy.act(seen, self._memory[asked])
+        return lesson
