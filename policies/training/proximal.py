@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn.functional import linear
+from torch.nn.functional import linear, smooth_l1_loss
 
 from nathlon.policies.checkpoint import ENCODER
 from nathlon.policies.mlp import EncodedMlp, Mlp
@@ -17,8 +17,12 @@ from nathlon.policies.training.trial import Driven
 
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
-HEED = 100.0
-"""Weight of lessons beside the loss of PPO, whose gradients have the size of one over a deviation."""
+LESSON_PASSES, LESSON_BATCH, LESSON_RATE = 4, 1024, 2e-4
+"""How often a teacher's lessons of a round are gone through, rows of a minibatch, and Adam's rate."""
+HELD = 2
+"""Rows without a lesson for each with one, whose actions are held meanwhile."""
+NEAR = 0.05
+"""Error of an action up to which it counts by its square, and beyond which in proportion."""
 LEAST_SLOPE, UTMOST = 0.1, 0.9993
 """Of the tangent, and the action beyond which it has its own."""
 
@@ -107,19 +111,39 @@ class Proximal:
         )
         for group in self._adam.param_groups:
             group["lr"] = rate
-        taught = bool((~lessons.isnan()).any())
-        order = torch.from_numpy(rng.permutation(len(seen)))
+        # Lessons alone count where there are any: who faces back is paid for standing still.
+        order = torch.from_numpy(rng.permutation(np.flatnonzero(lessons.isnan().all(dim=1).numpy())))
         batches = max(1, len(order) // batch)
         for rows in order[: batches * batch].chunk(batches):
-            now = self.means(seen[rows])
-            moved = (now - means[rows]) / self._deviation
-            loss = proximal_loss(moved, noise[rows], advantage[rows])
-            if taught:
-                loss = loss + HEED * imitation_loss(now, means[rows], lessons[rows])
+            moved = (self.means(seen[rows]) - means[rows]) / self._deviation
             self._adam.zero_grad()
-            torch.autograd.backward(loss)
+            torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
             self._adam.step()
-        return batches
+        return batches + self._study(seen, lessons, rng)
+
+    def _study(self, seen: Tensor, lessons: Tensor, rng: np.random.Generator) -> int:
+        """Imitate the lessons (n, 2), and hold the actions at some of the rows where they are nan.
+
+        Returns:
+            how many updates that made.
+        """
+        taught = ~lessons.isnan().any(dim=1).numpy()
+        told, others = np.flatnonzero(taught), np.flatnonzero(~taught)
+        if not len(told):
+            return 0
+        held = rng.choice(others, min(HELD * len(told), len(others)), replace=False)
+        seen = seen[np.concatenate([told, held])]
+        with torch.no_grad():
+            target = torch.cat([lessons[told], self.means(seen[len(told) :])])
+        adam = torch.optim.Adam(self._all, LESSON_RATE)
+        updates = 0
+        for _ in range(LESSON_PASSES):
+            for rows in torch.split(torch.from_numpy(rng.permutation(len(seen))), LESSON_BATCH):
+                adam.zero_grad()
+                torch.autograd.backward(smooth_l1_loss(self.means(seen[rows]), target[rows], beta=NEAR))
+                adam.step()
+                updates += 1
+        return updates
 
     def average(self, share: float) -> None:
         """Move the average of the layers towards them as they are.
@@ -190,12 +214,3 @@ def proximal_loss(moved: Tensor, noise: Tensor, advantage: Tensor) -> Tensor:
     ratio = (moved * noise - 0.5 * moved.square()).sum(dim=1).exp()
     clipped = ratio.clamp(1.0 - CLIP, 1.0 + CLIP)
     return -torch.minimum(ratio * advantage, clipped * advantage).mean()
-
-
-def imitation_loss(means: Tensor, before: Tensor, lessons: Tensor) -> Tensor:
-    """Mean square of how far means (n, actions) are from lessons (n, actions).
-
-    Where these are nan, from what they were `before`, so that what is learnt where cars are lost does not
-    spill over to where they are not.
-    """
-    return (means - torch.where(lessons.isnan(), before, lessons)).square().sum(dim=1).mean()
