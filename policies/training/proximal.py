@@ -17,7 +17,7 @@ from nathlon.policies.training.trial import Driven
 
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
-LESSON_PASSES, LESSON_BATCH, LESSON_RATE = 4, 1024, 2e-4
+LESSON_PASSES, LESSON_BATCH, LESSON_RATE = 10, 1024, 5e-4
 """How often a teacher's lessons of a round are gone through, rows of a minibatch, and Adam's rate."""
 HELD = 2
 """Rows without a lesson for each with one, whose actions are held meanwhile."""

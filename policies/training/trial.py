@@ -3,7 +3,8 @@
 What goes wrong is driven again by groups of its own, from shortly before, with bolder noise: it happens too
 seldom to be learnt from otherwise, and too much alike.
 
-Where cars are lost, noise of their own does not show the way back. There a teacher says what to do.
+Where cars are lost, noise of their own does not show the way back. There a teacher says what to do, and where
+all begin lost, each race has a start of its own: lessons want many places, not many tries.
 """
 
 from __future__ import annotations
@@ -122,6 +123,7 @@ class Trial:
         self._cars, self._alone = len(self._env.races), tells_pace(scenario)
         teacher = config.polish.teacher
         self._teacher = Teacher(teacher, pair, self._env) if teacher else None
+        self._lessons_only = bool(self._teacher and getattr(scenario.start, "spun_share", 0.0))
 
     def drive(self, act: Act, rng: np.random.Generator) -> Drive:
         """Drive all races once, with noise; then some again, from moments before what went wrong.
@@ -177,6 +179,8 @@ class Trial:
         told = driving[:until]
         advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
         advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
+        if self._lessons_only:
+            advantage[:] = 0.0  # no two races left the same start
         seen, means, noise, lessons = (each[:until][told] for each in (seen, means, noise, lessons))
         driven = Driven(seen, means, noise / boldness, advantage.astype(np.float32), lessons)
         speed = float((self._progress - begun).mean()) / length_s
@@ -197,7 +201,8 @@ class Trial:
         if others:
             who = self._population.draw(self._starts * others, rng).reshape(self._starts, others)
             self._env.seat(range(GROUP * self._starts), np.tile(who, (GROUP, 1)))
-        seeds = rng.integers(2**63, size=self._starts).tolist() * GROUP
+        differing = GROUP * self._starts if self._lessons_only else self._starts
+        seeds = np.resize(rng.integers(2**63, size=differing), GROUP * self._starts).tolist()
         self._env.start(range(len(seeds)), map(np.random.default_rng, seeds))
         self._forget()
         self._episodes.world.state["finish"] = np.inf  # so that who is faster goes farther, not home

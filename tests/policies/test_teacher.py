@@ -74,6 +74,18 @@ def test_the_teacher_is_asked_where_cars_are_lost_and_says_what_it_would_do(
     np.testing.assert_allclose(own.lesson[asked], own.means[asked], atol=1e-5)
 
 
+def test_with_a_teacher_races_that_begin_lost_begin_apart_and_only_lessons_count(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, value in {"GROUP": 4, "HORIZON_S": 3.0, "UNTOLD_S": 2.9}.items():
+        monkeypatch.setattr(trial, name, value)
+    taught, alone = recovery("driver"), recovery(None)
+    assert not taught.advantage.any()
+    assert alone.advantage.any()
+    assert len(np.unique(taught.seen, axis=0)) == 32  # eight starts of four races each
+    assert len(np.unique(alone.seen, axis=0)) == 8
+
+
 def test_an_unknown_teacher_is_refused() -> None:
     settings = config("professor")
     with pytest.raises(InputError, match="professor"):
