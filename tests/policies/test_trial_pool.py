@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
@@ -33,7 +34,8 @@ def test_it_does_not_matter_how_many_processes_drive() -> None:
         try:
             found.append(list(pool.drive(plans, network)))
             if pool._processes:
-                pool._processes.submit(os._exit, 1)
+                with pytest.raises(BrokenProcessPool):
+                    pool._processes.submit(os._exit, 1).result()
                 with pytest.raises(InputError, match="a worker process has ended"):
                     list(pool.drive(plans, network))
         finally:
