@@ -141,7 +141,7 @@ def test_the_policy_moves_to_what_the_teacher_does_and_stays_elsewhere() -> None
     driven.seen[:250] += 3.0
     driven = driven._replace(advantage=0.0 * driven.advantage, lesson=lessons)
     before = work.network(driven.seen)
-    for _ in range(60):
+    for _ in range(12):
         work.improve([driven], 1e-4, 8192, np.random.default_rng(0))
     apart, was = (np.abs(means - 0.5)[:250].mean() for means in (work.network(driven.seen), before))
     moved = np.abs(work.network(driven.seen) - before)
