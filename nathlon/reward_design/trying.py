@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import polars as pl
 
 from nathlon.arena.recording import write_recording
-from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
-from nathlon.policies.policy import Batch
+from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.evaluation import evaluate_laps
 from nathlon.policies.training.log import CURVE_FILE, Status
-from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.run_folder import CHECKPOINTS, CONFIG_FILE
 from nathlon.policies.training.state import STATE_FILE, load_state
 from nathlon.policies.training.trainer import Trainer
@@ -90,10 +86,10 @@ def look(folder: Path, name: str, studio: Studio, seed: int) -> Tried:
         write_recording(folder / RECORDING, logs[0])
         clips.save(folder / CLIPS)
     last = next((point for point in reversed(curve(folder)) if point.updates == policy.card.step), None)
-    if last is None:  # killed while it drove its last time trials, after it had kept its state
-        pair = Pair(studio.circuit, studio.car)
-        found = evaluate_laps(pair, policy.observation_spec, partial(_act, policy), seed)
-        last = Point(policy.card.step, found.lap_s, found.off_course_share)
+    if last is None:
+        raise InputError(
+            f"{folder / CURVE_FILE}: lacks update {policy.card.step}, expected the last checkpoint's"
+        )
     lap_s = None if math.isnan(last.lap_s) else last.lap_s
     return Tried(checkpoint, lap_s, last.off_course_share, Clips.load(folder / CLIPS))
 
@@ -105,8 +101,3 @@ def curve(folder: Path) -> tuple[Point, ...]:
         return ()
     rows = pl.read_csv(path).select("updates", "lap_s", "off_course_share").iter_rows()
     return tuple(Point(int(updates), float(lap_s), float(share)) for updates, lap_s, share in rows)
-
-
-def _act(policy: NetworkPolicy, seen: Batch) -> Batch:
-    actions, _ = policy.act(seen, policy.initial_memory(len(seen)))
-    return actions

@@ -15,6 +15,9 @@ from torch.utils.tensorboard import SummaryWriter
 
 from nathlon.policies.training.evaluation import LapEvaluation
 from nathlon.policies.training.stint import Tally
+from nathlon.sim.errors import InputError
+from nathlon.sim.untrusted_file import read_text
+from nathlon.sim.whole_file import whole_file
 
 CURVE_FILE = "curve.csv"
 CURVE = ("updates", "transitions", "wall_s", "lap_s", "off_course_share", "mean_q", "entropy")
@@ -35,9 +38,17 @@ class Status:
 class TrainingLog:
     """The log of one run; to be closed."""
 
-    def __init__(self, folder: Path) -> None:
-        """A log that goes on with what the folder holds."""
+    def __init__(self, folder: Path, updates: int) -> None:
+        """A log that goes on with what the folder holds of a run that has come so far.
+
+        A process that was killed may have added a row to the curve that its state knows nothing of; it goes.
+
+        Raises:
+            InputError: if the curve cannot be read or written.
+        """
         self._curve = folder / CURVE_FILE
+        if self._curve.exists():
+            _cut(self._curve, updates)
         self._writer = SummaryWriter(str(folder / "tensorboard"))
         self._laps: deque[float] = deque(maxlen=LATELY)
         self._tally = Tally()
@@ -90,3 +101,16 @@ class TrainingLog:
         for name, value in scalars.items():
             if math.isfinite(value):
                 self._writer.add_scalar(name, value, updates)
+
+
+def _cut(curve: Path, updates: int) -> None:
+    """Remove what a curve says of more updates than these."""
+    lines = read_text(curve, "curve of a training run").splitlines(keepends=True)
+    kept = [line for line in lines if not (at := line.split(",")[0]).isdecimal() or int(at) <= updates]
+    if len(kept) == len(lines):
+        return
+    try:
+        with whole_file(curve) as partial:
+            partial.write_text("".join(kept), "utf-8", newline="")
+    except OSError as error:
+        raise InputError(f"{curve}: cannot be written: {error.strerror}") from None

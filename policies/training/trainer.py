@@ -72,7 +72,7 @@ class Trainer:
             facts=self._spec.facts,
         )
         self.replay = _tables(config)
-        self.updates = self.transitions = 0
+        self.updates = self.transitions = self._checkpointed = 0
         self._wall_s = 0.0
         self._owed = 0
         self._metrics: dict[str, torch.Tensor] = {}
@@ -137,6 +137,7 @@ class Trainer:
         except InputError as error:
             raise InputError(f"{self.folder}: of another run: {error}") from None
         self.updates, self.transitions, self._wall_s = state.updates, state.transitions, state.wall_s
+        self._checkpointed = state.updates
         self._rng.bit_generator.state = state.rng
 
     def run(
@@ -157,7 +158,8 @@ class Trainer:
                 checkpoint and the last state are left as they are.
         """
         pairs, self._evaluated = ready_pairs(self.folder, self.config, on_pair)
-        log, workers = TrainingLog(self.folder), self._worker_pool(pairs, make_workers)
+        log = TrainingLog(self.folder, self.updates)
+        workers = self._worker_pool(pairs, make_workers)
         began, first = time.perf_counter() - self._wall_s, self.updates
         started, next_log = time.perf_counter(), self.updates
         try:
@@ -169,7 +171,7 @@ class Trainer:
                 self._update()
                 if self.updates % self.config.refresh_every == 0:
                     workers.tell(self._news())
-                if self.updates % self.config.checkpoint_every == 0:
+                if self._checkpoint_is_due:
                     self._checkpoint(log)
                     workers.tell(self._news())
                 if self.updates >= next_log:
@@ -179,6 +181,8 @@ class Trainer:
                     on_status(log.progress(self.updates, self.transitions, rate, self._metrics))
             self._save()
         except KeyboardInterrupt:
+            if self._checkpoint_is_due:
+                self._checkpoint(log)
             self._save()
             raise
         finally:
@@ -224,6 +228,10 @@ class Trainer:
         self.updates += count
         self._owed -= count
 
+    @property
+    def _checkpoint_is_due(self) -> bool:
+        return self.updates % self.config.checkpoint_every == 0 and self.updates > self._checkpointed
+
     def _check_metrics(self) -> None:
         for name, value in self._metrics.items():
             if not math.isfinite(value):
@@ -234,6 +242,10 @@ class Trainer:
                 )
 
     def _checkpoint(self, log: TrainingLog) -> None:
+        """Write a checkpoint, a row of the curve and the state.
+
+        The state comes last: who goes on from it finds the others, whenever this process was killed.
+        """
         config = self.config
         self._check_metrics()
         card = Card(
@@ -254,12 +266,13 @@ class Trainer:
             save_checkpoint(path, self.learner.policy_tensors(), card)
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-        self._save_state()
         laps = mean_laps(
             evaluate_laps(pair, self._spec, lambda seen: self.learner.act(seen, stochastic=False), self.seed)
             for pair in self._evaluated
         )
+        self._checkpointed = self.updates
         log.checkpoint(self.updates, self.transitions, self._wall_s, laps, self._metrics)
+        self._save_state()
 
     def _save(self) -> None:
         self._save_state()

@@ -120,18 +120,12 @@ def test_a_design_that_was_stopped_comes_to_the_same(whole: Design, films: Path,
     assert went_on.final == whole.final
 
 
-def test_a_training_that_was_killed_in_its_last_time_trials_is_measured(
-    whole: Design, tmp_path: Path
-) -> None:
+def test_a_training_without_its_curve_is_named(whole: Design, tmp_path: Path) -> None:
     folder = tmp_path / "copy"
     shutil.copytree(whole.folder, folder)
     (folder / "final" / "curve.csv").unlink()
-    again = run(Design(folder, whole.settings))
-    assert again.final is not None
-    assert whole.final is not None
-    assert again.final.lap_s is whole.final.lap_s is None
-    assert again.final.lap_off_course == pytest.approx(whole.final.lap_off_course, abs=0.02)
-    assert drawing(again).winner is not None
+    with pytest.raises(InputError, match=r"final/curve\.csv: lacks update \d+, expected"):
+        run(Design(folder, whole.settings))
 
 
 def test_a_folder_is_that_of_one_design(whole: Design, films: Path) -> None:

@@ -12,6 +12,7 @@ import torch
 
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training import rewards
+from nathlon.policies.training import trainer as training
 from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.pairs import Pair
@@ -95,6 +96,30 @@ def test_resume_goes_on_from_the_stop(tmp_path: Path) -> None:
         assert tensor.equal(stopped[name]), name
     train(again)
     assert again.updates == SMALL.updates
+
+
+@pytest.mark.parametrize("place", ["evaluate_laps", "save_checkpoint", "save_state"])
+@pytest.mark.parametrize("end", [RuntimeError, KeyboardInterrupt])
+def test_the_curve_is_whole_wherever_a_run_stops(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, end: type[BaseException]
+) -> None:
+    """The first error stands for a process that is killed: nothing is kept after it."""
+    config = changed(updates=12, checkpoint_every=4)
+    run = Trainer.start(tmp_path, config, seed=1)
+    original = getattr(training, place)
+    calls = iter(range(100))
+
+    def stop(*args: object) -> object:
+        if next(calls) == 1:
+            raise end
+        return original(*args)
+
+    monkeypatch.setattr(training, place, stop)
+    with pytest.raises(end):
+        train(run)
+    train(Trainer.resume(tmp_path))
+    rows = [line.split(",")[0] for line in (tmp_path / "curve.csv").read_text().splitlines()]
+    assert rows == ["updates", "4", "8", "12"]
 
 
 def test_a_run_may_start_from_the_networks_of_another(tmp_path: Path) -> None:

@@ -97,14 +97,15 @@ class RunActor:
     def report(self) -> Report:
         """Where the run stands, and what it has written.
 
-        But for its configuration, whose opponents lie elsewhere here, and the replay tables.
+        But for its configuration, whose opponents lie elsewhere here, and the replay tables. The state is
+        read first: what is beside it is then no older, though the run goes on meanwhile.
         """
         from nathlon.policies.training.run_folder import CONFIG_FILE
-        from nathlon.policies.training.state import REPLAY_FILE
+        from nathlon.policies.training.state import REPLAY_FILE, STATE_FILE
 
         folder = Path(self._folder.name)
         files = {}
-        for path in sorted(folder.rglob("[!.]*")):
+        for path in sorted(folder.rglob("[!.]*"), key=lambda path: (path.name != STATE_FILE, path)):
             name, found = str(path.relative_to(folder)), path.stat()
             mark = found.st_mtime_ns, found.st_size
             if path.is_dir() or name in (CONFIG_FILE, REPLAY_FILE) or self._told.get(name) == mark:

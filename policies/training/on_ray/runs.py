@@ -103,10 +103,13 @@ class _Training:
             self._check()
 
     def _write(self, trainee: _Trainee, report: Report, on_status: OnStatus) -> None:
-        """Put down what a run has written, and tell where it stands."""
+        """Put down what a run has written, and tell where it stands.
+
+        The state comes last, as where it was made: who goes on from it finds the others.
+        """
         folder = trainee.run.folder
         try:
-            for name, content in report.files.items():
+            for name, content in sorted(report.files.items(), key=lambda file: file[0] == STATE_FILE):
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 with whole_file(folder / name) as partial:
                     partial.write_bytes(content)
