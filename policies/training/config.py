@@ -117,7 +117,7 @@ class PolishSettings(Section):
         rate: of Adam at first; it falls by half a cosine to a twentieth.
         batch: steps of cars in a minibatch.
         deviation: of the noise on pedals and steering.
-        teacher: policy that is imitated where cars are lost, such as `driver`.
+        teacher: policy that is imitated where cars are lost, such as `driver`; then rewards do not count.
     """
 
     rate: Annotated[float, Field(gt=0, le=1)] = 5e-5

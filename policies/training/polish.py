@@ -4,6 +4,9 @@ In each round many cars leave the same starts and drive with noise of their own.
 others of its group is laid to its actions (`nathlon.policies.training.advantage`), and the policy moves
 towards those that brought more (`nathlon.policies.training.proximal`).
 
+With a teacher it learns from this one alone instead (`nathlon.policies.training.lessons`): each race has a
+start of its own, and what it earns does not count.
+
 The races are those of a training configuration, in its proportions but for demonstrations; what went wrong in
 them is driven again in the shares of its `mistakes`. What counts is its reward, but for the price on swinging
 the steering: it is there because critics do not see what that costs.
@@ -12,7 +15,7 @@ the steering: it is there because critics do not see what that costs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -27,12 +30,15 @@ from nathlon.policies.checkpoint import (
     save_checkpoint,
 )
 from nathlon.policies.replay_buffer.tables import apportion
+from nathlon.policies.training.actor import Actor
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import evaluate_laps, mean_laps
+from nathlon.policies.training.lessons import study
 from nathlon.policies.training.pairs import PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
-from nathlon.policies.training.proximal import Proximal
+from nathlon.policies.training.proximal import improve
 from nathlon.policies.training.state import STATE_FILE
+from nathlon.policies.training.trial import Driven
 from nathlon.policies.training.trial_pool import Plan, TrialPool
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
@@ -103,7 +109,8 @@ class Polish:
             "seed": str(seed),
         }
         self._weights: NDArray[np.float64] | None = None
-        self._learner = Proximal(load_checkpoint(checkpoint).network, config.polish.deviation)
+        self._origin = load_checkpoint(checkpoint).network
+        self._actor = Actor(self._origin)
         self.rounds = self.updates = self.transitions = 0
         self._curve = np.zeros((0, len(CURVE)))
         state = load_state(folder, self._facts)
@@ -111,7 +118,7 @@ class Polish:
             self.rounds, self.updates, self.transitions = state.rounds, state.updates, state.transitions
             self._curve = state.curve
             try:
-                self._learner.load(state.learner)
+                self._actor.load(state.learner)
             except KeyError as missing:
                 raise InputError(f"{folder / STATE_FILE}: tensor {missing} is missing") from None
             self._weights = state.weights
@@ -147,7 +154,7 @@ class Polish:
                     self.rounds,
                     self.updates,
                     self.transitions,
-                    self._learner.tensors(),
+                    self._actor.tensors(),
                     self._draw.weights,
                     self._curve,
                 ),
@@ -159,18 +166,24 @@ class Polish:
         """Drive, and improve on it; the mean reward of a car."""
         rng = np.random.default_rng([self._seed, self.rounds])
         plans = self._plans(rng)
-        drives = list(pool.drive(plans, self._learner.network))
+        drives = list(pool.drive(plans, self._actor.network))
         for plan, drive in zip(plans, drives, strict=True):
             if drive.alone:
                 self._draw.note(plan.pair, drive.speed)
         driven = [each for drive in drives for each in drive.driven]
         left = 0.5 + 0.5 * math.cos(math.pi * self.rounds / self._total)
         rate = self._config.polish.rate * (FINAL_RATE + (1.0 - FINAL_RATE) * left)
-        self.updates += self._learner.improve(driven, rate, self._config.polish.batch, rng)
+        self.updates += self._learn(driven, rate, rng)
         self.rounds += 1
-        self._learner.average(max(1.0 / self.rounds, AVERAGED))
+        self._actor.average(max(1.0 / self.rounds, AVERAGED))
         self.transitions += sum(drive.steps for drive in drives)
         return float(np.average([drive.reward for drive in drives], weights=[drive.cars for drive in drives]))
+
+    def _learn(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> int:
+        settings = self._config.polish
+        if settings.teacher:
+            return study(self._actor, self._origin, driven, rate, settings.batch, rng)
+        return improve(self._actor, driven, settings.deviation, rate, settings.batch, rng)
 
     def _plans(self, rng: np.random.Generator) -> list[Plan]:
         """The trials of a round; of a variety each start is on a pair of its own."""
@@ -183,7 +196,7 @@ class Polish:
 
     def _checkpoint(self, reward: float) -> None:
         tensors = dict(self._tensors)
-        for name, layer in self._learner.averages():
+        for name, layer in self._actor.averages():
             tensors[name] = tensors[name].copy()
             tensors[name][..., : layer.shape[-1]] = layer  # the last one's deviations are left alone
         scenarios = (

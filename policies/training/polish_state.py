@@ -29,7 +29,7 @@ class PolishState(NamedTuple):
 
     Attributes:
         rounds, updates, transitions: done so far.
-        learner: what `Proximal.tensors` gave.
+        learner: what `Actor.tensors` gave.
         weights: (pairs,) of the draw of pairs.
         curve: (checkpoints, 6) what `CURVE` names.
     """

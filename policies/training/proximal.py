@@ -2,205 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn.functional import linear, smooth_l1_loss
 
-from nathlon.policies.checkpoint import ENCODER
-from nathlon.policies.mlp import EncodedMlp, Mlp
+from nathlon.policies.training.actor import Actor
 from nathlon.policies.training.trial import Driven
 
 CLIP = 0.2
 """Of the ratio of probabilities: beyond 1 -+ this an action counts no more."""
-LESSON_PASSES, LESSON_BATCH, LESSON_RATE = 10, 1024, 5e-4
-"""How often a teacher's lessons of a round are gone through, rows of a minibatch, and Adam's rate."""
-HELD = 2
-"""Rows without a lesson for each with one, whose actions are held meanwhile."""
-NEAR = 0.05
-"""Error of an action up to which it counts by its square, and beyond which in proportion."""
-LEAST_SLOPE, UTMOST = 0.1, 0.9993
-"""Of the tangent, and the action beyond which it has its own."""
 
 
-class Saturating(torch.autograd.Function):
-    """The hyperbolic tangent, with a slope that lets go of what saturates.
+def improve(
+    actor: Actor,
+    driven: Sequence[Driven],
+    deviation: Sequence[float],
+    rate: float,
+    batch: int,
+    rng: np.random.Generator,
+) -> int:
+    """Go once through all that was driven, in minibatches.
 
-    Its own slope all but ends where a pedal is down, so that no return could lift a foot. Further out than
-    `UTMOST` nothing is pushed, so that it stays within reach.
+    Args:
+        actor: has driven, and is improved.
+        driven: what is left over of the last minibatch is not used.
+        deviation: of the noise on each action.
+        rate: of Adam.
+        batch: rows of a minibatch.
+        rng: draws the order.
+
+    Returns:
+        how many updates that made.
     """
-
-    @staticmethod
-    def forward(context: Any, sums: Tensor) -> Tensor:
-        means = torch.tanh(sums)
-        context.save_for_backward(means)
-        return means
-
-    @staticmethod
-    def backward(context: Any, gradient: Tensor) -> Tensor:
-        (means,) = context.saved_tensors
-        slope = 1.0 - means.square()
-        outward = (gradient * means < 0.0) & (means.abs() > UTMOST)
-        return gradient * torch.where(outward, slope, slope.clamp(min=LEAST_SLOPE))
-
-
-class Proximal:
-    """The layers of a policy's mean actions and their optimiser.
-
-    Attributes:
-        layers: weight (in, out) and bias (out,) of each, float32.
-        encoder: the same of the encoder; empty where there is none.
-    """
-
-    def __init__(self, network: Mlp | EncodedMlp, deviation: Sequence[float]) -> None:
-        """Copies of a network's layers, to be improved.
-
-        Args:
-            network: the policy.
-            deviation: of the noise on each of its actions.
-        """
-        self._deviation = torch.tensor(deviation)
-        trunk = network.network if isinstance(network, EncodedMlp) else network
-        self.layers = _parameters(trunk)
-        self.encoder = _parameters(network.encoder) if isinstance(network, EncodedMlp) else []
-        self._facts = network.facts if isinstance(network, EncodedMlp) else 0
-        self._all = [tensor for layer in (*self.layers, *self.encoder) for tensor in layer]
-        self._averages = [tensor.detach().clone() for tensor in self._all]
-        self._adam = torch.optim.Adam(self._all)
-
-    @property
-    def network(self) -> Mlp | EncodedMlp:
-        """The layers as they are, to drive with."""
-        trunk = Mlp(_arrays(self.layers), "relu", "tanh")
-        if not self.encoder:
-            return trunk
-        return EncodedMlp(Mlp(_arrays(self.encoder), "relu", "relu"), trunk, self._facts)
-
-    def means(self, seen: Tensor) -> Tensor:
-        """Mean actions (n, 2) for observations (n, size)."""
-        *hidden, (weight, bias) = self.layers
-        layer = seen
-        if self.encoder:
-            facts = seen[:, -self._facts :]
-            for each, shift in self.encoder:
-                facts = torch.relu(linear(facts, each.T, shift))
-            layer = torch.cat([seen[:, : -self._facts], facts], dim=1)
-        for each, shift in hidden:
-            layer = torch.relu(linear(layer, each.T, shift))
-        means: Tensor = Saturating.apply(linear(layer, weight.T, bias))
-        return means
-
-    def improve(self, driven: Sequence[Driven], rate: float, batch: int, rng: np.random.Generator) -> int:
-        """Go once through all that was driven, in minibatches.
-
-        Args:
-            driven: of the policy as it is; what is left over of the last minibatch is not used.
-            rate: of Adam.
-            batch: rows of a minibatch.
-            rng: draws the order.
-
-        Returns:
-            how many updates that made.
-        """
-        seen, means, noise, advantage, lessons = (
-            torch.from_numpy(np.concatenate(parts)) for parts in zip(*driven, strict=True)
-        )
-        for group in self._adam.param_groups:
-            group["lr"] = rate
-        # Lessons alone count where there are any: who faces back is paid for standing still.
-        order = torch.from_numpy(rng.permutation(np.flatnonzero(lessons.isnan().all(dim=1).numpy())))
-        batches = max(1, len(order) // batch)
-        for rows in order[: batches * batch].chunk(batches):
-            moved = (self.means(seen[rows]) - means[rows]) / self._deviation
-            self._adam.zero_grad()
-            torch.autograd.backward(proximal_loss(moved, noise[rows], advantage[rows]))
-            self._adam.step()
-        return batches + self._study(seen, lessons, rng)
-
-    def _study(self, seen: Tensor, lessons: Tensor, rng: np.random.Generator) -> int:
-        """Imitate the lessons (n, 2), and hold the actions at some of the rows where they are nan.
-
-        Returns:
-            how many updates that made.
-        """
-        taught = ~lessons.isnan().any(dim=1).numpy()
-        told, others = np.flatnonzero(taught), np.flatnonzero(~taught)
-        if not len(told):
-            return 0
-        held = rng.choice(others, min(HELD * len(told), len(others)), replace=False)
-        seen = seen[np.concatenate([told, held])]
-        with torch.no_grad():
-            target = torch.cat([lessons[told], self.means(seen[len(told) :])])
-        adam = torch.optim.Adam(self._all, LESSON_RATE)
-        updates = 0
-        for _ in range(LESSON_PASSES):
-            for rows in torch.split(torch.from_numpy(rng.permutation(len(seen))), LESSON_BATCH):
-                adam.zero_grad()
-                torch.autograd.backward(smooth_l1_loss(self.means(seen[rows]), target[rows], beta=NEAR))
-                adam.step()
-                updates += 1
-        return updates
-
-    def average(self, share: float) -> None:
-        """Move the average of the layers towards them as they are.
-
-        Args:
-            share: of the way, in 0..1.
-        """
-        for average, tensor in zip(self._averages, self._all, strict=True):
-            average.lerp_(tensor.detach(), share)
-
-    def averages(self) -> Iterator[tuple[str, NDArray[np.float32]]]:
-        """The average of the layers, by the names that they have in a checkpoint."""
-        averages = iter(self._averages)
-        for prefix, layers in (("", self.layers), (ENCODER, self.encoder)):
-            for index in range(len(layers)):
-                yield f"{prefix}{index}.weight", next(averages).numpy()
-                yield f"{prefix}{index}.bias", next(averages).numpy()
-
-    def tensors(self) -> dict[str, Tensor]:
-        """Layers, their average and the optimiser's state, by name."""
-        tensors = {}
-        for index, tensor in enumerate(self._all):
-            tensors[f"parameter.{index}"] = tensor.detach().clone()
-            tensors[f"average.{index}"] = self._averages[index].clone()
-            for name, value in self._adam.state[tensor].items():
-                tensors[f"adam.{index}.{name}"] = value.clone()
-        return tensors
-
-    def load(self, tensors: Mapping[str, Tensor]) -> None:
-        """Go on from what `tensors` gave.
-
-        Raises:
-            KeyError: if one is missing.
-            ValueError: if one is of another shape.
-        """
-        for index, tensor in enumerate(self._all):
-            found, average = tensors[f"parameter.{index}"], tensors[f"average.{index}"]
-            moments = {name: tensors[f"adam.{index}.{name}"] for name in ("step", "exp_avg", "exp_avg_sq")}
-            shapes = {each.shape for each in (found, average, moments["exp_avg"], moments["exp_avg_sq"])}
-            if shapes != {tensor.shape}:
-                raise ValueError(f"parameter.{index}")
-            tensor.data.copy_(found)
-            self._averages[index].copy_(average)
-            self._adam.state[tensor] = moments
-
-
-def _parameters(network: Mlp) -> list[tuple[Tensor, Tensor]]:
-    return [
-        (torch.from_numpy(weight.copy()).requires_grad_(), torch.from_numpy(bias.copy()).requires_grad_())
-        for weight, bias in network.layers
-    ]
-
-
-def _arrays(
-    layers: Sequence[tuple[Tensor, Tensor]],
-) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
-    return tuple((weight.detach().numpy(), bias.detach().numpy()) for weight, bias in layers)
+    seen, means, noise, advantage, _ = (
+        torch.from_numpy(np.concatenate(parts)) for parts in zip(*driven, strict=True)
+    )
+    order = torch.from_numpy(rng.permutation(len(seen)))
+    batches = max(1, len(order) // batch)
+    for rows in order[: batches * batch].chunk(batches):
+        moved = (actor.means(seen[rows]) - means[rows]) / torch.tensor(deviation)
+        actor.step(proximal_loss(moved, noise[rows], advantage[rows]), rate)
+    return batches
 
 
 def proximal_loss(moved: Tensor, noise: Tensor, advantage: Tensor) -> Tensor:

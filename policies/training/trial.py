@@ -3,8 +3,8 @@
 What goes wrong is driven again by groups of its own, from shortly before, with bolder noise: it happens too
 seldom to be learnt from otherwise, and too much alike.
 
-Where cars are lost, noise of their own does not show the way back. There a teacher says what to do, and where
-all begin lost, each race has a start of its own: lessons want many places, not many tries.
+Where cars are lost, noise of their own does not show the way back. A teacher says what to do there, if there
+is one. Then each race has a start of its own: lessons want many places, not many tries.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Driven(NamedTuple):
         means: (n, 2) float32, actions without noise.
         noise: (n, 2) float32, of the actions, in deviations; where it was bolder, over the square of the
             boldness, since that is what the gradient of its density goes by.
-        advantage: (n,) float32, in deviations.
+        advantage: (n,) float32, in deviations; nought with a teacher.
         lesson: (n, 2) float32, what the teacher would have done; nan where nobody asks.
     """
 
@@ -123,7 +123,6 @@ class Trial:
         self._cars, self._alone = len(self._env.races), tells_pace(scenario)
         teacher = config.polish.teacher
         self._teacher = Teacher(teacher, pair, self._env) if teacher else None
-        self._lessons_only = bool(self._teacher and getattr(scenario.start, "spun_share", 0.0))
 
     def drive(self, act: Act, rng: np.random.Generator) -> Drive:
         """Drive all races once, with noise; then some again, from moments before what went wrong.
@@ -174,13 +173,14 @@ class Trial:
             if failures:
                 failures.watch()
         reward = float((rewards + charges).sum(axis=0).mean())
-        returns, charges = discounted(rewards, DISCOUNT), discounted(charges, CONTACT_DISCOUNT)
-        advantage = advantages(*(self._grouped(each[:until]) for each in (returns, charges, motion)))
         told = driving[:until]
-        advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
-        advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
-        if self._lessons_only:
-            advantage[:] = 0.0  # no two races left the same start
+        if self._teacher:
+            advantage = np.zeros(int(told.sum()))
+        else:
+            returns, charges = discounted(rewards, DISCOUNT), discounted(charges, CONTACT_DISCOUNT)
+            advantage = advantages(*(self._grouped(each[:until]) for each in (returns, charges, motion)))
+            advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
+            advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
         seen, means, noise, lessons = (each[:until][told] for each in (seen, means, noise, lessons))
         driven = Driven(seen, means, noise / boldness, advantage.astype(np.float32), lessons)
         speed = float((self._progress - begun).mean()) / length_s
@@ -201,7 +201,7 @@ class Trial:
         if others:
             who = self._population.draw(self._starts * others, rng).reshape(self._starts, others)
             self._env.seat(range(GROUP * self._starts), np.tile(who, (GROUP, 1)))
-        differing = GROUP * self._starts if self._lessons_only else self._starts
+        differing = GROUP * self._starts if self._teacher else self._starts
         seeds = np.resize(rng.integers(2**63, size=differing), GROUP * self._starts).tolist()
         self._env.start(range(len(seeds)), map(np.random.default_rng, seeds))
         self._forget()

@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from nathlon.policies.mlp import Mlp
+from nathlon.policies.training.actor import LEAST_SLOPE, UTMOST, Actor, Saturating
 from nathlon.policies.training.advantage import OUTLYING, advantages, discounted
-from nathlon.policies.training.proximal import CLIP, LEAST_SLOPE, UTMOST, Proximal, Saturating, proximal_loss
+from nathlon.policies.training.lessons import study
+from nathlon.policies.training.proximal import CLIP, improve, proximal_loss
 from nathlon.policies.training.trial import Driven
 
 NONE = np.zeros(32)
@@ -108,16 +110,16 @@ def test_what_saturates_can_be_unlearnt(at: float, push: float) -> None:
 DEVIATION = (0.04, 0.015)
 
 
-def learner() -> Proximal:
+def learner() -> Actor:
     widths = (5, 16, 2)
     layers = [
         (drawn(i, a, b).astype(np.float32) * 0.3, np.zeros(b, np.float32))
         for i, (a, b) in enumerate(pairwise(widths))
     ]
-    return Proximal(Mlp(tuple(layers), "relu", "tanh"), DEVIATION)
+    return Actor(Mlp(tuple(layers), "relu", "tanh"))
 
 
-def some(work: Proximal) -> Driven:
+def some(work: Actor) -> Driven:
     """Actions of which those with less steering brought more."""
     seen, noise = drawn(7, 500, 5).astype(np.float32), drawn(8, 500, 2).astype(np.float32)
     return Driven(seen, work.network(seen), noise, -noise[:, 1], np.full_like(noise, np.nan))
@@ -127,48 +129,48 @@ def test_the_policy_moves_to_what_brought_more() -> None:
     work = learner()
     driven = some(work)
     for _ in range(5):
-        work.improve([driven], 1e-4, 8192, np.random.default_rng(0))
+        improve(work, [driven], DEVIATION, 1e-4, 8192, np.random.default_rng(0))
     moved = (work.network(driven.seen) - driven.means) / DEVIATION
     assert moved[:, 1].mean() < -0.02
     assert abs(moved[:, 0].mean()) < 0.5 * abs(moved[:, 1].mean())
 
 
 def test_the_policy_moves_to_what_the_teacher_does_and_stays_elsewhere() -> None:
+    work, origin = learner(), learner().network
+    driven = some(work)
+    driven.lesson[:100] = 0.5
+    driven.seen[:100] += 10.0
+    for _ in range(100):
+        study(work, origin, [driven], 1e-3, 64, np.random.default_rng(0))
+    before, after = origin(driven.seen), work.network(driven.seen)
+    assert np.abs(after - 0.5)[:100].mean() < 0.1 * np.abs(before - 0.5)[:100].mean()
+    assert np.abs(after - before)[100:].mean() < 0.1 * np.abs(after - before)[:100].mean()
+
+
+def test_who_has_moved_goes_back_to_where_it_was_before_its_lessons() -> None:
+    work, origin = learner(), learner().network
+    driven = some(work)
+    for _ in range(5):
+        improve(work, [driven], DEVIATION, 1e-3, 64, np.random.default_rng(0))
+    apart = np.abs(work.network(driven.seen) - origin(driven.seen)).mean()
+    driven.lesson[:50] = origin(driven.seen[:50])
+    for _ in range(100):
+        study(work, origin, [driven], 1e-3, 64, np.random.default_rng(0))
+    assert np.abs(work.network(driven.seen) - origin(driven.seen)).mean() < 0.2 * apart
+
+
+def test_without_lessons_nothing_is_learnt() -> None:
     work = learner()
-    driven = some(work)
-    lessons = driven.lesson.copy()
-    lessons[:250] = 0.5
-    driven.seen[:250] += 3.0
-    driven = driven._replace(advantage=0.0 * driven.advantage, lesson=lessons)
-    before = work.network(driven.seen)
-    for _ in range(12):
-        work.improve([driven], 1e-4, 8192, np.random.default_rng(0))
-    apart, was = (np.abs(means - 0.5)[:250].mean() for means in (work.network(driven.seen), before))
-    moved = np.abs(work.network(driven.seen) - before)
-    assert apart < 0.5 * was
-    assert moved[250:].mean() < 0.5 * moved[:250].mean()
-
-
-def test_rewards_do_not_count_where_there_are_lessons() -> None:
-    work, other = learner(), learner()
-    driven = some(work)
-    lessons = driven.lesson.copy()
-    lessons[:250] = 0.5
-    advantage = driven.advantage.copy()
-    advantage[:250] = 100.0
-    for each, earned in ((work, driven.advantage), (other, advantage)):
-        told = driven._replace(advantage=earned, lesson=lessons)
-        each.improve([told], 1e-3, 8192, np.random.default_rng(0))
-    assert np.array_equal(work.network(driven.seen), other.network(driven.seen))
+    assert study(work, work.network, [some(work)], 1e-3, 64, np.random.default_rng(0)) == 0
 
 
 def test_going_on_from_its_tensors_is_the_same() -> None:
     work, other = learner(), learner()
     driven = some(work)
-    work.improve([driven], 1e-3, 8192, np.random.default_rng(0))
+    improve(work, [driven], DEVIATION, 1e-3, 8192, np.random.default_rng(0))
     other.load(work.tensors())
     for each in (work, other):
-        each.improve([driven], 1e-3, 8192, np.random.default_rng(1))
+        improve(each, [driven], DEVIATION, 1e-3, 8192, np.random.default_rng(1))
     assert np.array_equal(work.network(driven.seen), other.network(driven.seen))
     with pytest.raises(KeyError):
         other.load({})

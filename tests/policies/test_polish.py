@@ -249,8 +249,8 @@ def test_a_checkpoint_is_an_average_of_rounds(tmp_path: Path) -> None:
     averages: list[np.ndarray] = []
 
     def on_round(_: polish.Round) -> None:
-        rounds.append(work._learner.layers[0][0].detach().numpy().copy())
-        averages.append(dict(work._learner.averages())["0.weight"].copy())
+        rounds.append(work._actor.layers[0][0].detach().numpy().copy())
+        averages.append(dict(work._actor.averages())["0.weight"].copy())
 
     work.run(on_round)
     expected = np.mean(rounds[:10], axis=0)
