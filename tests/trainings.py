@@ -1,4 +1,6 @@
-"""A training of seconds, for the tests of commands that train."""
+"""Trainings of seconds, for the tests of commands that train, and of polishing."""
+
+from nathlon.policies.training.config import TrainingConfig
 
 TOML = """
 circuit = "lindenring"
@@ -36,3 +38,16 @@ passing = 0.5
 """
 CHECKPOINTS = (2, 4)
 """Updates after which it leaves one."""
+
+
+def polishing(*rollouts: dict, **more: object) -> TrainingConfig:
+    """A configuration for polishing on the Lindenring, which has no use for what is common to it.
+
+    Args:
+        rollouts: scenarios and who drives in them.
+        more: sections and fields.
+    """
+    unused = ("updates", "updates_per_step", "warm_up", "replay", "checkpoint_every")
+    return TrainingConfig.model_validate(
+        {"circuit": "lindenring", "car": "gt3", "rollouts": rollouts, **dict.fromkeys(unused, 1), **more}
+    )

@@ -26,25 +26,12 @@ from nathlon.publishing.curves import find_curves
 from nathlon.sim.errors import InputError
 from tests.command_line import nathlon, refused
 from tests.refusals import refusal
+from tests.trainings import polishing
 
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
-COMMON = {
-    "circuit": "lindenring",
-    "car": "gt3",
-    "updates": 1,
-    "updates_per_step": 1,
-    "warm_up": 1,
-    "replay": 1,
-}
-
-
-def config(*rollouts: dict, **more: object) -> TrainingConfig:
-    return TrainingConfig.model_validate({**COMMON, "checkpoint_every": 1, "rollouts": rollouts, **more})
-
-
 HOME = Pair("lindenring", "gt3")
-ALONE = config({"scenario": "1v0", "races": 1, "learners": 1})
-TRAFFIC = config({"scenario": "1v1", "races": 1, "learners": 1, "opponents": ["driver", "self", "past"]})
+ALONE = polishing({"scenario": "1v0", "races": 1, "learners": 1})
+TRAFFIC = polishing({"scenario": "1v1", "races": 1, "learners": 1, "opponents": ["driver", "self", "past"]})
 
 
 @pytest.fixture
@@ -166,7 +153,7 @@ def test_a_charge_is_laid_to_what_led_there(
 
     monkeypatch.setattr(Reward, "components", charged)
     monkeypatch.setattr(trial, "advantages", told)
-    drive(config({"scenario": "1v0", "races": 1, "learners": 1}, reward={component: 2.0}))
+    drive(polishing({"scenario": "1v0", "races": 1, "learners": 1}, reward={component: 2.0}))
     (values,) = laid
     assert values.shape == (20, 2, 4)  # steps that are told, starts, group
     np.testing.assert_allclose(values[:16, 0, 0], -2.0 * discount ** np.arange(15, -1, -1))
@@ -179,7 +166,7 @@ def test_reward_is_what_the_configuration_counts(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(trial, "GROUP", 2)
     rollouts = {"scenario": "1v0", "races": 1, "learners": 1}
     earned = [
-        drive(config(rollouts, reward={"progress": weight, "off_course": 0.0, "steering": price}))[1]
+        drive(polishing(rollouts, reward={"progress": weight, "off_course": 0.0, "steering": price}))[1]
         for weight, price in ((1.0, 0.0), (0.5, 0.0), (1.0, 10.0))
     ]
     assert earned[0] == pytest.approx(2.0 * earned[1])
@@ -307,7 +294,7 @@ def test_a_checkpoint_of_another_circuit_is_refused(tmp_path: Path) -> None:
     with refusal(elsewhere, "circuit is porto-sereno, expected lindenring"):
         Polish(elsewhere, ALONE, tmp_path / "out", 2, seed=3)
     assert not (tmp_path / "out").exists()
-    shown = config({**ALONE.rollouts[0].model_dump(), "demonstrators": ["driver"]})
+    shown = polishing({**ALONE.rollouts[0].model_dump(), "demonstrators": ["driver"]})
     with pytest.raises(InputError, match=r"all rollouts .* are demonstrations"):
         Polish(CHECKPOINT, shown, tmp_path / "out", 2, seed=3)
 

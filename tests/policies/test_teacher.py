@@ -14,29 +14,18 @@ from nathlon.policies.training.teacher import lost
 from nathlon.policies.training.trial import Trial
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
+from tests.trainings import polishing
 
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
 HOME = Pair("lindenring", "gt3")
 
 
-def config(teacher: str | None) -> TrainingConfig:
-    return TrainingConfig.model_validate(
-        {
-            "circuit": "lindenring",
-            "car": "gt3",
-            "updates": 1,
-            "updates_per_step": 1,
-            "warm_up": 1,
-            "replay": 1,
-            "checkpoint_every": 1,
-            "polish": {"teacher": teacher},
-            "rollouts": [{"scenario": "recovery", "races": 1, "learners": 1}],
-        }
-    )
+def taught_by(teacher: str | None) -> TrainingConfig:
+    return polishing({"scenario": "recovery", "races": 1, "learners": 1}, polish={"teacher": teacher})
 
 
 def recovery(teacher: str | None) -> trial.Driven:
-    settings = config(teacher)
+    settings = taught_by(teacher)
     races = Trial(settings, settings.rollouts[0], HOME, 8, CHECKPOINT)
     (driven,) = races.drive(load_checkpoint(CHECKPOINT).network, np.random.default_rng(2)).driven
     return driven
@@ -87,6 +76,6 @@ def test_with_a_teacher_races_that_begin_lost_begin_apart_and_only_lessons_count
 
 
 def test_an_unknown_teacher_is_refused() -> None:
-    settings = config("professor")
+    settings = taught_by("professor")
     with pytest.raises(InputError, match="professor"):
         Trial(settings, settings.rollouts[0], HOME, 1, CHECKPOINT)

@@ -10,22 +10,18 @@ import pytest
 
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import load_checkpoint
-from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.trial import GROUP, Drive
 from nathlon.policies.training.trial_pool import Plan, TrialPool
 from nathlon.sim.errors import InputError
+from tests.trainings import polishing
 
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
 
 
 def test_it_does_not_matter_how_many_processes_drive() -> None:
     """And one that ends is no traceback."""
-    rollouts = {"scenario": "1v0", "races": 1, "learners": 1}
-    given = {"updates": 1, "updates_per_step": 1, "warm_up": 1, "replay": 1, "checkpoint_every": 1}
-    config = TrainingConfig.model_validate(
-        {"circuit": "lindenring", "car": "gt3", "rollouts": [rollouts], **given}
-    )
+    config = polishing({"scenario": "1v0", "races": 1, "learners": 1})
     plans = [Plan(config.rollouts[0], Pair("lindenring", "gt3"), 1, seed) for seed in (1, 2)]
     network = load_checkpoint(CHECKPOINT).network
     found: list[list[Drive]] = []
