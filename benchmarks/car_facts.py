@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.progress import track
 
-from benchmarks.generalist import GENERALIST, HELD_OUT, pairs
+from benchmarks.generalist import HELD_OUT, bundled, pairs
 from benchmarks.result import write_result
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
 from nathlon.policies.mlp import EncodedMlp
@@ -158,7 +158,7 @@ def main() -> None:
     chosen = parser.parse_args()
     if importlib.util.find_spec("shap") is None:
         parser.error("the package shap is missing: pip install shap")
-    checkpoint = chosen.checkpoint or max(GENERALIST.glob("*.safetensors"))
+    checkpoint = chosen.checkpoint or bundled()
     try:
         rows = measure(checkpoint)
     except InputError as error:

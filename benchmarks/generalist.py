@@ -38,6 +38,7 @@ from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match
 from nathlon.arena.pool import run_matches
 from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.checkpoint import read_card
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.car_family import generate_car, write_car
 from nathlon.sim.errors import InputError
@@ -45,7 +46,6 @@ from nathlon.sim.track.generating import write_generated
 from nathlon.sim.track.importing import import_circuit
 from nathlon.sim.track.styles import STYLES
 
-GENERALIST = BUNDLED / "generalist"
 HELD_OUT = 1_000_000
 """Seed of the first circuit and car; trainings count from 0."""
 CIRCUITS = 6
@@ -55,6 +55,11 @@ OTHERS = f"{DRIVER}:pace=0.95"
 SEED = 4711
 
 Row = dict[str, Any]
+
+
+def bundled() -> Path:
+    """The generalist that has learnt longest of those that come with nathlon."""
+    return max((BUNDLED / "generalist").glob("*.safetensors"), key=lambda path: read_card(path).step)
 
 
 def pairs(folder: Path, real: Path | None, cars: int) -> list[tuple[str, str]]:
@@ -167,7 +172,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path, required=True, help="file for the figures")
     chosen = parser.parse_args()
-    checkpoint = str(chosen.checkpoint or max(GENERALIST.glob("*.safetensors")))
+    checkpoint = str(chosen.checkpoint or bundled())
     try:
         with tempfile.TemporaryDirectory() as folder:
             found = pairs(Path(folder), chosen.circuits, chosen.cars)
