@@ -24,8 +24,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.progress import track
 
-from benchmarks.generalist import HELD_OUT, bundled, pairs
+from benchmarks.generalist import HELD_OUT, pairs
 from benchmarks.result import write_result
+from nathlon.policies.bundled import generalist
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint
 from nathlon.policies.mlp import EncodedMlp
 from nathlon.sim.car import load_car
@@ -158,7 +159,7 @@ def main() -> None:
     chosen = parser.parse_args()
     if importlib.util.find_spec("shap") is None:
         parser.error("the package shap is missing: pip install shap")
-    checkpoint = chosen.checkpoint or bundled()
+    checkpoint = chosen.checkpoint or generalist()
     try:
         rows = measure(checkpoint)
     except InputError as error:

@@ -37,8 +37,7 @@ from benchmarks.time_trial import FLYING, TimeTrial, drive_alone, limits
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match
 from nathlon.arena.pool import run_matches
-from nathlon.policies.bundled import BUNDLED
-from nathlon.policies.checkpoint import read_card
+from nathlon.policies.bundled import generalist
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.car_family import generate_car, write_car
 from nathlon.sim.errors import InputError
@@ -55,11 +54,6 @@ OTHERS = f"{DRIVER}:pace=0.95"
 SEED = 4711
 
 Row = dict[str, Any]
-
-
-def bundled() -> Path:
-    """The generalist that has learnt longest of those that come with nathlon."""
-    return max((BUNDLED / "generalist").glob("*.safetensors"), key=lambda path: read_card(path).step)
 
 
 def pairs(folder: Path, real: Path | None, cars: int) -> list[tuple[str, str]]:
@@ -172,7 +166,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--json", type=Path, required=True, help="file for the figures")
     chosen = parser.parse_args()
-    checkpoint = str(chosen.checkpoint or bundled())
+    checkpoint = str(chosen.checkpoint or generalist())
     try:
         with tempfile.TemporaryDirectory() as folder:
             found = pairs(Path(folder), chosen.circuits, chosen.cars)

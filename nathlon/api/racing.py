@@ -68,7 +68,8 @@ def race(
     """Run one race. The entrants fill the grid in turn; two of them race as teams.
 
     Args:
-        entrants: checkpoints, `driver:pace=0.95`, `plugin:NAME`, `human:FILE` or objects, from pole in turn.
+        entrants: checkpoints, `generalist`, `driver:pace=0.95`, `plugin:NAME`, `human:FILE` or objects, from
+            pole in turn.
         scenario, circuit, car: shipped names or paths.
         seed: of all randomness.
         qualify: order the entrants by a flying lap first.

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 def race(
     entrants: Annotated[
         list[str],
-        typer.Argument(
-            help="Checkpoints, built-in drivers (driver:pace=0.95) or plugin:NAME, from pole in turn."
-        ),
+        typer.Argument(help="From pole in turn: checkpoints, generalist, driver:pace=0.95 or plugin:NAME."),
     ],
     scenario: Annotated[
         str, typer.Option(help="Name or path of the scenario, with settings if you like: race:laps=3.")

@@ -22,7 +22,8 @@ from nathlon.n_athlon import BatterySettings
 from nathlon.n_athlon.skill import load_skills, standing_tests
 from nathlon.pareto.filter import FilterSettings
 from nathlon.pareto.objective import OWN, RACE, Objective
-from nathlon.policies.sources import DRIVER, RANDOM
+from nathlon.policies.bundled import generalist
+from nathlon.policies.sources import DRIVER, GENERALIST, RANDOM
 from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
@@ -184,6 +185,8 @@ def read_config(path: Path) -> Config:
 
     def located(name: str) -> str:
         """A path from the configuration's folder; names of drivers, plug-ins and databases as they are."""
+        if name == GENERALIST:
+            return str(generalist())
         return name if ":" in name or name in (DRIVER, RANDOM) else os.path.abspath(root / name)
 
     def files(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -14,6 +14,8 @@ from nathlon.sim.names import printable
 DRIVER, PLUGIN, OBJECT, HUMAN, MPPI = "driver", "plugin", "object", "human", "mppi"
 """Kinds of policies; `KIND:NAME` is the source of one. HUMAN is what a person did, `human:FILE`; MPPI plans
 around a checkpoint, `mppi:FILE?objective=EXPRESSION`."""
+GENERALIST = "generalist"
+"""Name of the bundled checkpoint that drives any car on any circuit."""
 RANDOM = "random"
 """Source of the policy of other worlds that draws its actions."""
 COMPOSITE = ".toml"

@@ -7,8 +7,10 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from nathlon.policies.bundled import generalist
 from nathlon.policies.sources import (
     DRIVER,
+    GENERALIST,
     HUMAN,
     MPPI,
     OBJECT,
@@ -46,7 +48,9 @@ def checkpoints_below(folder: Path) -> list[Path]:
 
 
 def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]:
-    """The sources among what a user has given; a folder stands for all checkpoints below it.
+    """The sources among what a user has given.
+
+    A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon.
 
     Args:
         given: paths and names.
@@ -57,7 +61,9 @@ def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]
     """
     found: list[str] = []
     for one in map(str, given):
-        if one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir():
+        if one == GENERALIST:
+            found.append(str(generalist()))
+        elif one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir():
             inside = checkpoints_below(Path(one))
             if not inside:
                 raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")

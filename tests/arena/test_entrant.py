@@ -51,6 +51,15 @@ def test_a_folder_stands_for_all_policies_below_it(folder: Path) -> None:
         find_sources([folder / "empty"])
 
 
+def test_the_generalist_is_entered_by_its_name_for_any_circuit_and_car(pool: Pool) -> None:
+    sources = find_sources(["generalist", "driver"])
+    assert load_checkpoint(Path(sources[0])).card.circuit == "any"
+    assert trained_on(pool, sources) == ("lindenring", "gt3")
+    [entrant, _] = enter_all(pool, sources, "porto-sereno", "prototype")
+    assert entrant.name.startswith("generalist-")
+    assert (entrant.circuit, entrant.car) == ("porto-sereno", "prototype")
+
+
 def test_circuit_and_car_are_those_of_the_first_that_tells_them(folder: Path, pool: Pool) -> None:
     sources = [str(folder / "a.onnx"), str(folder / "b.safetensors")]
     assert trained_on(pool, ["plugin:any", "driver", *sources]) == ("lindenring", "gt3")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from nathlon.n_athlon.skill import SKILLS_FOLDER
-from nathlon.policies.bundled import BUNDLED
+from nathlon.policies.bundled import BUNDLED, generalist
 from nathlon.selection.config import read_config
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
@@ -100,3 +100,12 @@ def test_what_a_file_leaves_out_stays_a_default(tmp_path: Path) -> None:
     config = read_config(path)
     assert config.battery.model_fields_set == {"runs"}
     assert config.nightly.model_fields_set == {"incumbents"}
+
+
+def test_names_are_no_paths_but_the_generalists_is_that_of_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "nathlon.toml"
+    path.write_text('checkpoints = ["runs", "generalist"]\n[nightly]\nanchors = ["driver", "generalist"]\n')
+    config = read_config(path)
+    assert config.checkpoints == (str(tmp_path / "runs"), str(generalist()))
+    assert config.nightly.anchors == ("driver", str(generalist()))
+    assert generalist().parent.name == "generalist"
