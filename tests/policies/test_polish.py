@@ -31,6 +31,7 @@ from tests.trainings import polishing
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
 HOME = Pair("lindenring", "gt3")
 ALONE = polishing({"scenario": "1v0", "races": 1, "learners": 1})
+LOST = polishing({"scenario": "recovery", "races": 1, "learners": 1}, polish={"rate": 5e-4, "batch": 64})
 TRAFFIC = polishing({"scenario": "1v1", "races": 1, "learners": 1, "opponents": ["driver", "self", "past"]})
 
 
@@ -307,3 +308,17 @@ def test_the_command(tmp_path: Path) -> None:
     load_checkpoint(tmp_path / "p" / "checkpoints" / "round-00002.safetensors")
     refused(nathlon("polish", "none.safetensors", cwd=tmp_path), "none.safetensors", "No such file")
     refused(nathlon("polish", CHECKPOINT, "--config", "fast", cwd=tmp_path), "fast")
+
+
+@pytest.mark.usefixtures("few")
+def test_with_a_teacher_the_policy_learns_from_it_alone(tmp_path: Path) -> None:
+    seen = drive(LOST)[0].seen
+    before, moved = load_checkpoint(CHECKPOINT).network(seen), {}
+    for teacher in ("driver", str(CHECKPOINT)):
+        settings = LOST.model_copy(update={"polish": LOST.polish.model_copy(update={"teacher": teacher})})
+        folder = tmp_path / Path(teacher).stem
+        Polish(CHECKPOINT, settings, folder, 2, seed=3).run(lambda _: None)
+        after = load_checkpoint(folder / "checkpoints" / "round-00002.safetensors").network(seen)
+        moved[teacher] = np.abs(after - before).mean()
+    # Who is its own teacher has nothing to learn.
+    assert moved[str(CHECKPOINT)] < 0.2 * moved["driver"]
