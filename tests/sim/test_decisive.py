@@ -17,6 +17,7 @@ CARRIERS = {
     "arena/worlds/contract.py",
     "arena/worlds/registry.py",
     "policies/__init__.py",
+    "policies/bundled/__init__.py",  # a path
     "sim/__init__.py",
     "sim/decisive.py",
     "sim/errors.py",
