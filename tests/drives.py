@@ -33,8 +33,8 @@ MARKED = 300
 OPPONENTS = ("driver:pace=0.9", "driver:pace=0.8")
 
 
-def offer() -> Offer:
-    return Offer.of([Opponent.of(source) for source in OPPONENTS])
+def offer(circuit: str | None = None) -> Offer:
+    return Offer.of([Opponent.of(source) for source in OPPONENTS], circuit)
 
 
 def choice(**other: Any) -> Choice:
@@ -132,7 +132,11 @@ def in_a_thread(serve: Callable[[Callable[[ServerT], None]], Coroutine[Any, Any,
 
 @contextmanager
 def served(
-    folder: Path, pace: float = 1.0, blind: BlindTest | None = None, clock: Clock | None = None
+    folder: Path,
+    pace: float = 1.0,
+    blind: BlindTest | None = None,
+    clock: Clock | None = None,
+    circuit: str | None = None,
 ) -> Iterator[tuple[DriveServer, Room]]:
     """A server on a free port, in a thread of its own, whose races run so many times as fast as time.
 
@@ -143,7 +147,7 @@ def served(
 
     def make_room() -> Room:
         if blind is None:
-            made["room"] = Room(offer(), OutputFolder(folder), new_clock)
+            made["room"] = Room(offer(circuit), OutputFolder(folder), new_clock)
         else:
             made["room"] = Room(blind.offer, blind.output, new_clock, blind)
         return made["room"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ from playwright.sync_api import Browser
 from benchmarks.steered_page import LedClock
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
+from nathlon.sim.data_file import DATA
 from nathlon.sim.world import DYNAMICS_DT
 from tests.driven_page import MAP, Drive, serious
 from tests.drives import served
@@ -89,6 +91,15 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     drive.page.click("#result >> text=Another race")
     drive.until("!document.getElementById('menu').hidden")
     drive.close()
+
+
+def test_a_circuit_of_one_s_own_is_offered_by_its_folder(browser: Browser, tmp_path: Path) -> None:
+    shutil.copytree(DATA / "circuits" / "lindenring", tmp_path / "grand-prix-7")
+    with served(tmp_path / "drives", circuit=str(tmp_path / "grand-prix-7" / "circuit.toml")) as both:
+        drive = Drive(browser, *both)
+        offered = drive.page.locator("[name=circuit] option").all_inner_texts()
+        drive.close()
+    assert offered == ["Grand Prix 7", "Grandes Landes", "Lindenring", "Porto Sereno"]
 
 
 def test_a_race_is_driven_with_a_standard_gamepad(browser: Browser, tmp_path: Path) -> None:

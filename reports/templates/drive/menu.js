@@ -16,7 +16,7 @@ function meaning(difficulty, levels) {
 }
 
 function titled(name) {
-  const words = name.replace(/\.toml$/, "").split("/").at(-1);
+  const words = name.replace(/(\/circuit)?\.toml$/, "").split("/").at(-1);
   return words.split("-").map((word) => word[0].toUpperCase() + word.slice(1)).join(" ");
 }
 
