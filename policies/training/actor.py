@@ -56,6 +56,9 @@ class Actor:
         self._all = [tensor for layer in (*self.layers, *self.encoder) for tensor in layer]
         self._averages = [tensor.detach().clone() for tensor in self._all]
         self._adam = torch.optim.Adam(self._all)
+        for tensor in self._all:  # which it makes at its first step, and a state may be kept before that
+            moments = {name: torch.zeros_like(tensor.detach()) for name in ("exp_avg", "exp_avg_sq")}
+            self._adam.state[tensor] = {"step": torch.tensor(0.0), **moments}
 
     @property
     def network(self) -> Mlp | EncodedMlp:

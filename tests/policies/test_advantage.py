@@ -164,10 +164,12 @@ def test_without_lessons_nothing_is_learnt() -> None:
     assert study(work, work.network, [some(work)], 1e-3, 64, np.random.default_rng(0)) == 0
 
 
-def test_going_on_from_its_tensors_is_the_same() -> None:
+@pytest.mark.parametrize("steps", [0, 1])
+def test_going_on_from_its_tensors_is_the_same(steps: int) -> None:
     work, other = learner(), learner()
     driven = some(work)
-    improve(work, [driven], DEVIATION, 1e-3, 8192, np.random.default_rng(0))
+    for _ in range(steps):
+        improve(work, [driven], DEVIATION, 1e-3, 8192, np.random.default_rng(0))
     other.load(work.tensors())
     for each in (work, other):
         improve(each, [driven], DEVIATION, 1e-3, 8192, np.random.default_rng(1))
