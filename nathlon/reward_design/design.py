@@ -265,7 +265,7 @@ class Design:
 
     def _look(self, name: str) -> Tried:
         self._tell(self._done, f"{name}: clips")
-        tried = look(self._folder_of(name), name, self.studio, self.settings.seed)
+        tried = look(self._folder_of(name), name, self.studio)
         self.clips[name] = tried.clips
         return tried
 
@@ -284,7 +284,7 @@ class Design:
         winner, folder = self.best[0], self.folder / FINAL
         config = self.settings.run(winner.candidate.scaled, self.settings.final_updates)
         train(folder, config, self.settings.seed, partial(self._on_status, FINALLY))
-        tried = look(folder, FINALLY, self.studio, self.settings.seed)
+        tried = look(folder, FINALLY, self.studio)
         self.clips[FINALLY] = tried.clips
         self.final = self._outcome(winner.candidate, winner.strength, tried)
         write_paper(folder / CAME_OF_IT, _OUTCOME, self.final)

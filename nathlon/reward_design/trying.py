@@ -65,17 +65,16 @@ def train(folder: Path, config: TrainingConfig, seed: int, on_status: Callable[[
     trainer.run(on_status)
 
 
-def look(folder: Path, name: str, studio: Studio, seed: int) -> Tried:
+def look(folder: Path, name: str, studio: Studio) -> Tried:
     """What a training that is over has come to; its clips are driven if they have not been.
 
     Args:
         folder: of the training.
         name: by which it is shown.
         studio: where clips are made.
-        seed: of the training.
 
     Raises:
-        InputError: if the folder lacks a checkpoint, or clips that can be read.
+        InputError: if the folder lacks a checkpoint, its row of the curve, or clips that can be read.
     """
     checkpoint = max((folder / CHECKPOINTS).glob("*.safetensors"), default=None)
     if checkpoint is None:
