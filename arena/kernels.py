@@ -4,51 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import RACING
-from nathlon.policies.driver import Follower
-from nathlon.policies.driver.envelope import envelope
-from nathlon.policies.driver.speed_profile import profile
-from nathlon.policies.load import load_policy
+from nathlon.policies.kernels import GROUPS
 from nathlon.policies.sources import DRIVER
-from nathlon.sim.car import load_car
-from nathlon.sim.observation import ObservationSpec
-from nathlon.sim.track import load_track
-from nathlon.sim.world import Start, World
-
-
-def _step(circuit: str, car: str) -> None:
-    _world(circuit, car).step(np.zeros((1, 1, 2), np.float32))
-
-
-def _observe(circuit: str, car: str) -> None:
-    world = _world(circuit, car)
-    nobody = np.zeros(1, np.float64)[None]
-    world.reset(0, Start(nobody, nobody, nobody, nobody, nobody))
-    world.observe(ObservationSpec(), np.zeros(1, np.int64), np.zeros(1, np.int64))
-
-
-def _drive(circuit: str, car: str) -> None:
-    track, model = load_track(circuit), load_car(car)
-    straight = np.zeros(len(track.table))
-    line = profile(track, straight, envelope(model), np.ones(len(straight)))
-    driver = Follower(track, model, 1.0, line)
-    driver.act(np.zeros((1, driver.observation_spec.size), np.float32), driver.initial_memory(1))
-
-
-def _practise(circuit: str, car: str) -> None:
-    load_policy(DRIVER, circuit, car)
-
-
-def _world(circuit: str, car: str) -> World:
-    return World(load_track(circuit), load_car(car), 1, 1)
-
-
-GROUPS = ((_step, _drive, _observe), (_practise,))
-"""What is compiled side by side, that which takes longest first; practice needs all before it."""
 
 
 def compile_kernels(

@@ -18,11 +18,8 @@ NO_MEMORY = 71
 READY = "ready"
 """What a worker sends when it waits for something to do."""
 
-SHARED = ["nathlon.policies.load"]
-"""What all workers need and takes seconds to load; it starts no threads, so that it may be forked."""
-
 _CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
-_CONTEXT.set_forkserver_preload(SHARED)
+_CONTEXT.set_forkserver_preload(["nathlon.policies.preloaded"])
 
 
 def start_server() -> None:

@@ -7,13 +7,22 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
+from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.registry import RACING
 
 # Two test processes share two cores: BLAS and torch must not take more than one each.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 # Nor may threads of torch, which a training tells to take two, spin on a core that the other process has.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Have kernels compiled before test processes start, each of which would compile them itself."""
+    if session.config.getoption("numprocesses", None):
+        with Pool(2) as pool:
+            compile_kernels(pool, RACING, "lindenring", "gt3", lambda done, total: None)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
