@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from nathlon.driving.room import Room
 from nathlon.driving.server import DriveServer
-from tests.opened_page import PATIENCE_MS, SCREENSHOTS, faults, overhear, until
+from tests.opened_page import PATIENCE_MS, faults, overhear, picture, until
 
 MAP = """localStorage.setItem("nathlon drive: view", '{"kind": "map"}');"""
 """Which is drawn in less time than the view from behind."""
@@ -38,8 +38,7 @@ class Drive:
         self.until("!document.getElementById('track').hidden")
 
     def picture(self, name: str) -> None:
-        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(path=SCREENSHOTS / f"drive-{name}.png")
+        picture(self.page, f"drive-{name}")
 
     def heard(self, keys: bool, steering: float, throttle: float, brake: float) -> None:
         """Wait until the server has heard this."""

@@ -18,7 +18,7 @@ from nathlon.meeting.record import Record
 from nathlon.meeting.server import MeetingServer, serve_meeting
 from nathlon.meeting.tokens import Tokens
 from tests.drives import fast, in_a_thread
-from tests.opened_page import SCREENSHOTS, faults, overhear, until
+from tests.opened_page import faults, overhear, picture, until
 
 
 @contextmanager
@@ -69,8 +69,7 @@ class Window:
         self.page.click("text=Cast my ballot")
 
     def picture(self, name: str) -> None:
-        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(path=SCREENSHOTS / f"room-{name}.png")
+        picture(self.page, f"room-{name}")
 
     def close(self) -> None:
         assert faults(self.complaints) == []

@@ -21,8 +21,8 @@ from tests.lap_tables import with_laps
 from tests.race_logs import oval_race
 from tests.selections import build, night_before
 
-SCREENSHOTS = Path(os.environ.get("SCREENSHOTS", Path(__file__).parent.parent / "build" / "screenshots"))
-"""Where tests leave pictures of what they have seen."""
+SCREENSHOTS = os.environ.get("SCREENSHOTS")
+"""The folder for pictures of what tests have seen, which take longer than all else that they do there."""
 PATIENCE_MS = 240_000
 LIMIT_S = 60.5
 REPLAY = {
@@ -86,6 +86,12 @@ def until(page: Page, condition: str) -> None:
     )
 
 
+def picture(page: Page, name: str, whole: bool = False) -> None:
+    """Leave a picture of a page where somebody wants pictures."""
+    if SCREENSHOTS:
+        page.screenshot(path=Path(SCREENSHOTS) / f"{name}.png", full_page=whole)
+
+
 def shown(page: Page, selector: str) -> NDArray[np.uint8]:
     """The pixels of an element, (rows, columns, 3), also of what WebGL draws."""
     picture = page.locator(selector).screenshot()
@@ -119,10 +125,7 @@ class Opened:
 
     def picture(self, name: str) -> None:
         """Leave a picture of the whole page."""
-        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(
-            path=SCREENSHOTS / f"{re.sub(r'[^a-z0-9]+', '-', name).strip('-')}.png", full_page=True
-        )
+        picture(self.page, re.sub(r"[^a-z0-9]+", "-", name).strip("-"), whole=True)
 
     def column(self, table: str, index: int) -> list[str]:
         cells = self.page.locator(f"#{table} tbody tr > :nth-child({index})")

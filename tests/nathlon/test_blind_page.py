@@ -14,7 +14,7 @@ from tests.blind_runs import RUN, blind_run
 from tests.command_line import nathlon
 from tests.driven_page import MAP, DriveFromRoom, answered, raced, serious
 from tests.meetings import Window, met
-from tests.opened_page import SCREENSHOTS
+from tests.opened_page import picture
 
 
 def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_
             ann.page.locator(".moments a").first.click()
         played = opened.value
         played.wait_for_selector("body[data-ready=yes]")
-        played.screenshot(path=SCREENSHOTS / "room-moment.png")
+        picture(played, "room-moment")
         bob.page.click("button:has-text('Decide')")
         ann.shows("1 seat · decided")
         ann.picture("blind-decided")

@@ -20,7 +20,7 @@ from nathlon.coaching.proof import Window, try_edits
 from nathlon.reports.coach import CoachFacts
 from tests.command_line import nathlon as command
 from tests.command_line import refused
-from tests.opened_page import SCREENSHOTS, faults, overhear, until
+from tests.opened_page import faults, overhear, picture, until
 from tests.race_logs import oval_race
 
 EARLY_M = 30
@@ -196,8 +196,7 @@ def test_the_page_shows_what_was_found_and_goes_there(
     label.focus()
     page.keyboard.press("Enter")
     assert page.locator("#range").inner_text().startswith(facts.sections[bend].name)
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / "coach.png", full_page=True)
+    picture(page, "coach", whole=True)
     page.close()
     requests, complaints = heard[0]
     assert faults(complaints) == []

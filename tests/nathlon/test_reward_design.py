@@ -33,7 +33,7 @@ from nathlon.reward_design.pictures import OWN, Painter
 from nathlon.reward_design.sampling import Sampler
 from nathlon.reward_design.wording import Model as Wordsmith
 from nathlon.sim.errors import InputError
-from tests.opened_page import SCREENSHOTS, faults, overhear, until
+from tests.opened_page import faults, overhear, picture, until
 from tests.reward_designs import STARTS, TASK, filmed, settings
 from tests.scripted_model import Model
 from tests.trainings import TOML
@@ -159,8 +159,7 @@ def test_its_page_shows_everything(whole: Design, browser: Browser, tmp_path: Pa
     page.select_option("#right", DRIVER)
     until(page, "document.body.dataset.ready.includes(' beside ')")
     assert page.locator("#scene, #scene-beside").count() == 2
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / "reward.png", full_page=True)
+    picture(page, "reward", whole=True)
     assert faults(complaints) == []
     assert len([url for url in requests if not url.startswith("data:")]) == 1
     page.close()
@@ -277,9 +276,8 @@ def test_people_compare_without_knowing_whom(films: Path, studio: Studio, browse
 
     shows(0)
     assert "driver:pace" not in page.content()
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
     page.fill("#remark", "B leaves no <room>")
-    page.screenshot(path=SCREENSHOTS / "reward-pairs.png")
+    picture(page, "reward-pairs")
     page.click("text=A is better")
     shows(1)
     page.click("text=No difference")

@@ -30,7 +30,7 @@ from nathlon.twins.rebuild import same_race
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon as command
 from tests.command_line import refused
-from tests.opened_page import SCREENSHOTS, faults, overhear, shown
+from tests.opened_page import faults, overhear, picture, shown
 from tests.race_logs import oval_race
 
 AT_S, CAR = 3.0, 2
@@ -204,8 +204,7 @@ def test_the_page_moves_both_races_together(
     settle(page)
     assert float(page.locator("#scrub").input_value()) == pytest.approx(0.0, abs=0.05)
     scrub(page, 7.0)
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / "twin.png", full_page=True)
+    picture(page, "twin", whole=True)
     page.close()
     complaints, requests = heard
     assert complaints == []

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from playwright.sync_api import Browser
 
 from nathlon.reports.matrix import CellReport, Finding, LevelReport, MatrixReport, Measured
 from nathlon.reports.matrix_page import write_matrix_page
-from tests.opened_page import overhear
-
-SCREENSHOTS = Path(os.environ.get("SCREENSHOTS", Path(__file__).parent.parent / "build" / "screenshots"))
+from tests.opened_page import overhear, picture
 
 
 def finding(worse: float | None, verdict: str) -> Finding:
@@ -69,8 +66,7 @@ def test_what_got_worse_stands_first_and_every_cell_can_be_reached(browser: Brow
     assert worst.locator("tbody th").first.inner_text() == "a<b>c"
     assert page.get_by_role("link", name="side by side").count() == 6
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / "matrix.png")
+    picture(page, "matrix")
 
     page.locator("#grid svg").focus()
     page.keyboard.press("ArrowDown")

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page
 
 from nathlon.arena.race_log import RaceLog
 from nathlon.reports.player import write_player
-from tests.opened_page import SCREENSHOTS, faults, overhear, shown
+from tests.opened_page import faults, overhear, picture, shown
 from tests.race_logs import LAP_M, STRAIGHT_M, oval_height, oval_point, oval_race
 
 NO_WEBGL = """() => {
@@ -96,8 +96,7 @@ def test_every_camera_draws_another_picture(browser: Browser, tmp_path: Path, lo
         assert np.abs(pictures[first].astype(int) - pictures[second]).mean() > 5
     found = Axe().run(watched.page).response["violations"]
     assert [one["id"] for one in found if one["impact"] in ("serious", "critical")] == []
-    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-    watched.page.screenshot(path=SCREENSHOTS / "player-space.png")
+    picture(watched.page, "player-space")
     watched.press("v")
     assert watched.page.locator("#space").is_hidden()
     assert watched.page.locator("#scene").is_visible()
