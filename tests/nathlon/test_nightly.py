@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
 from nathlon.reports.summary import Sent, SetAside
 from nathlon.selection.config import TEMPLATE, Config, read_config
 from nathlon.selection.run import KERNELS, RECORDINGS, STAGES
+from tests import forked
 from tests.checkpoints import BUNDLED
 from tests.clocks import Jumping
 from tests.command_line import nathlon, refused
@@ -273,15 +272,7 @@ def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path) -> No
 
 FORKED = """
 import os, signal, sys
-from multiprocessing import forkserver
-from nathlon.arena.entrant import enter
 from nathlon.nightly import nightly
-
-# What all nights load is loaded once, and the workers of all come from one server.
-for driver in ("driver", "driver:pace=0.9"):
-    enter(driver, "lindenring", "gt3")
-forkserver.ensure_running()
-forkserver._forkserver.ensure_running = lambda: None
 
 def is_killed(night):
     child = os.fork()
@@ -335,7 +326,8 @@ def test_a_night_killed_in_every_stage_ends_as_if_nothing_had_happened(
     """At the first and at a later statement and commit of each; 24 times in all."""
     watched = watch_two(tmp_path / "watched")
     stages = ("opening", KERNELS, *STAGES, RECORDINGS)
-    subprocess.run([sys.executable, "-c", KILLED, tmp_path, *stages], check=True)
+    done = forked.run("-c", KILLED, tmp_path, *stages, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     whole = outcome(folder)["runs"]["night-0001"]
     by_statement, by_commit = set(tmp_path.iterdir()) - {watched}
     for night in (by_statement, by_commit):
@@ -356,13 +348,9 @@ def test_a_clock_that_jumps_changes_nothing(
 
 def test_two_at_once_share_a_night(tmp_path: Path, folder: Path, nights: list[Night]) -> None:
     watch_two(tmp_path)
-    command = [str(Path(sys.executable).parent / "nathlon"), "nightly", "--workers", "1"]
-    both = [
-        subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) for _ in "ab"
-    ]
-    for process in both:
-        _, said = process.communicate(timeout=300)
-        assert process.returncode == 0, said.decode()
+    for process in [forked.start("nightly", "--workers", "1", cwd=tmp_path) for _ in "ab"]:
+        _, said = process.communicate()
+        assert process.returncode == 0, said
     shared, alone = (outcome(each)["runs"]["night-0001"] for each in (tmp_path, folder))
     # Both may have put the same ballots in.
     assert shared | {"committee": None} == alone | {"committee": None}

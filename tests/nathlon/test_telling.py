@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 from nathlon.arena.store import Store
 from nathlon.nightly import HEALTH, OK
+from tests import forked
 from tests.command_line import nathlon
 from tests.nathlon.test_nightly import FORKED, WEAK, run, watch_two
 
@@ -41,7 +40,8 @@ for point in (outcome_stored, run_ended, printed):
 def test_a_night_killed_before_it_was_told_is_told_by_the_next(tmp_path: Path) -> None:
     watch_two(tmp_path)
     (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
-    subprocess.run([sys.executable, "-c", TELLING], cwd=tmp_path, check=True)
+    done = forked.run("-c", TELLING, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     newcomer = Path(shutil.copy(WEAK, tmp_path / "checkpoints"))
     repeated = nathlon("nightly", "--workers", "1", "--json", cwd=tmp_path)
     night = json.loads(repeated.stdout)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -14,6 +12,7 @@ import pytest
 from nathlon.arena.store import Store
 from nathlon.reports.summary import read_summary
 from nathlon.selection.run import DONE
+from tests import forked
 from tests.checkpoints import BUNDLED
 from tests.nathlon.test_nightly import configure
 
@@ -39,25 +38,22 @@ CHOSEN = ("lindenring-aggressive-004k", "lindenring-s1-008k", "lindenring-wake-0
 def test_ctrl_c_after_the_verdict_loses_nothing(tmp_path: Path) -> None:
     configure(tmp_path, CONFIG)
     config, out = tmp_path / "nathlon.toml", tmp_path / "out"
-    script = Path(sys.executable).parent / "nathlon"
     checkpoints = [path for path in BUNDLED if path.stem in CHOSEN]
-    command = [str(part) for part in (script, "evaluate", *checkpoints, "--config", config, "--out", out)]
-    command += ["--workers", "2"]
+    command = ("evaluate", *checkpoints, "--config", config, "--out", out, "--workers", "2")
 
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout
-        assert process.stderr
-        verdict = _verdict(process.stdout)
-        assert not (out / "report" / "index.html").exists()
-        process.send_signal(signal.SIGINT)
-        said = process.stderr.read()
+    process = forked.start(*command, cwd=tmp_path)
+    verdict = _verdict(process.stdout)
+    assert not (out / "report" / "index.html").exists()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate()
     assert process.returncode == 130
     assert "Stopped. The same command goes on" in said
     assert "Traceback" not in said
     status, raced = _stored(out)
     assert status != DONE
 
-    again = subprocess.run(command, capture_output=True, text=True, check=True)
+    again = forked.run(*command, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
     assert _verdict(again.stdout.splitlines()) == verdict
     assert _stored(out) == (DONE, raced)
     summary = read_summary(out / "summary.json")
