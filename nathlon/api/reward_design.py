@@ -97,8 +97,8 @@ def design_reward(
         progress: whether to show it, on standard error.
 
     Raises:
-        InputError: if a setting is wrong, the folder holds another design or is in use, no formula can be used,
-            or a model cannot be asked.
+        InputError: if a setting is wrong, the folder holds another design or is in use, no formula can be
+            used, or a model cannot be asked.
         KeyboardInterrupt: after Ctrl-C, once the state is kept.
     """
     logging.basicConfig(format="%(message)s")

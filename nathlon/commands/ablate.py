@@ -74,12 +74,12 @@ def ablate(
     base = _base(config, updates)
     names = variant or VARIANTS
     configs = configurations(base, names)
-    claim(out, base)
-    for name in names:
-        if name not in configs:
-            warn(f"{name} is the configuration itself, and left out.")
     runs = plan(configs, seeds, out)
     with sole_user(out), stoppable("The same command goes on."):
+        claim(out, base)
+        for name in names:
+            if name not in configs:
+                warn(f"{name} is the configuration itself, and left out.")
         with progress_bars(not as_json) as progress:
             with _training(engine, engine_address) as train:
                 diverged = _train(train, runs, out, progress)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import polars as pl
 
@@ -40,12 +40,28 @@ def rank_nights(
     tally, folded = _kept(store, comparable[:-1])
     kept = max(KEPT, incumbents)
     for looks, record in enumerate(comparable[folded:], folded + 1):
-        results = store.results_of_run(record.name, "tournament").filter(pl.col("team") != BACKGROUND)
-        tally = Tally.together([tally, Tally.of(results)])
-        ranking = rank_tally(tally, repeated(CONFIDENCE, looks))
+        results = store.results_of_run(record.name, "tournament")
         anchors = {anchor.id for anchor in Field.from_plan(record.config).anchors}
-        tally = tally.among({*best_first(ranking)[:kept], *anchors})
+        ranking, tally = after(tally, results, anchors, kept, looks)
     return {"pool": ranking, "pool_cells": tally.cells, "pool_totals": tally.totals}
+
+
+def after(
+    tally: Tally, results: pl.DataFrame, anchors: Collection[str], kept: int, looks: int
+) -> tuple[pl.DataFrame, Tally]:
+    """The pool after one more night, RANKING, and what is kept of it.
+
+    Args:
+        tally: that the night before has left.
+        results: RESULTS of the night's round robin.
+        anchors: ids of who is kept besides the best.
+        kept: of the best.
+        looks: nights so far, with this one.
+    """
+    raced = Tally.of(results.filter(pl.col("team") != BACKGROUND))
+    together = Tally.together([tally, raced])
+    ranking = rank_tally(together, repeated(CONFIDENCE, looks))
+    return ranking, together.among({*best_first(ranking)[:kept], *anchors})
 
 
 def best_first(ranking: pl.DataFrame) -> list[str]:
