@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Protocol
 
 from nathlon.arena.match import Match
-from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, OBJECT, PLUGIN, RANDOM, SUFFIXES
+from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, OBJECT, PLUGIN, RANDOM, SUFFIXES, suffix_of
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
@@ -38,7 +38,7 @@ def _label(source: str, shared: bool) -> str | None:
         return None
     if kind == MPPI:
         return PlannedSource.read(source).absolute
-    return Path(source).suffix if shared else str(Path(source).absolute())
+    return suffix_of(source) if shared else str(Path(source).absolute())
 
 
 class Files(Protocol):

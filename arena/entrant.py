@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import polars as pl
 
+from nathlon.arena.naming import longer, short_names, stem
 from nathlon.arena.results import ENTRANTS
 from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.checkpoint import ANY
@@ -37,6 +38,7 @@ class Entrant:
         circuit, car: what it drives; empty in a world that has none.
         step, seed: of the training; None where they are not known.
         world: name of the simulator, see `nathlon.arena.worlds.registry`.
+        also: other sources with the same contents.
     """
 
     id: str
@@ -48,6 +50,7 @@ class Entrant:
     step: int | None
     seed: int | None
     world: str = RACING
+    also: tuple[str, ...] = ()
 
 
 def enter(source: str, circuit: str, car: str) -> Entrant:
@@ -123,21 +126,50 @@ def weights(sources: Iterable[str]) -> Iterator[Path]:
 
 
 def only_once(entrants: Sequence[Entrant]) -> list[Entrant]:
-    """Entrants with unique names; of several with the same contents only the first is kept.
+    """Entrants with unique names; of several with the same contents the first is kept, and knows the others.
 
     Raises:
         InputError: if there is none.
     """
-    first = list({entrant.id: entrant for entrant in reversed(entrants)}.values())[::-1]
+    sources: dict[str, list[str]] = {}
+    for entrant in entrants:
+        sources.setdefault(entrant.id, []).append(entrant.source)
+    first = {entrant.id: entrant for entrant in reversed(entrants)}
     if not first:
         raise InputError("no checkpoint given, expected at least one")
-    shared = Counter(entrant.name for entrant in first)
-    return [
-        replace(e, name=f"{proper_name(Path(e.source).parent.name)}/{e.name}-{e.id[:6]}")
-        if shared[e.name] > 1
-        else e
-        for e in first
+    kept = [
+        replace(first[identity], also=tuple(source for source in dict.fromkeys(same) if source != same[0]))
+        for identity, same in sources.items()
     ]
+    return named_apart(kept, short_names(entrant.source for entrant in kept))
+
+
+def named_apart(
+    entrants: Sequence[Entrant], short: Mapping[str, str], taken: Container[str] = ()
+) -> list[Entrant]:
+    """Entrants with unique names.
+
+    One that is called after its file gets the short name of this; see `nathlon.arena.naming.short_names`.
+    Where that is not unique, it gets the name of a folder more, and then the beginning of its id.
+
+    Args:
+        entrants: to be named.
+        short: names by source.
+        taken: names that others have.
+    """
+    names = [
+        proper_name(short.get(e.source, e.name))
+        if proper_name(e.name) == proper_name(stem(e.source))
+        else e.name
+        for e in entrants
+    ]
+    for with_more in (lambda e, name: longer(e.source, name), lambda e, name: f"{name}-{e.id[:6]}"):
+        shared = Counter(names)
+        names = [
+            proper_name(with_more(e, name)) if shared[name] > 1 or name in taken else name
+            for e, name in zip(entrants, names, strict=True)
+        ]
+    return [replace(entrant, name=name) for entrant, name in zip(entrants, names, strict=True)]
 
 
 def entrants_table(entrants: Iterable[Entrant]) -> pl.DataFrame:

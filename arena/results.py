@@ -137,6 +137,37 @@ RANKING = pl.Schema(
     }
 )
 
+POOL_CELLS = pl.Schema(
+    {
+        "test": pl.String,
+        "field": pl.String,  # all entrants of a unit, one a line
+        "entrant": pl.String,
+        "opponent": pl.String,  # the second by id
+        "units": pl.Int64,
+        "difference": pl.Float64,  # mean over the units: points of entrant minus opponent, a race
+        "squares": pl.Float64,  # of the differences from their mean, summed over the units
+        "points": pl.Float64,  # mean of all sides in these units
+    }
+)
+"""What is kept of the round robins of all nights: enough to fit the pool as if all units were there."""
+
+POOL_TOTALS = pl.Schema(
+    {
+        "entrant": pl.String,
+        "units": pl.Int64,
+        "races": pl.Int64,
+        "faults": pl.Int64,  # car runs that ended by the policy's fault
+        "contacts": pl.Int64,
+        "at_fault": pl.Int64,
+        "km": pl.Float64,  # a car
+        "contacts_squared": pl.Int64,  # sums over units, as the next
+        "at_fault_squared": pl.Int64,
+        "km_squared": pl.Float64,
+        "contacts_km": pl.Float64,
+        "at_fault_km": pl.Float64,
+    }
+)
+
 MATCHUPS = pl.Schema(
     {
         "entrant": pl.String,
@@ -227,6 +258,8 @@ TABLES: dict[str, pl.Schema] = {
     "incidents": INCIDENTS,
     "ranking": RANKING,
     "pool": RANKING,  # over the round robins of all nights
+    "pool_cells": POOL_CELLS,
+    "pool_totals": POOL_TOTALS,
     "matchups": MATCHUPS,
     "ratings": RATINGS,
     "tournament_notes": TOURNAMENT_NOTES,

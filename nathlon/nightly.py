@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from itertools import compress
+from collections.abc import Container, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +11,32 @@ import polars as pl
 
 from nathlon.arena.entrance import check_world, enter_all, intact
 from nathlon.arena.entrant import Entrant
-from nathlon.arena.match import BACKGROUND
 from nathlon.arena.pool import Pool
-from nathlon.arena.results import RANKING
 from nathlon.arena.store import RunRecord, Store
+from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.output import POLICY_LOG, OutputFolder
 from nathlon.publishing.publish import publish
 from nathlon.publishing.recordings import record_tournament
+from nathlon.publishing.sent import keep_sent
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Summary
 from nathlon.selection.config import Config
 from nathlon.selection.engines import engine_of
-from nathlon.selection.field import Exclusion, Field, newcomers, unjudged
+from nathlon.selection.field import Exclusion, Field, newcomers
+from nathlon.selection.incumbents import incumbents, located
+from nathlon.selection.nights_pool import best_first, rank_nights
 from nathlon.selection.pipeline import select
-from nathlon.selection.run import CONFIDENCE, DONE, WAITING, OnMatch, Run
+from nathlon.selection.run import DONE, WAITING, OnMatch, Run
+from nathlon.selection.watching import Watched, watch
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
-from nathlon.tournament.points import rank
-from nathlon.tournament.stopping import repeated
 
 NIGHT = "night-"
 """What the names of nights begin with in the store."""
+
+EXCLUSION = "exclusion"
+"""Kind of log entry: a file that was set aside on a night without newcomers, which is no run."""
 
 ABANDONED = "abandoned"
 """Status of a night that cannot go on: its configuration, its files or the simulator have changed."""
@@ -52,6 +55,7 @@ class Night:
         code: for the scheduler.
         reason: of the code, in a sentence.
         selection: what the report shows; None where nothing was new or people must vote first.
+        excluded: what was set aside where nothing else was new.
     """
 
     name: str | None
@@ -59,6 +63,7 @@ class Night:
     code: int
     reason: str
     selection: Selection | None
+    excluded: tuple[Exclusion, ...] = ()
 
 
 def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
@@ -73,7 +78,8 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         on_match: told about progress.
 
     Raises:
-        InputError: if a watched folder, the store or the engine cannot be used.
+        InputError: if a watched folder, the store or the engine cannot be used, a watched folder is empty in
+            which earlier nights found checkpoints, or what is to be sent is gone.
     """
     with Store(config.store) as store, Pool(workers) as pool:
         check_world(pool, config.world)
@@ -83,12 +89,9 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             name, outcome = untold
             selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
             return Night(name, DONE, outcome["code"], outcome["reason"], selection)
-        night, excluded = _open(store, config, pool)
-        if night is None and excluded:
-            return Night(None, DONE, HEALTH, f"All that is new was set aside: {excluded[0].reason}.", None)
+        night, field = _open(store, config, pool, watch(config.checkpoints))
         if night is None:
-            return Night(None, DONE, OK, "Nothing is new.", None)
-        field = _field(night.config)
+            return _quiet(field)
         number = [record.name for record in _nights(store)].index(night.name)
         output = OutputFolder(Path(config.out) / night.name)
         pool.log.keep_in(output.root / POLICY_LOG)
@@ -97,7 +100,9 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             if select(run, field, config) is None:
                 store.end_run(night.name, WAITING)
                 return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
-            run.keep({"pool": _pool(store, night, run)})
+            # At once: what is kept can be sent whatever becomes of the file.
+            keep_sent(store, night.name, output)
+            run.keep(rank_nights(store, _nights(store), night, config.nightly.incumbents))
             selection = publish(store, night.name, output, pool, on_match)
             if config.recordings == "all":
                 record_tournament(store, night.name, output, engine, on_match)
@@ -118,22 +123,25 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
         InputError: if a watched path does not exist.
     """
     done = [] if store is None else [night for night in _nights(store) if night.status == DONE]
+    fields = [Field.from_plan(night.config) for night in done]
     anchors = {policy_id(anchor) for anchor in config.nightly.anchors}
-    fields = [_field(night.config) for night in done]
     judged = {entrant.id for field in fields for entrant in field.newcomers}
-    refused = {item.key for field in fields for item in field.excluded}
-    new = unjudged(config.checkpoints, judged | anchors, refused)
+    refused = set() if store is None else _refused(store, fields)
+    new = watch(config.checkpoints).unjudged(judged | anchors, refused)
     pool = set() if store is None or not done else set(store.table(done[-1].name, "pool")["entrant"])
     return len(set(new.values())), min(config.nightly.incumbents, len(pool - anchors)), len(anchors)
 
 
 def told(config: Config, night: Night) -> None:
     """Note that a night has been told to whoever asked for it; the last thing to do before exiting."""
-    if night.name is None or night.status != DONE:
+    if night.status != DONE or (night.name is None and not night.excluded):
         return
     with Store.open(config.store) as store:
-        outcome = {"code": night.code, "reason": night.reason, "told": True}
-        store.put_fact(night.name, "outcome", outcome)
+        for item in night.excluded:
+            store.append(EXCLUSION, asdict(item))
+        if night.name is not None:
+            outcome = {"code": night.code, "reason": night.reason, "told": True}
+            store.put_fact(night.name, "outcome", outcome)
 
 
 def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, str]:
@@ -145,8 +153,18 @@ def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, 
     if excluded > max_fault_share * (excluded + entered):
         return HEALTH, f"{excluded:,} of {excluded + entered:,} new files were set aside."
     if not summary.sent:
-        return GATE, "Nobody passed the committee's gates."
+        lost = "".join(f" {item.source} {item.reason}." for item in summary.gone)
+        return GATE, f"Nobody passed the committee's gates.{lost}"
     return OK, f"{summary.sent[0].name} is sent."
+
+
+def _quiet(field: Field) -> Night:
+    """A night on which there is nobody new."""
+    if field.excluded:
+        reason = f"All that is new was set aside: {field.excluded[0].reason}."
+        return Night(None, DONE, HEALTH, reason, None, field.excluded)
+    reason = " ".join(["Nothing is new:", *field.notes]) if field.notes else "Nothing is new."
+    return Night(None, DONE, OK, reason, None)
 
 
 def _nights(store: Store) -> list[RunRecord]:
@@ -164,51 +182,75 @@ def _untold(store: Store) -> tuple[str, dict[str, Any]] | None:
     return None
 
 
-def _open(store: Store, config: Config, pool: Pool) -> tuple[RunRecord | None, Sequence[Exclusion]]:
+def _open(store: Store, config: Config, pool: Pool, watched: Watched) -> tuple[RunRecord | None, Field]:
     """The night that has not ended if it can go on, a new one if there is something new, or None.
 
-    And the new files that are set aside.
+    And who takes part in it; of none, what is set aside.
     """
     nights = _nights(store)
     for night in nights:
         if night.status in (DONE, ABANDONED):
             continue
-        field = _field(night.config)
-        if night.config["world"] == _world(config) and all(intact(pool, field.entrants)):
-            return night, field.excluded
+        field = _there(Field.from_plan(night.config), config, watched)
+        if night.config["world"] == _world(config) and field and all(intact(pool, field.entrants)):
+            return night, field
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
-    judged = {e.id: e.name for night in done for e in _field(night.config).newcomers}
+    fields = [Field.from_plan(night.config) for night in done]
+    judged = {entrant.id: entrant.name for field in fields for entrant in field.newcomers}
     anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
-    refused = {item.key for night in done for item in _field(night.config).excluded}
-    new, excluded = newcomers(
-        pool, config.checkpoints, config.circuit, config.car, known, refused, config.world
-    )
+    refused = _refused(store, fields)
+    new, excluded = newcomers(pool, watched, config.circuit, config.car, known, refused, config.world)
+    notes = tuple(f"{folder} holds no checkpoint." for folder in watched.empty)
     if not new:
-        return None, excluded
-    incumbents = _incumbents(store, done, pool, config.nightly.incumbents, {anchor.id for anchor in anchors})
-    field = Field(tuple(new), tuple(incumbents), anchors, tuple(excluded))
+        if not excluded:
+            _check_full(watched, fields)
+        return None, Field((), anchors=anchors, excluded=tuple(excluded), notes=notes)
+    best, missing = [], ()
+    if done:
+        ranked = _ranked(store.table(done[-1].name, "pool"), fields, {anchor.id for anchor in anchors})
+        best, missing = incumbents(pool, ranked, config.nightly.incumbents, watched, Path(config.out))
+    field = Field(tuple(new), tuple(best), anchors, tuple(excluded), (*notes, *missing))
     plan = {"world": _world(config), "field": asdict(field)}
     try:
-        return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan), excluded
+        return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan), field
     except InputError:
         # Another process has begun this night meanwhile, with what it found.
-        return _open(store, config, pool)
+        return _open(store, config, pool, watched)
+
+
+def _check_full(watched: Watched, fields: Sequence[Field]) -> None:
+    """Raise InputError for an empty folder in which earlier nights found checkpoints."""
+    sources = [Path(one.source) for field in fields for one in field.newcomers if is_path(one.source)]
+    for folder in watched.empty:
+        if any(source.is_relative_to(folder) for source in sources):
+            raise InputError(
+                f"{folder}: holds no checkpoint any more, expected those that earlier nights have judged"
+            )
+
+
+def _refused(store: Store, fields: Sequence[Field]) -> set[str]:
+    """Keys of what was set aside before, on nights with newcomers and on others."""
+    alone = [Exclusion(**entry.entry) for entry in store.log(EXCLUSION)]
+    return {item.key for field in fields for item in field.excluded} | {item.key for item in alone}
+
+
+def _there(field: Field, config: Config, watched: Watched) -> Field | None:
+    """The field of a night under way with the places where its files lie now; None if one is gone."""
+    groups = [
+        [located(entrant, watched, Path(config.out)) for entrant in group]
+        for group in (field.newcomers, field.incumbents)
+    ]
+    found = [tuple(entrant for entrant in group if entrant is not None) for group in groups]
+    if sum(map(len, found)) < sum(map(len, groups)):
+        return None
+    return replace(field, newcomers=found[0], incumbents=found[1])
 
 
 def _world(config: Config) -> dict[str, str]:
     """What must stay the same within a night."""
     return {"config": config.digest, "code": fingerprint()}
-
-
-def _field(plan: Mapping[str, Any]) -> Field:
-    stored = plan["field"]
-    groups = {
-        name: tuple(Entrant(**entrant) for entrant in stored[name])
-        for name in ("newcomers", "incumbents", "anchors")
-    }
-    return Field(**groups, excluded=tuple(Exclusion(**item) for item in stored["excluded"]))
 
 
 def _anchors(pool: Pool, config: Config) -> tuple[Entrant, ...]:
@@ -217,34 +259,7 @@ def _anchors(pool: Pool, config: Config) -> tuple[Entrant, ...]:
     return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car, config.world))
 
 
-def _incumbents(
-    store: Store, done: list[RunRecord], pool: Pool, count: int, anchors: set[str]
-) -> list[Entrant]:
-    """The best of the last night's pool whose files are still there."""
-    if not done:
-        return []
-    entrants = {e.id: e for night in done for e in _field(night.config).entrants}
-    best = (
-        store.table(done[-1].name, "pool")
-        .drop_nulls("rank")
-        .sort("rank", "points_per_race", descending=[False, True])
-    )
-    there = [entrants[id] for id in best["entrant"] if id in entrants and id not in anchors]
-    return list(compress(there, intact(pool, there)))[:count]
-
-
-def _pool(store: Store, night: RunRecord, run: Run) -> pl.DataFrame:
-    """The ranking over the round robins of this night and of those before it in the same world.
-
-    Its intervals hold on all of these nights together.
-    """
-    comparable = [
-        record.name
-        for record in _nights(store)
-        if record.config["world"] == night.config["world"] and record.id <= night.id
-    ]
-    results = pl.concat([store.results_of_run(name, "tournament") for name in comparable])
-    results = results.filter(pl.col("team") != BACKGROUND)
-    if results.is_empty():
-        return pl.DataFrame(schema=RANKING)
-    return rank(results, run.rng("tournament"), confidence=repeated(CONFIDENCE, len(comparable)))
+def _ranked(ranking: pl.DataFrame, fields: Sequence[Field], anchors: Container[str]) -> list[Entrant]:
+    """The entrants of earlier nights in the order of the pool, without anchors."""
+    entrants = {entrant.id: entrant for field in fields for entrant in field.entrants}
+    return [entrants[one] for one in best_first(ranking) if one in entrants and one not in anchors]

@@ -12,7 +12,7 @@ from nathlon.policies.child import Child, ChildError
 from nathlon.policies.load import load_policy
 from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.policy import Batch, Policy
-from nathlon.policies.sources import COMPOSITE, PLUGIN
+from nathlon.policies.sources import COMPOSITE, PLUGIN, suffix_of
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 
@@ -29,7 +29,7 @@ def load_guest(name: str, circuit: str, car: str) -> Policy:
     Raises:
         InputError: if there is no such policy or it cannot be read.
     """
-    if name.partition(":")[0] == PLUGIN or name.endswith((COMPOSITE, ".onnx")):
+    if name.partition(":")[0] == PLUGIN or suffix_of(name) in (COMPOSITE, ".onnx"):
         return PolicyApart(name, circuit, car)
     return load_policy(name, circuit, car)
 

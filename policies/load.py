@@ -11,7 +11,16 @@ from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.planning import Mppi
 from nathlon.policies.planning.prior import Prior
 from nathlon.policies.policy import Policy
-from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, driver_settings
+from nathlon.policies.sources import (
+    COMPOSITE,
+    DRIVER,
+    HUMAN,
+    MPPI,
+    OBJECT,
+    PLUGIN,
+    driver_settings,
+    suffix_of,
+)
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over
 from nathlon.policies.sources.human import load_person
@@ -63,7 +72,7 @@ def load_file(path: Path) -> FilePolicy:
             memory.
     """
     with memory_limit():
-        match path.suffix:
+        match suffix_of(path):
             case ".zip":
                 return Sb3Policy.load(path)
             case ".onnx":

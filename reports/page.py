@@ -10,6 +10,7 @@ from nathlon.reports.selection import Selection
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 from nathlon.reports.verdict import verdict
 
+PAGE = "index.html"
 VENDOR = Path(__file__).parent / "vendor"
 APP = (
     "data",
@@ -35,7 +36,7 @@ APP = (
 
 def write_page(selection: Selection, folder: Path) -> Path:
     """Write `folder`/index.html, whole or not at all, and return its path."""
-    return write_page_file(render(selection), folder / "index.html")
+    return write_page_file(render(selection), folder / PAGE)
 
 
 def render(selection: Selection) -> str:

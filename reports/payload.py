@@ -20,6 +20,10 @@ CAR = tuple(RESULTS.names()[RESULTS.names().index("team") :])
 """Columns of RESULTS that are kept of every car beside its entrant and its place on the grid."""
 
 
+NOT_DRAWN = ("entrants", "tournament_notes", "pool_cells", "pool_totals")
+"""Tables that the page's scripts do not read as they are."""
+
+
 def payload(selection: Selection) -> dict[str, Any]:
     """All that the page's scripts read, as JSON values.
 
@@ -29,7 +33,7 @@ def payload(selection: Selection) -> dict[str, Any]:
     """
     entrants = _entrants(selection)
     numbers = pl.Enum(entrants["entrant"])
-    tables = {name: selection.tables[name] for name in TABLES if name not in ("entrants", "tournament_notes")}
+    tables = {name: selection.tables[name] for name in TABLES if name not in NOT_DRAWN}
     matches, races, cars = _races(selection, numbers)
     shown = verdict(selection)
     return {

@@ -67,10 +67,18 @@ class Ranked(Part):
 
 
 class Sent(Part):
-    """An entrant that the committee sends: its name, and its id."""
+    """An entrant that the committee sends.
+
+    Attributes:
+        name, entrant: its name, and its id.
+        path: of its copy, from the folder of `summary.json`; None of what is no file.
+        digest: SHA-256 of the copy, in hexadecimal.
+    """
 
     name: str
     entrant: str
+    path: str | None = None
+    digest: str | None = None
 
 
 class CandidateStanding(Part):
@@ -191,11 +199,15 @@ class Summary(Part):
         car_runs: cars times races.
         faults, void: of them ended by a policy's fault, and by one of the simulator.
         excluded: what was set aside before anything ran.
+        gone: finalists that could not be sent, as their files had gone or changed when it was decided.
+        notes: what else is to be said of the files, in sentences.
+        also: other files with the same contents, by the entrant's name.
         stages_set_aside: reasons by stage.
         committee: what it was asked.
         replays: races to look at, the deciding one first.
         recording, replay: of the deciding race; paths from the report's folder.
         log: of what policies have printed, likewise; None where they have printed nothing.
+        report: the page; path from the folder of `summary.json`.
         processors: kinds of processors that ran matches, and how many; see `nathlon.arena.processor`.
     """
 
@@ -217,6 +229,9 @@ class Summary(Part):
     faults: int
     void: int
     excluded: tuple[SetAside, ...]
+    gone: tuple[SetAside, ...] = ()
+    notes: tuple[str, ...] = ()
+    also: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     stages_set_aside: dict[str, str] = Field(default_factory=dict)
     unit_deviation: float | None = None
     effect: float | None = None
@@ -226,6 +241,7 @@ class Summary(Part):
     recording: str | None = None
     replay: str | None = None
     log: str | None = None
+    report: str | None = None
     processors: dict[str, int] = Field(default_factory=dict)
 
     @property

@@ -7,6 +7,7 @@ race nor the races of a unit are independent. A unit with a race that is void, o
 from __future__ import annotations
 
 import itertools
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
 
@@ -84,37 +85,27 @@ def differences(seen: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-class Evidence:
-    """The units of a tournament, and what follows from them for linear combinations of their means.
+class Cells(ABC):
+    """Mean differences of every two entrants, test by test, and the scores that fit them.
 
     Attributes:
-        seen: `appearances`.
-        met: `differences`.
-        cells: one row a test and matchup: `units`, and their mean `difference` and its `deviation`.
+        cells: one row a test, field and matchup: `units`, and their mean `difference`.
         entrants: (K,) ids of those that met another, in order.
-        matchups: (M, 2) indices in `entrants` of those that met, in order.
+        sides: (cells, 2) indices in `entrants` of each cell's two.
+        matchups: (M, 2) of those that met, in order.
         shares: (M, cells) weights with which the tests make up a matchup's difference; rows add up to 1.
     """
 
-    def __init__(self, results: pl.DataFrame, weights: Mapping[str, float]) -> None:
-        """Read RESULTS; `weights` of the tests, 1 where a test is not named."""
-        self.seen = appearances(results)
-        self.met = differences(self.seen)
-        difference = pl.col("difference")
-        self.cells = self.met.group_by("test", "field", *MATCHUP, maintain_order=True).agg(
-            difference.mean(), deviation=difference.std(), units=pl.len().cast(pl.Int64)
-        )
-        names = self.seen["entrant"].unique().sort()
-        self.entrants = names.to_list()
-        sides = np.stack(
-            [np.searchsorted(names.to_numpy(), self.cells[side].to_numpy()) for side in MATCHUP], 1
-        )
-        self.matchups, matchup = np.unique(sides.astype(np.int64), axis=0, return_inverse=True)
-        weight = np.array([weights.get(test, 1.0) for test in self.cells["test"]])
-        self.shares = np.zeros((len(self.matchups), self.cells.height))
-        self.shares[matchup.ravel(), np.arange(self.cells.height)] = weight
+    def __init__(self, cells: pl.DataFrame, entrants: pl.Series, weights: Mapping[str, float]) -> None:
+        """Of cells of these entrants, in order; `weights` of the tests, 1 where a test is not named."""
+        self.cells, self.entrants = cells, entrants.to_list()
+        sides = [np.searchsorted(entrants.to_numpy(), cells[side].to_numpy()) for side in MATCHUP]
+        self.sides = np.stack(sides, 1).astype(np.int64)
+        self.matchups, matchup = np.unique(self.sides, axis=0, return_inverse=True)
+        weight = np.array([weights.get(test, 1.0) for test in cells["test"]])
+        self.shares = np.zeros((len(self.matchups), cells.height))
+        self.shares[matchup.ravel(), np.arange(cells.height)] = weight
         self.shares /= self.shares.sum(axis=1, keepdims=True)
-        self._weights = weights
 
     @property
     def means(self) -> Floats:
@@ -141,16 +132,45 @@ class Evidence:
         fit: Floats = np.linalg.pinv(normal @ design, hermitian=True) @ normal @ self.shares
         return fit
 
+    def every_two(self) -> NDArray[np.int64]:
+        """(K (K - 1) / 2, 2) indices of every two entrants."""
+        return np.array(list(itertools.combinations(range(len(self.entrants)), 2)), np.int64).reshape(-1, 2)
+
+    @abstractmethod
+    def errors(self, combinations: Floats) -> tuple[Floats, Floats]:
+        """Standard errors (L,) of linear `combinations` (L, cells) of the means, and degrees of freedom."""
+
+    def p_values(self, combinations: Floats) -> Floats:
+        """Two-sided p-values (L,) of linear `combinations` (L, cells) of the means against 0."""
+        return p_values(combinations @ self.means, *self.errors(combinations))
+
+
+class Evidence(Cells):
+    """The units of a tournament, and what follows from them for linear combinations of their means.
+
+    Attributes:
+        seen: `appearances`.
+        met: `differences`.
+        cells: as of `Cells`, with the `deviation` of the differences.
+    """
+
+    def __init__(self, results: pl.DataFrame, weights: Mapping[str, float]) -> None:
+        """Read RESULTS; `weights` of the tests, 1 where a test is not named."""
+        self.seen = appearances(results)
+        self.met = differences(self.seen)
+        difference = pl.col("difference")
+        cells = self.met.group_by("test", "field", *MATCHUP, maintain_order=True).agg(
+            difference.mean(), deviation=difference.std(), units=pl.len().cast(pl.Int64)
+        )
+        super().__init__(cells, self.seen["entrant"].unique().sort(), weights)
+        self._weights = weights
+
     @property
     def mean_points(self) -> float:
         """Points that a side scores a race, on average."""
         tests = self.seen.group_by("test", maintain_order=True).agg(pl.col("points").mean())
         weights = [self._weights.get(test, 1.0) for test in tests["test"]]
         return float(np.average(tests["points"].to_numpy(), weights=weights))
-
-    def every_two(self) -> NDArray[np.int64]:
-        """(K (K - 1) / 2, 2) indices of every two entrants."""
-        return np.array(list(itertools.combinations(range(len(self.entrants)), 2)), np.int64).reshape(-1, 2)
 
     def intervals(
         self, combinations: Floats, rng: np.random.Generator, resamples: int, confidence: float
@@ -164,10 +184,6 @@ class Evidence:
         """Standard errors (L,) of linear `combinations` (L, cells) of the means, and degrees of freedom."""
         values, sizes, weights = self._groups(combinations)
         return standard_error(weights, precision(values, sizes, ENOUGH))
-
-    def p_values(self, combinations: Floats) -> Floats:
-        """Two-sided p-values (L,) of linear `combinations` (L, cells) of the means against 0."""
-        return p_values(combinations @ self.means, *self.errors(combinations))
 
     def _groups(self, combinations: Floats) -> tuple[Floats, Sizes, Floats]:
         """Values, group sizes and weights (L, groups) of independent groups of units.

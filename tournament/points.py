@@ -10,7 +10,7 @@ import polars as pl
 from nathlon.arena.results import MATCHUPS, POLICY_FAULTS, RANKING
 from nathlon.arena.statistics import Floats, holm
 from nathlon.tournament.conduct import Gate, rates
-from nathlon.tournament.evidence import MATCHUP, ORDER, UNIT, Evidence, appearances, differences
+from nathlon.tournament.evidence import MATCHUP, ORDER, UNIT, Cells, Evidence, appearances, differences
 
 EQUAL: Mapping[str, float] = {}
 """Weights of tests that all count once."""
@@ -66,7 +66,7 @@ def rank(
     )
 
 
-def better(evidence: Evidence, alpha: float) -> np.ndarray:
+def better(evidence: Cells, alpha: float) -> np.ndarray:
     """(K, K) bool: whether the first entrant scores more than the second, beyond doubt.
 
     Every two entrants are compared by Student's t on the difference of their scores, and the p-values

@@ -14,6 +14,7 @@ from nathlon.generations.settings import read_league
 from nathlon.generations.table import table, write_table
 from nathlon.policies.training.polish import Round
 from nathlon.progress import progress_bars, worker_count
+from nathlon.sim.folder_lock import sole_user
 
 
 class LeagueResult:
@@ -73,14 +74,14 @@ def league(
         progress: whether to show it, on standard error.
 
     Raises:
-        InputError: if a file is wrong, an entrant cannot drive, or the folder is of another league or cannot
-            be written.
+        InputError: if a file is wrong, an entrant cannot drive, or the folder is of another league, is in use
+            or cannot be written.
         KeyboardInterrupt: after Ctrl-C, once what is done is kept.
     """
     plan, folder = read_league(Path(config)), Path(out).absolute()
-    made = League(plan, folder)
     total = plan.settings.generations
-    with Pool(worker_count(workers)) as pool, progress_bars(progress) as bars:
+    with sole_user(folder), Pool(worker_count(workers)) as pool, progress_bars(progress) as bars:
+        made = League(plan, folder)
         overall = bars.add_task("generations", total=total, completed=len(made.generations), note="")
         rounds = bars.add_task("rounds", total=plan.settings.rounds, note="", visible=False)
         matches = bars.add_task("matches", total=None, note="", visible=False)

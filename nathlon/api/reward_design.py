@@ -23,6 +23,7 @@ from nathlon.reward_design.sampling import Sampler
 from nathlon.reward_design.settings import DesignSettings
 from nathlon.reward_design.wording import Model
 from nathlon.sim.data_file import checked, find_data
+from nathlon.sim.folder_lock import sole_user
 
 PAGE, TRANSCRIPTS = "index.html", "transcripts"
 
@@ -96,8 +97,8 @@ def design_reward(
         progress: whether to show it, on standard error.
 
     Raises:
-        InputError: if a setting is wrong, the folder holds another design, no formula can be used, or a model
-            cannot be asked.
+        InputError: if a setting is wrong, the folder holds another design or is in use, no formula can be
+            used, or a model cannot be asked.
         KeyboardInterrupt: after Ctrl-C, once the state is kept.
     """
     logging.basicConfig(format="%(message)s")
@@ -124,8 +125,8 @@ def design_reward(
     )
     said = _transcripts(settings, folder, transcripts)
     torch.set_num_threads(threads)
-    design = Design(folder, settings)
-    with progress_bars(progress) as bars:
+    with sole_user(folder), progress_bars(progress) as bars:
+        design = Design(folder, settings)
         task_id = bars.add_task("updates", total=design.updates, note="")
 
         def on_progress(done: int, note: str) -> None:

@@ -17,11 +17,13 @@ from nathlon.arena.on_ray.cluster import AUTO, joined
 from nathlon.policies.training.coached import read_coach
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.log import Status
+from nathlon.policies.training.run_folder import read_run_folder
 from nathlon.policies.training.trainer import Device, Trainer
 from nathlon.policies.training.worker_pool import MakeWorkers, local_workers
 from nathlon.progress import progress_bars
 from nathlon.sim.data_file import find_data
 from nathlon.sim.errors import InputError
+from nathlon.sim.folder_lock import sole_user
 from nathlon.sim.scenario import load_scenario
 from nathlon.terminal import warn
 
@@ -82,15 +84,17 @@ def train(
         progress: whether to show it, on standard error.
 
     Raises:
-        InputError: if the configuration is wrong, the folder holds a run already or none to resume, training
-            diverges, the disk is full, or there is no such cluster.
+        InputError: if the configuration is wrong, the folder holds a run already or none to resume, another
+            process trains there, training diverges, the disk is full, or there is no such cluster.
         KeyboardInterrupt: after Ctrl-C, once the state is kept.
     """
     folder = Path(out)
     logging.basicConfig(format="%(message)s")
     if resume and (origin is not None or coach):
         raise InputError("origin, coach: expected for a new run, not with resume")
-    with _rollouts(engine, engine_address) as make_workers:
+    if resume:
+        read_run_folder(folder)
+    with sole_user(folder), _rollouts(engine, engine_address) as make_workers:
         if resume:
             trainer = Trainer.resume(folder, device)
         else:

@@ -67,18 +67,19 @@ def ablate(
 
     from nathlon.policies.training.ablation import VARIANTS, claim, configurations, plan
     from nathlon.progress import progress_bars, worker_count
+    from nathlon.sim.folder_lock import sole_user
 
     logging.basicConfig(format="%(message)s")
     torch.set_num_threads(worker_count(workers))
     base = _base(config, updates)
     names = variant or VARIANTS
     configs = configurations(base, names)
-    claim(out, base)
-    for name in names:
-        if name not in configs:
-            warn(f"{name} is the configuration itself, and left out.")
     runs = plan(configs, seeds, out)
-    with stoppable("The same command goes on."):
+    with sole_user(out), stoppable("The same command goes on."):
+        claim(out, base)
+        for name in names:
+            if name not in configs:
+                warn(f"{name} is the configuration itself, and left out.")
         with progress_bars(not as_json) as progress:
             with _training(engine, engine_address) as train:
                 diverged = _train(train, runs, out, progress)

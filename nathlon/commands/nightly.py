@@ -16,6 +16,7 @@ from nathlon.terminal import new_table, print_json, print_table, say, tell
 
 if TYPE_CHECKING:
     from nathlon.arena.store import Store
+    from nathlon.nightly import Night
 
 
 def init(
@@ -53,8 +54,7 @@ def nightly(
     with stoppable("The same command goes on."), stage_progress(not as_json) as on_match:
         night = run_nightly(settings, worker_count(workers or settings.workers), on_match)
     if as_json:
-        facts: dict[str, Any] = {name: value for name, value in vars(night).items() if name != "selection"}
-        print_json(facts | {"summary": night.selection and night.selection.summary.model_dump(mode="json")})
+        print_json(_told(night, Path(settings.out)))
     elif night.selection and night.name:
         print_verdict(night.selection.summary)
         print_places(SelectionResult(Path(settings.out) / night.name, night.selection))
@@ -63,6 +63,20 @@ def nightly(
     sys.stdout.flush()
     told(settings, night)
     raise SystemExit(night.code)
+
+
+def _told(night: Night, nights: Path) -> dict[str, Any]:
+    """A night for other programs: its outcome, where what is sent and the report lie, and the summary."""
+    facts: dict[str, Any] = {name: getattr(night, name) for name in ("name", "status", "code", "reason")}
+    facts |= {"excluded": [asdict(item) for item in night.excluded], "sent": [], "report": None}
+    if night.selection is None or night.name is None:
+        return facts | {"summary": None}
+    summary = night.selection.summary
+    for sent in summary.sent:
+        path = sent.path and str(nights / night.name / sent.path)
+        facts["sent"].append(sent.model_dump(mode="json") | {"path": path})
+    report = summary.report and str(nights / night.name / summary.report)
+    return facts | {"report": report, "summary": summary.model_dump(mode="json")}
 
 
 def status(

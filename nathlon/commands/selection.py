@@ -162,10 +162,19 @@ def print_verdict(summary: Summary) -> None:
     _print_ranking(summary)
     sent = summary.sent
     say(f"Sent         {sent[0].name if sent else 'nobody: no finalist passed the gates'}")
+    for item in summary.gone:
+        say(f"Gone         {item.source} {item.reason}")
+    for name, others in summary.also.items():
+        say(f"Same file    {name}: also {', '.join(others)}")
+    for sentence in summary.notes:
+        say(f"Note         {sentence}")
 
 
 def print_places(result: SelectionResult) -> None:
     """Print where the files are."""
+    for sent in result.summary.sent:
+        if sent.path is not None:
+            say(f"Copy         {result.folder / sent.path}")
     say(f"Report       {result.report}")
     say(f"Spreadsheet  {result.spreadsheet}")
     if result.summary.recording:

@@ -84,10 +84,15 @@ def polish(
     from nathlon.policies.training.polish import Polish
     from nathlon.progress import progress_bars
     from nathlon.sim.data_file import find_data
+    from nathlon.sim.folder_lock import sole_user
 
     settings = read_config(find_data(config, "training configuration", CONFIGS))
-    work = Polish(checkpoint, settings, out, rounds, seed)
-    with stoppable("Go on with the same command."), progress_bars(not as_json) as progress:
+    with (
+        sole_user(out),
+        stoppable("Go on with the same command."),
+        progress_bars(not as_json) as progress,
+    ):
+        work = Polish(checkpoint, settings, out, rounds, seed)
         task = progress.add_task("rounds", total=rounds, completed=work.rounds, note="")
 
         def on_round(done: Round) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import polars as pl
 
@@ -13,14 +15,16 @@ from nathlon.publishing.decider import DRIVEN
 from nathlon.publishing.films import record_films
 from nathlon.publishing.gathering import gather
 from nathlon.publishing.laps import keep_laps
-from nathlon.publishing.output import POLICY_LOG, SUMMARY, OutputFolder
+from nathlon.publishing.output import POLICY_LOG, REPORT, SUMMARY, OutputFolder
 from nathlon.publishing.replays import record_replays
-from nathlon.reports.page import write_page
+from nathlon.publishing.sent import keep_sent
+from nathlon.reports.page import PAGE, write_page
 from nathlon.reports.selection import Selection
 from nathlon.reports.spreadsheet import write_spreadsheet
 from nathlon.reports.summary import write_summary
 from nathlon.reports.tables import write_tables
 from nathlon.selection.run import OnMatch
+from nathlon.sim.errors import InputError
 
 
 def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: OnMatch) -> Selection:
@@ -33,6 +37,9 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
         keep_laps(store, run, pool)
         keep_curves(store, run)
     selection = gather(store, run)
+    facts: dict[str, Any] = {"report": f"{REPORT}/{PAGE}"}
+    with suppress(InputError):  # of a run that ended long ago the files may be gone
+        facts["sent"] = keep_sent(store, run, output)
     with output.filling():
         if selection.summary.circuit:
             races = selection.results.filter(pl.col("stage").is_in(("tournament", DRIVEN)))
@@ -42,7 +49,7 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
                 store, selection.results, selection.tables, selection.summary.episode, output, pool, on_match
             )
         log = f"../{POLICY_LOG}" if (output.root / POLICY_LOG).exists() else None
-        summary = selection.summary.model_copy(update=replays.facts | {"log": log})
+        summary = selection.summary.model_copy(update=replays.facts | facts | {"log": log})
         selection = replace(selection, summary=summary, logs=replays.logs)
         write_page(selection, output.report)
         write_spreadsheet(selection, output.report / "ranking.xlsx")

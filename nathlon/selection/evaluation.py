@@ -10,6 +10,7 @@ from nathlon.arena.pool import Pool
 from nathlon.publishing.output import OutputFolder
 from nathlon.publishing.publish import publish
 from nathlon.publishing.recordings import record_tournament
+from nathlon.publishing.sent import keep_sent
 from nathlon.reports.selection import Selection
 from nathlon.reports.summary import Summary
 from nathlon.selection.config import Config
@@ -50,6 +51,8 @@ def evaluate(
         if verdict is None:
             run.status = WAITING
             return None
+        # At once: what is kept can be sent whatever becomes of the file.
+        keep_sent(run.store, run.name, output)
         on_verdict(verdict)
         selection = publish(run.store, run.name, output, run.pool, on_match)
         if config.recordings == "all":

@@ -22,6 +22,8 @@ from nathlon.committee.event_log import EventLog
 from nathlon.incidents.hold import hold_incidents
 from nathlon.n_athlon import BatteryAnswer, run_battery
 from nathlon.pareto.filter import run_filter
+from nathlon.policies.sources import is_path
+from nathlon.policies.sources.identity import is_still
 from nathlon.reports.forecast import Forecast
 from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
 from nathlon.selection.config import Config
@@ -31,6 +33,8 @@ from nathlon.selection.round_robin import leaders, ranked_by_tests, run_round_ro
 from nathlon.selection.run import CONFIDENCE, Answer, Run
 from nathlon.tournament.points import pair_correlation
 from nathlon.tournament.power import unit_deviation
+
+GONE = "is gone or has changed since the selection began, so it could not be sent"
 
 
 def select(run: Run, field: Field, config: Config) -> Summary | None:
@@ -79,8 +83,10 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     tables |= raced.tables
     run.keep(tables)
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
+    gone = [one for one in candidates if is_path(one.source) and not is_still(one.source, one.id)]
+    candidates = [entrant for entrant in candidates if entrant not in gone]
     sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
-    summary = _summary(run, field, config, tables, tested, raced, sent, set_aside, expected)
+    summary = _summary(run, field, config, tables, tested, raced, sent, set_aside, expected, gone)
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary
 
@@ -115,6 +121,7 @@ def _summary(
     sent: Decision,
     stages_set_aside: dict[str, str],
     expected: Forecast,
+    gone: Sequence[Entrant],
 ) -> Summary:
     deviation = None if "tournament" in stages_set_aside else unit_deviation(raced.results)
     references = len(field.anchors)
@@ -145,5 +152,8 @@ def _summary(
         faults=int(endings.is_in(POLICY_FAULTS).sum()),
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
+        gone=tuple(SetAside(source=each.source, reason=GONE, digest=each.id) for each in gone),
+        notes=field.notes,
+        also={entrant.name: entrant.also for entrant in field.entrants if entrant.also},
         stages_set_aside=stages_set_aside,
     )

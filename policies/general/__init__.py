@@ -14,7 +14,7 @@ from nathlon.policies.general.outputs import Draw
 from nathlon.policies.general.plugin import load_general_plugin
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless
 from nathlon.policies.general.sb3 import load_sb3
-from nathlon.policies.sources import PLUGIN, RANDOM
+from nathlon.policies.sources import PLUGIN, RANDOM, suffix_of
 from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.sim.errors import InputError
 
@@ -53,7 +53,7 @@ def _load(
         return load_general_plugin(name, observation_space, action_space)
     path = Path(source)
     with memory_limit():
-        match path.suffix:
+        match suffix_of(path):
             case ".zip":
                 return load_sb3(path)
             case ".onnx":

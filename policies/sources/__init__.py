@@ -23,11 +23,21 @@ COMPOSITE = ".toml"
 ROLES = ".roles.toml"
 """What the names of files end with that name a policy for each role."""
 SUFFIXES = (".safetensors", ".zip", ".onnx")
-"""Of the files that hold policies."""
+"""Of the files that hold policies; in capitals too, see `suffix_of`."""
 PLUGINS = "nathlon.policies"
 """Group of the entry points by which packages offer policies."""
 TRAINING_STATE = ("state.safetensors", "replay.safetensors")
 """Files of a training run that are no checkpoints."""
+
+
+def is_path(source: str) -> bool:
+    """Whether a source is the path of a file; others go by names of their own."""
+    return source.partition(":")[0] not in (DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM)
+
+
+def suffix_of(source: str | Path) -> str:
+    """What the name of a file ends with, in small letters: one of SUFFIXES where it may hold a policy."""
+    return Path(source).suffix.lower()
 
 
 class DriverSettings(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from nathlon.policies.sources import (
     SUFFIXES,
     TRAINING_STATE,
     check_source,
+    suffix_of,
 )
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -27,15 +28,16 @@ from nathlon.sim.names import printable
 def checkpoints_below(folder: Path) -> list[Path]:
     """The checkpoints in a folder and those below it, without the states of training runs.
 
-    Files that a file of roles there names are no checkpoints of their own. A folder that cannot be looked
-    into is one of them, so that whoever opens it says so.
+    Links to folders are followed. What is hidden (`.NAME`) is passed over, as caches and half-written files
+    are. Files that a file of roles there names are no checkpoints of their own. A folder that cannot be
+    looked into is one of them, so that whoever opens it says so.
     """
     closed: list[Path] = []
     found = [
         Path(place) / name
-        for place, _, names in os.walk(folder, onerror=lambda error: closed.append(Path(error.filename)))
+        for place, names in _looked_into(folder, lambda error: closed.append(Path(error.filename)))
         for name in names
-        if (Path(name).suffix in SUFFIXES and name not in TRAINING_STATE) or name.endswith(ROLES)
+        if (suffix_of(name) in SUFFIXES and name.lower() not in TRAINING_STATE) or name.endswith(ROLES)
     ]
     parts: set[str] = set()
     for path in found:
@@ -45,6 +47,23 @@ def checkpoints_below(folder: Path) -> list[Path]:
             with suppress(InputError):  # whoever opens it says what is wrong
                 parts |= {os.path.abspath(source) for source in RolesSource.read(path).sources.values()}
     return sorted([*(path for path in found if os.path.abspath(path) not in parts), *closed])
+
+
+def _looked_into(root: Path, on_error: Callable[[OSError], None]) -> Iterator[tuple[str, list[str]]]:
+    """Every folder from `root` downward that is not hidden, once, with the names of the files in it.
+
+    Links come last, so that a folder goes by its own path where it has one below the root.
+    """
+    waiting, seen = [str(root)], set()
+    while waiting:
+        for place, folders, names in os.walk(waiting.pop(0), onerror=on_error):
+            if (real := os.path.realpath(place)) in seen:
+                folders.clear()
+                continue
+            seen.add(real)
+            folders[:] = sorted(name for name in folders if not name.startswith("."))
+            waiting += [path for name in folders if os.path.islink(path := os.path.join(place, name))]
+            yield place, [name for name in names if not name.startswith(".")]
 
 
 def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]:

@@ -11,6 +11,15 @@ from nathlon.policies.sources.handed_over import handed_over, object_id
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import plugin_id
 from nathlon.policies.sources.roles import RolesSource
+from nathlon.sim.errors import InputError
+
+
+def is_still(source: str, identity: str) -> bool:
+    """Whether the policy that a user calls by a path or a name is there, and has this id."""
+    try:
+        return policy_id(source) == identity
+    except InputError:
+        return False
 
 
 def policy_id(source: str) -> str:

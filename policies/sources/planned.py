@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
-from nathlon.policies.sources import MPPI
+from nathlon.policies.sources import MPPI, suffix_of
 from nathlon.sim.errors import InputError
 from nathlon.sim.expressions import Expression, pure_number
 from nathlon.sim.instruments import QUANTITIES
@@ -33,7 +33,7 @@ class PlannedSource:
             InputError: if it has no checkpoint, or its objective is no expression.
         """
         path, found, objective = source.removeprefix(f"{MPPI}:").partition(SETTING)
-        if not found or not path.endswith(".safetensors"):
+        if not found or suffix_of(path) != ".safetensors":
             raise InputError(
                 f"{printable(source)}: expected {MPPI}:CHECKPOINT.safetensors{SETTING}EXPRESSION"
             )

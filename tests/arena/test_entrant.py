@@ -51,6 +51,32 @@ def test_a_folder_stands_for_all_policies_below_it(folder: Path) -> None:
         find_sources([folder / "empty"])
 
 
+def test_links_are_followed_what_is_hidden_is_not_and_capitals_do_not_matter(
+    folder: Path, pool: Pool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    shutil.copy(folder / "b.safetensors", elsewhere / "LAST.SAFETENSORS")
+    shutil.copy(folder / "a.onnx", elsewhere / "GRAPH.ONNX")
+    (elsewhere / "STATE.SAFETENSORS").write_bytes(b"no policy")
+    (elsewhere / "round").symlink_to(folder)
+    (folder / "run" / "linked").symlink_to(elsewhere)
+    (folder / "latest").symlink_to(folder / "run")
+    (folder / ".cache").mkdir()
+    for hidden in (".cache/c.zip", "._b.safetensors"):
+        (folder / hidden).write_bytes(b"")
+    found = find_sources([folder])
+    assert [Path(source).relative_to(folder).as_posix() for source in found] == [
+        "a.onnx",
+        "b.safetensors",
+        "run/linked/GRAPH.ONNX",
+        "run/linked/LAST.SAFETENSORS",
+        "run/step.safetensors",
+    ]
+    shouted = enter_all(pool, found[2:4], "lindenring", "gt3")
+    assert [entrant.algorithm for entrant in shouted] == ["ONNX", "QR-SAC, polished"]
+    assert find_sources([folder / ".cache"]) == [str(folder / ".cache" / "c.zip")]
+
+
 def test_the_generalist_is_entered_by_its_name_for_any_circuit_and_car(pool: Pool) -> None:
     sources = find_sources(["generalist", "driver"])
     assert load_checkpoint(Path(sources[0])).card.circuit == "any"

@@ -14,6 +14,7 @@ from onnx import TensorProto, helper
 from nathlon.arena.entrant import enter
 from nathlon.arena.pool import Pool
 from nathlon.selection.field import newcomers
+from nathlon.selection.watching import watch
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
@@ -32,63 +33,64 @@ def watched(tmp_path: Path) -> Path:
 
 
 def test_the_same_contents_are_one_entrant_and_names_are_unique(watched: Path, pool: Pool) -> None:
-    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    new, excluded = newcomers(pool, watch([str(watched)]), *PAIR, known={})
     assert {entrant.name: entrant.id for entrant in new} == {
-        "step": enter(str(BUNDLED[0]), *PAIR).id,
+        "a/step": enter(str(BUNDLED[0]), *PAIR).id,
         "b/step": enter(str(BUNDLED[1]), *PAIR).id,
     }
+    assert [entrant.also for entrant in new] == [(), (str(watched / "c" / "step.safetensors"),)]
     assert [item.source for item in excluded] == [str(watched / "c" / "broken.safetensors")]
     assert "broken.safetensors" in excluded[0].reason
 
 
 def test_what_is_known_or_was_refused_is_not_new(watched: Path, pool: Pool) -> None:
-    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    new, excluded = newcomers(pool, watch([str(watched)]), *PAIR, known={})
     known = {entrant.id: entrant.name for entrant in new[:1]}
-    again, nothing = newcomers(pool, [str(watched)], *PAIR, known, {item.key for item in excluded})
+    again, nothing = newcomers(pool, watch([str(watched)]), *PAIR, known, {item.key for item in excluded})
     assert [entrant.id for entrant in again] == [new[1].id]
     assert not nothing
     (watched / "c" / "broken.safetensors").write_bytes(b"another")
-    _, changed = newcomers(pool, [str(watched)], *PAIR, known, {item.key for item in excluded})
+    _, changed = newcomers(pool, watch([str(watched)]), *PAIR, known, {item.key for item in excluded})
     assert len(changed) == 1
 
 
 def test_a_name_that_is_taken_on_an_earlier_night_is_not_given_again(watched: Path, pool: Pool) -> None:
-    new, _ = newcomers(pool, [str(watched / "a")], *PAIR, known={"another": "step"})
+    new, _ = newcomers(pool, watch([str(watched / "a")]), *PAIR, known={"another": "step"})
     assert new[0].name == "a/step"
-    new, _ = newcomers(pool, [str(watched / "a")], *PAIR, known={"another": "step", "third": "a/step"})
+    new, _ = newcomers(pool, watch([str(watched / "a")]), *PAIR, known={"another": "step", "third": "a/step"})
     assert new[0].name == f"a/step-{new[0].id[:6]}"
 
 
 def test_another_circuit_is_set_aside(watched: Path, pool: Pool) -> None:
-    new, excluded = newcomers(pool, [str(watched / "a")], "porto-sereno", "coupe", known={})
+    new, excluded = newcomers(pool, watch([str(watched / "a")]), "porto-sereno", "coupe", known={})
     assert not new
     assert "circuit is 'lindenring', expected 'porto-sereno'" in excluded[0].reason
 
 
 def test_an_empty_folder_holds_nothing_yet_and_a_missing_one_is_refused(tmp_path: Path, pool: Pool) -> None:
-    assert newcomers(pool, [str(tmp_path)], *PAIR, known={}) == ([], [])
+    assert newcomers(pool, watch([str(tmp_path)]), *PAIR, known={}) == ([], [])
     with pytest.raises(InputError, match="none: no such file or folder"):
-        newcomers(pool, [str(tmp_path / "none")], *PAIR, known={})
+        watch([str(tmp_path / "none")])
 
 
 def test_what_is_no_regular_file_is_set_aside_unread_and_not_told_again(watched: Path, pool: Pool) -> None:
     """A pipe that nobody writes to would keep whoever reads it waiting for ever."""
     os.mkfifo(watched / "pipe.safetensors")
     (watched / "gone.onnx").symlink_to(watched / "nowhere")
-    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    new, excluded = newcomers(pool, watch([str(watched)]), *PAIR, known={})
     assert len(new) == 2
     names = {Path(item.source).name: item for item in excluded}
     assert set(names) == {"broken.safetensors", "gone.onnx", "pipe.safetensors"}
     assert names["pipe.safetensors"].digest is None
     known = {entrant.id: entrant.name for entrant in new}
-    assert newcomers(pool, [str(watched)], *PAIR, known, {item.key for item in excluded}) == ([], [])
+    assert newcomers(pool, watch([str(watched)]), *PAIR, known, {item.key for item in excluded}) == ([], [])
 
 
 def test_an_endless_graph_is_set_aside_when_its_time_is_up(watched: Path) -> None:
     """It gives its actions after 2^62 rounds."""
     endless(watched / "endless.onnx")
     with Pool(1, first_answer_s=3.0) as pool:
-        new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+        new, excluded = newcomers(pool, watch([str(watched)]), *PAIR, known={})
     assert len(new) == 2
     assert [item.reason for item in excluded if item.source.endswith("endless.onnx")] == [
         f"{watched}/endless.onnx: took more than 3 s to open, expected a policy"
@@ -135,7 +137,7 @@ def test_names_of_files_are_shown_as_they_can_be(watched: Path, pool: Pool) -> N
     strange = Path(os.fsdecode(os.fsencode(watched) + b"/\xff.safetensors"))
     shutil.copy(BUNDLED[2], strange)
     shutil.copy(BUNDLED[3], watched / "two\nlines.safetensors")
-    new, excluded = newcomers(pool, [str(watched)], *PAIR, known={})
+    new, excluded = newcomers(pool, watch([str(watched)]), *PAIR, known={})
     assert "two\\nlines" in {entrant.name for entrant in new}
     [item] = [item for item in excluded if "broken" not in item.source]
     assert item.source == f"{watched}/\\udcff.safetensors"

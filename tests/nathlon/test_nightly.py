@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from collections.abc import Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +14,16 @@ import numpy as np
 import polars as pl
 import pytest
 
+from nathlon.arena.entrant import enter
 from nathlon.arena.recording import recording_name
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
 from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
-from nathlon.reports.summary import Sent, SetAside
+from nathlon.reports.summary import Sent, SetAside, read_summary
 from nathlon.selection.config import TEMPLATE, Config, read_config
+from nathlon.selection.field import Field
 from nathlon.selection.run import KERNELS, RECORDINGS, STAGES
+from nathlon.sim.errors import InputError
 from tests import forked
 from tests.checkpoints import BUNDLED
 from tests.clocks import Jumping
@@ -188,9 +193,59 @@ def test_only_broken_files_are_bad_for_the_health(tmp_path: Path) -> None:
     configure(tmp_path)
     assert run(tmp_path).code == OK
     (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"no checkpoint")
-    night = run(tmp_path)
-    assert (night.name, night.code) == (None, HEALTH)
-    assert "broken.safetensors" in night.reason
+    config = read_config(tmp_path / "nathlon.toml")
+    for _ in range(2):  # until it is told
+        night = nightly(config, 1, lambda *_: None)
+        assert (night.name, night.code) == (None, HEALTH)
+        assert "broken.safetensors" in night.reason
+    told(config, night)
+    assert run(tmp_path) == Night(None, "done", OK, "Nothing is new.", None)
+    (tmp_path / "checkpoints" / "broken.safetensors").write_bytes(b"still none")
+    assert run(tmp_path).code == HEALTH
+
+
+def test_an_empty_folder_is_told(tmp_path: Path) -> None:
+    (tmp_path / "checkpoints").mkdir()
+    configure(tmp_path)
+    folder = tmp_path / "checkpoints"
+    assert run(tmp_path).reason == f"Nothing is new: {folder} holds no checkpoint."
+    entrant = enter(str(GOOD[0]), "lindenring", "gt3")
+    judged = Field((replace(entrant, source=str(folder / "a" / "step.safetensors")),))
+    with Store(tmp_path / "nathlon.sqlite") as store:
+        store.begin_run("night-0001", {"world": {}, "field": asdict(judged)})
+        store.end_run("night-0001", "done")
+    with pytest.raises(InputError, match="checkpoints: holds no checkpoint any more"):
+        run(tmp_path)
+
+
+def test_what_is_gone_is_not_sent_and_what_was_sent_is_found_again(tmp_path: Path) -> None:
+    """One of two is deleted while they race; the other is renamed before the next night."""
+    watch_two(tmp_path)
+    gone, stays = (tmp_path / "checkpoints" / path.name for path in GOOD)
+    config = read_config(tmp_path / "nathlon.toml")
+    night = nightly(
+        config, 1, lambda stage, *_: gone.unlink(missing_ok=True) if stage == "tournament" else None
+    )
+    told(config, night)
+    assert night.selection is not None
+    summary = night.selection.summary
+    assert (night.code, night.reason) == (OK, f"{stays.stem} is sent.")
+    assert [item.source for item in summary.gone] == [str(gone)]
+    [sent] = summary.sent
+    copy = tmp_path / "nights" / "night-0001" / str(sent.path)
+    assert copy.read_bytes() == stays.read_bytes()
+    assert read_summary(tmp_path / "nights" / "night-0001" / "summary.json").sent == (sent,)
+    renamed = stays.rename(tmp_path / "checkpoints" / "champion.safetensors")
+    shutil.copy(WEAK, tmp_path / "checkpoints")
+    result = nathlon("nightly", "--json", cwd=tmp_path)
+    assert result.returncode == OK, result.stderr
+    said = json.loads(result.stdout)
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        sources = dict(store.table("night-0002", "entrants").select("entrant", "source").iter_rows())
+    assert sources[sent.entrant] == str(renamed)
+    assert Path(said["report"]).is_file()
+    assert Path(said["sent"][0]["path"]).parent == tmp_path / "nights" / "night-0002" / "sent"
+    assert hashlib.sha256(Path(said["sent"][0]["path"]).read_bytes()).hexdigest() == said["sent"][0]["digest"]
 
 
 def test_nights_have_seeds_of_their_own(store: Store, nights: list[Night]) -> None:

@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parent.parent.parent
 PAGES = [
@@ -43,6 +44,22 @@ def test_links_to_files_lead_somewhere() -> None:
             if "://" not in target and Path(target).name not in generated:
                 dead += [] if (page.parent / target).exists() else [f"{page}: {target}"]
     assert dead == []
+
+
+def test_the_workflow_for_nights_keeps_its_store_whatever_a_night_comes_to() -> None:
+    """`actions/cache` saves after success alone, and never twice under one key."""
+    [block] = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "nightly.md").read_text("utf-8"), re.DOTALL)
+    steps = yaml.safe_load(block)["jobs"]["select"]["steps"]
+    actions = [step.get("uses", "").partition("@")[0] for step in steps]
+    night = next(number for number, step in enumerate(steps) if "nathlon nightly" in step.get("run", ""))
+    restored, saved = actions.index("actions/cache/restore"), actions.index("actions/cache/save")
+    assert "actions/cache" not in actions
+    assert restored < night < saved
+    assert steps[saved]["if"] == "always()"
+    assert steps[saved]["with"]["key"] == steps[restored]["with"]["key"]
+    assert "run_attempt" in steps[saved]["with"]["key"]
+    # Committed writes of a process that was killed are in the `-wal` file; what was sent is looked for later.
+    assert steps[saved]["with"]["path"].split("\n") == ["nathlon.sqlite*", "nights/*/sent"]
 
 
 class Loads(HTMLParser):

@@ -16,6 +16,8 @@ from nathlon.tournament.stopping import (
     FEWEST,
     OPEN,
     Stopping,
+    _all_within,
+    _followed,
     log_likelihood_ratio,
     repeated,
     settled,
@@ -173,6 +175,17 @@ def test_the_more_they_differ_the_sooner_it_is_said() -> None:
     ]
     assert fewest == sorted(fewest, reverse=True)
     assert fewest[-1] == FEWEST
+
+
+def test_many_looks_are_what_following_them_all_gives() -> None:
+    """Nights are looks: there may be thousands."""
+    for bound in (2.6, 3.2):
+        kept = _followed(bound, 600)
+        found = [_all_within(bound, looks) for looks in (100, 128, 129, 300, 600)]
+        np.testing.assert_allclose(found, kept[[99, 127, 128, 299, 599]], atol=5e-5)
+    confidences = [repeated(0.95, looks) for looks in (1, 10, 100, 1000, 1500, 5000)]
+    assert confidences == sorted(confidences)
+    assert ndtri((1 + confidences[3]) / 2) == pytest.approx(3.063, abs=0.002)
 
 
 def test_repeated_intervals_have_pococks_bounds() -> None:

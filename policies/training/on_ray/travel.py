@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, NamedTuple
 
-from nathlon.policies.sources import SUFFIXES
+from nathlon.policies.sources import SUFFIXES, suffix_of
 from nathlon.sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def needed(config: TrainingConfig, pairs: Sequence[Pair]) -> list[str]:
         weights += [opponent.policy for opponent in opponents]
     for rollouts in config.rollouts:
         weights += rollouts.demonstrators
-    found = [name for name in weights if Path(name).suffix in SUFFIXES]
+    found = [name for name in weights if suffix_of(name) in SUFFIXES]
     found += [name for pair in pairs for name in (pair.circuit, pair.car) if os.sep in name]
     return list(dict.fromkeys(found))
 

@@ -64,6 +64,9 @@ function health() {
     set.length > 0 && h("ul", {}, set.map(([test, reason]) => h("li", {}, `${plain(test)} was not held: ${reason}`))),
     summary.excluded.length > 0 && h("details", { open: summary.excluded.length < 6 }, h("summary", {}, "Files set aside"),
       h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),
+    summary.gone.length > 0 && h("ul", {}, summary.gone.map((file) => h("li", {}, h("code", {}, file.source), ` ${file.reason}.`))),
+    Object.entries(summary.also).map(([name, others]) => h("p", {}, `${name} has the same contents as `, others.map((source, i) => [i > 0 && ", ", h("code", {}, source)]), ".")),
+    summary.notes.length > 0 && h("ul", {}, summary.notes.map((text) => h("li", {}, text))),
     summary.log && h("p", {}, link(fileHref(summary.log), "What policies printed")),
     data.notes.length > 0 && h("ul", {}, data.notes.map((text) => h("li", {}, text))),
   ];
