@@ -15,6 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.results import VOID_ENDINGS
+from nathlon.arena.rounding import differing
 from nathlon.arena.statistics import Floats, Sizes, interval, p_values, precision, spread, standard_error
 
 MATCHUP = ("entrant", "opponent")
@@ -71,16 +72,19 @@ def differences(seen: pl.DataFrame) -> pl.DataFrame:
     return (
         seen.join(theirs, on=UNIT)
         .filter(pl.col("entrant") < pl.col("opponent"))
-        .select(
-            *UNIT,
-            *MATCHUP,
-            "field",
-            "seed",
-            difference=pl.col("points") - pl.col("points_"),
-            first=pl.col("first") - pl.col("first_"),
-            second=pl.col("second") - pl.col("second_"),
-        )
+        .with_columns(first=_gap("first"), second=_gap("second"), difference=_gap("points"))
+        .select(*UNIT, *MATCHUP, "field", "seed", "difference", "first", "second")
         .sort("test", "field", *MATCHUP, *ORDER[2:])
+    )
+
+
+def _gap(points: str) -> pl.Expr:
+    """A column less the opponent's; 0 where they are equal within rounding."""
+    own, other = pl.col(points), pl.col(f"{points}_")
+    size = pl.max_horizontal(own.abs(), other.abs())
+    return pl.struct(gap=own - other, size=size).map_batches(
+        lambda both: pl.Series(differing(both.struct["gap"].to_numpy(), both.struct["size"].to_numpy())),
+        return_dtype=pl.Float64,
     )
 
 
@@ -121,6 +125,15 @@ class Evidence:
         """(cells,) mean differences."""
         return self.cells["difference"].to_numpy()
 
+    def estimates(self, combinations: Floats) -> Floats:
+        """Linear `combinations` (L, cells) of the means; 0 where it is within rounding."""
+        return differing(combinations @ self.means, self.largest)
+
+    @cached_property
+    def largest(self) -> float:
+        """The most points of a side in a unit, whatever their sign."""
+        return float(np.abs(self.seen["points"].to_numpy()).max(initial=0.0))
+
     @cached_property
     def units(self) -> Floats:
         """(M,) units of every matchup; of several tests, as many of one as would tell as much."""
@@ -158,7 +171,7 @@ class Evidence:
         """Confidence intervals of linear `combinations` (L, cells) of the means; units are resampled."""
         values, sizes, weights = self._groups(combinations)
         known = spread(values, sizes, resamples, rng, ENOUGH)
-        return interval(combinations @ self.means, weights, known, confidence)
+        return interval(self.estimates(combinations), weights, known, confidence)
 
     def errors(self, combinations: Floats) -> tuple[Floats, Floats]:
         """Standard errors (L,) of linear `combinations` (L, cells) of the means, and degrees of freedom."""
@@ -167,7 +180,7 @@ class Evidence:
 
     def p_values(self, combinations: Floats) -> Floats:
         """Two-sided p-values (L,) of linear `combinations` (L, cells) of the means against 0."""
-        return p_values(combinations @ self.means, *self.errors(combinations))
+        return p_values(self.estimates(combinations), *self.errors(combinations))
 
     def _groups(self, combinations: Floats) -> tuple[Floats, Sizes, Floats]:
         """Values, group sizes and weights (L, groups) of independent groups of units.
