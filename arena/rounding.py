@@ -13,7 +13,8 @@ ROUNDING = 1e-12
 
 def differing(differences: Floats, scale: Floats | float, rounding: float = ROUNDING) -> Floats:
     """Differences of numbers as large as `scale`; 0 where rounding alone may have made them."""
-    return np.where(np.abs(differences) <= rounding * np.maximum(scale, 1.0), 0.0, differences)
+    alike = np.abs(differences) <= rounding * np.maximum(scale, 1.0)
+    return np.where(alike & np.isfinite(differences), 0.0, differences)
 
 
 def levelled(values: Floats, rounding: float = ROUNDING) -> Floats:

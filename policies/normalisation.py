@@ -20,7 +20,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 
 HEAD, LONG_HEAD = 1 << 16, 1 << 22
-"""Bytes in which a pickle says what it is, and in which it comes to its attributes, after bounds of spaces."""
+"""Bytes in which a pickle says what it is, and in which it comes to its attributes: spaces stand before."""
 
 PICKLES = (".pkl", ".pickle")
 OTHERS = (".npz", ".npy", ".json", ".joblib", ".pt", ".pth", ".gz")
@@ -63,15 +63,15 @@ def check_as_it_is(path: Path) -> None:
         if _of_observations(statistics):
             named = printable(os.path.relpath(statistics, path.parent))
             raise InputError(
-                f"{path}: {named!r} says that observations were normalised in training, which is not done here "
-                "yet; export it to ONNX with the statistics inside, or, if they are another's, move it to a "
-                "folder without them, expected a policy that takes observations as they are"
+                f"{path}: {named!r} says that observations were normalised in training, which is not done "
+                "here yet; export it to ONNX with the statistics inside, or, if they are another's, move it to "
+                "a folder without them, expected a policy that takes observations as they are"
             )
     if path.suffix == ".zip" and not found and was_normalised(path):
         named = f"{printable(path.stem)}_vecnormalize.pkl"
         raise InputError(
-            f"{path}: was trained with VecNormalize, and without its statistics nobody knows whether observations "
-            f"were normalised; expected what VecNormalize.save writes, as {named!r} beside it"
+            f"{path}: was trained with VecNormalize, and without its statistics nobody knows whether "
+            f"observations were normalised; expected what VecNormalize.save writes, as {named!r} beside it"
         )
 
 

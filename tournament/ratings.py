@@ -84,7 +84,7 @@ def _plackett_luce(results: pl.DataFrame, evidence: Evidence, units: pl.DataFram
     cars = (
         results.with_columns(unit=pl.col("race") // pl.col("entrant").n_unique().over("match"))
         .join(units, on=UNIT)
-        .sort(*race, "place", descending=[False, False, True])
+        .sort(*race, "place", "car", descending=[False, False, True, True])
     )
     own = np.stack([cars["entrant"] == entrant for entrant in evidence.entrants], 1).astype(np.float64)
     # From the last car to the first: how many of each entrant are still to come in, this one among them.

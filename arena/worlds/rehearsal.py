@@ -181,15 +181,13 @@ def _repeats(played: Sequence[Played]) -> tuple[str, str]:
     again = len(played) - seeds
     return (
         "An episode with the same seed and seats repeats to the bit.",
-        f"Compared were {len(played)} episodes on {seeds} seeds in turn ({steps:,} observations, scores and ends), "
-        "and two in another process with another hash seed: what shows in less than "
+        f"Compared were {len(played)} episodes on {seeds} seeds in turn ({steps:,} observations, scores and "
+        "ends), and two in another process with another hash seed: what shows in less than "
         f"{min(3 / again, 1):.0%} of the episodes may stay unseen.",
     )
 
 
-def _again(
-    elsewhere: Elsewhere, name: str, rehearsed: Rehearsed, played: Sequence[Played]
-) -> list[Finding]:
+def _again(elsewhere: Elsewhere, name: str, rehearsed: Rehearsed, played: Sequence[Played]) -> list[Finding]:
     """Play the same episodes in another process, and see whether they are still the same."""
     where = _where(name, rehearsed.name)
     first = {episode.seed: episode for episode in reversed(played)}
@@ -200,7 +198,9 @@ def _again(
         said = differs(rehearsed.setup, first[episode.seed], episode)
         if said:
             said = f"{where}, {said} in another process with another hash seed, {EXPECTED}"
-            return [Finding(rehearsed.name, True, f"{said} and no order of sets, hash of text or draw at import.")]
+            return [
+                Finding(rehearsed.name, True, f"{said} and no order of sets, hash of text or draw at import.")
+            ]
     return []
 
 

@@ -1,4 +1,4 @@
-"""Whether a world's episodes repeat: the same seed and seats give the same, whatever was played before and where."""
+"""Whether a world's episodes repeat: the same seed and seats give the same, whenever and wherever."""
 
 from __future__ import annotations
 
@@ -143,11 +143,13 @@ def starts(played: Sequence[Played]) -> str:
         return ""
     if len({str(episode.seen) for episode in by_seed.values()}) == 1:
         return (
-            f"Different seeds ({len(by_seed)} tried) give the same episode: the same policies will play it again "
-            "and again, and intervals of width zero mean nothing. Draw the start from the seed."
+            f"Different seeds ({len(by_seed)} tried) give the same episode: the same policies will play it "
+            "again and again, and intervals of width zero mean nothing. Draw the start from the seed."
         )
     if len({str([seen[:1] for seen in episode.seen]) for episode in by_seed.values()}) == 1:
-        return f"Different seeds ({len(by_seed)} tried) start alike: only later does the seed make a difference."
+        return (
+            f"Different seeds ({len(by_seed)} tried) start alike: only later does the seed make a difference."
+        )
     return ""
 
 

@@ -65,7 +65,7 @@ def _check_observations(file: Sb3File) -> None:
     shape = file.section("observation_space").get("_shape")
     if isinstance(shape, list) and len(shape) != 1:
         raise InputError(
-            f"{file.path}: observation space of shape {shape}, as of frames that are stacked, expected one row"
+            f"{file.path}: observation space of shape {shape}, as of stacked frames, expected one row"
         )
 
 

@@ -96,7 +96,7 @@ class RareNoise(Slide):
         self.own = np.random.default_rng(7)
 
     def reward(self):
-        return super().reward() + (self.own.uniform() if self.own.uniform() < 0.002 else 0.0)
+        return super().reward() + (self.own.uniform() if self.own.uniform() < 0.01 else 0.0)
 
 
 class StartOfItsOwn(Slide):
