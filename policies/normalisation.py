@@ -64,8 +64,8 @@ def check_as_it_is(path: Path) -> None:
             named = printable(os.path.relpath(statistics, path.parent))
             raise InputError(
                 f"{path}: {named!r} says that observations were normalised in training, which is not done "
-                "here yet; export it to ONNX with the statistics inside, or, if they are another's, move it to "
-                "a folder without them, expected a policy that takes observations as they are"
+                "here yet; export it to ONNX with the statistics inside, or, if they are another's, move it "
+                "to a folder without them, expected a policy that takes observations as they are"
             )
     if path.suffix == ".zip" and not found and was_normalised(path):
         named = f"{printable(path.stem)}_vecnormalize.pkl"

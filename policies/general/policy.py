@@ -86,8 +86,8 @@ class GeneralPolicy:
             shape = self.observation_shape or ()
             if isinstance(observation_space, Box) and len(shape) > 1 and shape != observation_space.shape:
                 raise InputError(
-                    f"{self.source}: was trained on observations of shape {in_words(shape)}, as of frames "
-                    f"that are stacked, expected {observation_space.shape} as in {in_words(observation_space)}"
+                    f"{self.source}: was trained on observations of shape {in_words(shape)}, as of stacked "
+                    f"frames, expected {observation_space.shape} as in {in_words(observation_space)}"
                 )
         self.outputs.check(self.source, action_space)
 

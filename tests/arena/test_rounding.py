@@ -86,7 +86,7 @@ def test_equal_policies_race_on_and_nothing_is_noted() -> None:
 def test_the_battery_ties_sums_that_are_equal() -> None:
     tests = {"a": (0.1, 0.2, 0.3), "b": (0.3, 0.2, 0.1), "c": (0.1, 0.2, 0.1)}
     table = [
-        (entrant, f"test {test}", run, 1.0, "s", 100 * value)
+        (entrant, f"test {test}", run, 1.0, "s", value)
         for entrant, values in tests.items()
         for test, value in enumerate(values)
         for run in range(3)
