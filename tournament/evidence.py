@@ -27,15 +27,11 @@ ENOUGH = 4
 """Units of a matchup that must be alike to show that they do not vary: points are coarse."""
 
 
-def appearances(results: pl.DataFrame) -> pl.DataFrame:
-    """Every entrant's side of every valid unit of some RESULTS, in the `ORDER` of units, then by entrant.
+def in_units(results: pl.DataFrame) -> pl.DataFrame:
+    """The rows of RESULTS that are part of valid units, with the number of their `unit` and its `races`.
 
-    A unit is as many races of a match, one after the other, as entrants take part in it, `races`; the entrant
-    started in `started` of them. `points` are means over the unit's races, `first` and `second` over those
-    before and after the mirror; `contacts`, `at_fault` and `km` are sums over the entrant's cars, and
-    `field` says who took part, `seed` is that of its first start.
+    A unit is as many races of a match, one after the other, as entrants take part in it.
     """
-    points, mirrored = pl.col("points"), pl.col("mirrored")
     races = pl.col("races")
     return (
         results.sort("match", "race", "car")
@@ -46,6 +42,19 @@ def appearances(results: pl.DataFrame) -> pl.DataFrame:
             ~pl.col("ending").is_in(VOID_ENDINGS).any().over(UNIT),
             pl.col("race").n_unique().over(UNIT) == races,
         )
+    )
+
+
+def appearances(results: pl.DataFrame) -> pl.DataFrame:
+    """Every entrant's side of every valid unit of some RESULTS, in the `ORDER` of units, then by entrant.
+
+    Of the `races` of a unit, see `in_units`, the entrant started in `started`. `points` are means over the
+    unit's races, `first` and `second` over those before and after the mirror; `contacts`, `at_fault` and
+    `km` are sums over the entrant's cars, and `field` says who took part, `seed` is that of its first start.
+    """
+    points, mirrored, races = pl.col("points"), pl.col("mirrored"), pl.col("races")
+    return (
+        in_units(results)
         .group_by(*UNIT, "entrant", "races", maintain_order=True)
         .agg(
             points.sum() / races.first(),
