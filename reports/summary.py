@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError
 from nathlon.arena.worlds.registry import RACING
 from nathlon.reports.forecast import Forecast
 from nathlon.reports.part import Part
+from nathlon.reports.words import an_episode, episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
@@ -244,7 +245,7 @@ class Summary(Part):
     @property
     def an_episode(self) -> str:
         """One, with its article."""
-        return f"{'an' if self.episode[:1].lower() in 'aeiou' else 'a'} {self.episode}"
+        return an_episode(self.episode)
 
     @property
     def a_mean(self) -> str:
@@ -254,7 +255,7 @@ class Summary(Part):
     @property
     def episodes(self) -> str:
         """Several of them."""
-        return f"{self.episode}{'es' if self.episode.endswith(('s', 'x', 'ch', 'sh')) else 's'}"
+        return episodes(self.episode)
 
 
 def ranked(

@@ -101,10 +101,7 @@ def rehearse(pool: Pool, name: str) -> Report:
     """
     if name == RACING:
         raise InputError(f"world {name!r}: is nathlon's own, expected one to be checked")
-    told = _watched(pool, name, "", _declared, name)
-    if isinstance(told, InputError):
-        raise told
-    scenarios, measures = told
+    scenarios, measures = _sure(_watched(pool, name, "", _declared, name))
     findings: list[Finding] = []
     tried: list[Rehearsed] = []
     elsewhere = Elsewhere(name, os.environ.get("PYTHONHASHSEED", ""), PATIENCE_S)
@@ -126,6 +123,36 @@ def rehearse(pool: Pool, name: str) -> Report:
             findings += [Finding(scenario, True, f"{answer}.")] if refused else answer
     elsewhere.close()
     return Report(name, tuple(tried), measures, tuple(findings))
+
+
+def episode_times(pool: Pool, name: str) -> dict[str, float]:
+    """What an episode of random policies takes, by scenario, s; played in a watched process.
+
+    Raises:
+        InputError: if a scenario cannot be played.
+    """
+    scenarios, _ = _sure(_watched(pool, name, "", _declared, name))
+    return {scenario: _sure(_watched(pool, name, scenario, _timed, name, scenario)) for scenario in scenarios}
+
+
+def _sure(answer: Any) -> Any:
+    if isinstance(answer, InputError):
+        raise answer
+    return answer
+
+
+def _timed(name: str, scenario: str) -> float:
+    """The time of an episode, s; where it is short of a second one, as the first may load what it needs."""
+    world = load_world(name)
+    setup, policy = world.setup(scenario), any_policy(world)
+    match = _match(world, scenario, setup, (1,))
+    for _ in range(2):
+        began = time.perf_counter()
+        _played(world, match, [policy])
+        took_s = time.perf_counter() - began
+        if took_s >= 1.0:
+            break
+    return took_s
 
 
 def _watched(pool: Pool, name: str, scenario: str, function: Any, *arguments: Any) -> Any:
