@@ -36,7 +36,11 @@ def verdict(selection: Selection) -> Verdict:
         waits = f"waits for {missing}" if decision.waits_for else "has been asked again"
         return Verdict(
             "The committee has not decided",
-            (f"It {waits}; {_reasons(decision)}.", _state_of(ranking, selection.summary), _barred(ranking)),
+            (
+                f"It {waits}; {_reasons(decision)}.",
+                _state_of(ranking, selection.summary),
+                *_bars(selection, ranking),
+            ),
         )
     sent = [standing for standing in decision.standings if standing.chosen]
     if not sent:
@@ -91,10 +95,16 @@ def _reasons(decision: Decided) -> str:
 
 def _conduct(selection: Selection, own: Row) -> tuple[str, ...]:
     """How the entrant sent has behaved; nothing in a world that counts no contacts."""
-    barred = _barred(selection.named("ranking").to_dicts())
-    if not selection.summary.circuit and own["contacts_per_km"] is None:
+    bars = _bars(selection, [own])
+    if not bars:
         return (_faults(own).strip(),) if own["faults"] else ()
-    return (f"{_manners(own)} {barred}",)
+    return (f"{_manners(own)} {_barred(selection.named('ranking').to_dicts())}",)
+
+
+def _bars(selection: Selection, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Who is barred for contacts; nothing in a world that counts none."""
+    counts = selection.summary.circuit or any(row["contacts_per_km"] is not None for row in rows)
+    return (_barred(rows),) if counts else ()
 
 
 def _proof(own: Row, ranking: Sequence[Row], candidates: set[str], confidence: str, summary: Summary) -> str:
@@ -167,7 +177,11 @@ def _nobody(selection: Selection, decision: Decided, ranking: Sequence[Row]) -> 
         said = f"The committee found none of {_count(len(decision.standings), 'finalist')} fit"
         return Verdict(
             "Send nobody",
-            (f"{said}: {_reasons(decision)}.", _state_of(ranking, selection.summary), _barred(ranking)),
+            (
+                f"{said}: {_reasons(decision)}.",
+                _state_of(ranking, selection.summary),
+                *_bars(selection, ranking),
+            ),
         )
     return Verdict("Send nobody", _stages_so_far(selection))
 
