@@ -153,7 +153,7 @@ MATCHUPS = pl.Schema(
 RECORDS = pl.Schema(
     {
         "entrant": pl.String,
-        "mean": pl.Float64,  # points of a seat, a race that it took part in
+        "mean": pl.Float64,  # points of a side, a race that it took part in
         "mean_low": pl.Float64,  # bootstrap interval over units
         "mean_high": pl.Float64,
         "won": pl.Float64,  # share of these races in which nobody had as many points
@@ -161,7 +161,7 @@ RECORDS = pl.Schema(
         "lost": pl.Float64,
     }
 )
-"""What entrants came to in the round robin, of formats in which the points of RANKING are not a team's."""
+"""What entrants came to in a round robin that is not of 4v4 alone; points of RANKING are fitted to gaps."""
 
 RATINGS = pl.Schema(
     {

@@ -49,8 +49,8 @@ class Ranked(Part):
     name.
 
     Attributes:
-        mean: points of one of its seats, an episode that it played, with its interval; None of 4v4 races,
-            whose points are those of teams, and where nobody met.
+        mean: points of its side, an episode that it played, with their interval; None of 4v4 races, and where
+            nobody met.
         won, drawn, lost: shares of these episodes.
     """
 

@@ -67,10 +67,15 @@ def records(
 
 
 def _raced(units: pl.DataFrame) -> pl.DataFrame:
-    """Every entrant of every race with its points, the mean of its cars, and whether it won, drew or lost."""
-    faulty = pl.col("ending").is_in(POLICY_FAULTS).any()
+    """Every entrant of every race with its points, and whether it won, drew or lost.
+
+    They are those of its team, or in a free-for-all the mean of its cars.
+    """
+    points = pl.col("points")
     raced = units.group_by(*RACE, "entrant", maintain_order=True).agg(
-        pl.col("points").mean(), pl.col("seed").first(), faulty=faulty
+        pl.when(pl.col("team").first() >= 0).then(points.sum()).otherwise(points.mean()),
+        pl.col("seed").first(),
+        faulty=pl.col("ending").is_in(POLICY_FAULTS).any(),
     )
     best = raced.select(pl.col("points").max().over(RACE)).to_series().to_numpy()
     behind = differing(best - raced["points"].to_numpy(), np.abs(best))

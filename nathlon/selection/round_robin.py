@@ -85,7 +85,7 @@ class RoundRobinAnswer(Answer):
     """What the round robin found out.
 
     Attributes:
-        records: RECORDS; empty of 4v4 races alone, whose points are those of teams.
+        records: RECORDS; empty where all races are 4v4.
     """
 
     records: pl.DataFrame

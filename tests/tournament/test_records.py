@@ -106,3 +106,11 @@ def test_tests_count_by_their_weights() -> None:
     other = duels({("a", "b"): [-2.0] * 2}).with_columns(test=pl.lit("short"), match=pl.lit("other"))
     told = records(pl.concat([one, other]), seeded(), weights={"short": 3.0})
     assert told["mean"].to_list() == pytest.approx([9 - 0.5, 9 + 0.5])
+
+
+def test_a_team_s_cars_count_together_and_cars_of_one_apart() -> None:
+    """Points of a team of two are sums; who has two of three seats in a free-for-all has their mean."""
+    teams = duels({("a", "b"): [2.0, 2.0]})
+    pairs = pl.concat([teams, teams.with_columns(pl.col("car") + 2)])
+    assert records(pairs, seeded())["mean"].to_list() == [20.0, 16.0]
+    assert records(table([["aab", "baa"]]), seeded())["mean"].to_list() == [8.0, 8.0]
