@@ -114,7 +114,7 @@ function changes() {
       ? h("ul", { class: "moves" }, moved.slice(0, 10).map((row) => h("li", {},
           h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${row.before} → ${row.rank}`)))
       : h("p", {}, "No rank in the pool has changed."),
-    note("Ranks in the pool of all nights. Newcomers can push others down; more races can break ties."),
+    note(`Ranks in the pool of all nights. Newcomers can push others down; more ${EPISODES} can break ties.`),
   ];
 }
 
