@@ -60,7 +60,7 @@ def check_as_it_is(path: Path) -> None:
         return
     found = statistics_of(path)
     for statistics in found:
-        if _of_observations(statistics):
+        if _of_observations(statistics, _changed(statistics)):
             named = printable(os.path.relpath(statistics, path.parent))
             raise InputError(
                 f"{path}: {named!r} says that observations were normalised in training, which is not done "
@@ -88,14 +88,15 @@ def statistics_of(path: Path) -> list[Path]:
     shared = [one for words, one in named if words not in policies or not words]
     if of_run or shared:
         return of_run or shared
-    return [*_in_subfolders(folder), *_above(folder)]
+    below = [one for child in _kept_below(folder, _changed(folder)) for one in _in(child)]
+    return [*filter(_is_shared, below), *_above(folder)]
 
 
-def _in_subfolders(folder: Path) -> list[Path]:
-    """Those that RL Zoo keeps below the policies, with the settings of the run."""
+@lru_cache
+def _kept_below(folder: Path, _: int) -> tuple[Path, ...]:
+    """Folders in which RL Zoo keeps statistics below the policies, with the settings of the run."""
     below = [Path(one) for one in _listed(folder)[0]]
-    kept = [child for child in below if any((child / name).is_file() for name in _ZOO)]
-    return [one for child in kept for one in _in(child) if _is_shared(one)]
+    return tuple(child for child in below if any((child / name).is_file() for name in _ZOO))
 
 
 def _above(folder: Path) -> list[Path]:
@@ -129,10 +130,10 @@ def _named_policies(folder: Path, _: int) -> set[Words]:
     return {_words(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix in SUFFIXES}
 
 
-def _changed(folder: Path) -> int:
-    """When a folder has last changed, ns; 0 where that is not known."""
+def _changed(path: Path) -> int:
+    """When a file or folder has last changed, ns; 0 where that is not known."""
     try:
-        return folder.stat().st_mtime_ns
+        return path.stat().st_mtime_ns
     except OSError:
         return 0
 
@@ -167,7 +168,7 @@ def _is_step(words: Words) -> bool:
 
 
 @lru_cache(maxsize=1000)
-def _of_observations(statistics: Path) -> bool:
+def _of_observations(statistics: Path, _: int) -> bool:
     """Whether statistics normalise observations, as `norm_obs` of a pickled `VecNormalize` tells."""
     if statistics.suffix.lower() not in PICKLES:
         return True

@@ -28,7 +28,7 @@ ELSEWHERE = (2, 1)
 """Of those in another process, in another order."""
 REPEATING_S = 60.0
 """What the episodes may take, about."""
-FEWEST, MOST = 6, 60
+FEWEST, MOST = 3, 60
 """Of them at least and at most."""
 HASH_SEEDS = ("1", "2")
 """Of Python's hashes of text in the other process: one that is not this process's own."""
