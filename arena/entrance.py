@@ -11,6 +11,9 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file
+from nathlon.policies.normalisation import check_as_it_is
+from nathlon.policies.sources import ROLES
+from nathlon.policies.sources.roles import RolesSource
 from nathlon.sim.errors import InputError
 
 
@@ -22,6 +25,14 @@ def enter_each(
 
 
 def _enter(source: str, world: str, circuit: str, car: str) -> Entrant:
+    entrant = load_world(world, circuit, car).enter(source)
+    parts = RolesSource.read(Path(source)).sources.values() if source.endswith(ROLES) else [source]
+    for path in weights(parts):
+        check_as_it_is(path)
+    return entrant
+
+
+def _enter_again(source: str, world: str, circuit: str, car: str) -> Entrant:
     return load_world(world, circuit, car).enter(source)
 
 
@@ -97,7 +108,10 @@ def check_opponents(pool: Pool, sources: Iterable[str], beside: Entrant, field: 
 def intact(pool: Pool, entrants: Sequence[Entrant]) -> list[bool]:
     """Which entrants can still be loaded, and are the same."""
     answers = pool.open(
-        [Opening(each.source, _enter, (each.source, each.world, each.circuit, each.car)) for each in entrants]
+        [
+            Opening(each.source, _enter_again, (each.source, each.world, each.circuit, each.car))
+            for each in entrants
+        ]
     )
     return [
         isinstance(answer, Entrant) and answer.id == entrant.id

@@ -181,6 +181,19 @@ MATCHUPS = pl.Schema(
     }
 )
 
+RECORDS = pl.Schema(
+    {
+        "entrant": pl.String,
+        "mean": pl.Float64,  # points of a side, a race that it took part in
+        "mean_low": pl.Float64,  # bootstrap interval over units
+        "mean_high": pl.Float64,
+        "won": pl.Float64,  # share of these races in which nobody had as many points
+        "drawn": pl.Float64,  # in which nobody had more, and somebody as many
+        "lost": pl.Float64,
+    }
+)
+"""What entrants came to in a round robin that is not of 4v4 alone; points of RANKING are fitted to gaps."""
+
 RATINGS = pl.Schema(
     {
         "entrant": pl.String,

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtr, stdtrit
 
+from nathlon.arena.rounding import differing
+
 Floats = NDArray[np.float64]
 Sizes = NDArray[np.int64]  # rows of each group, at least 1; the groups lie one after the other
 
@@ -41,7 +43,8 @@ def group_sums(values: NDArray, sizes: Sizes) -> NDArray:
 
 
 def _residuals(values: Floats, sizes: Sizes) -> Floats:
-    return values - np.repeat(group_sums(values, sizes) / sizes, sizes)
+    means = np.repeat(group_sums(values, sizes) / sizes, sizes)
+    return differing(values - means, np.maximum(np.abs(values), np.abs(means)))
 
 
 def precision(values: Floats, sizes: Sizes, enough: int = 2) -> Precision:
@@ -61,8 +64,7 @@ def precision(values: Floats, sizes: Sizes, enough: int = 2) -> Precision:
 
 def _alike(values: Floats, sizes: Sizes, enough: int) -> NDArray[np.bool_]:
     """Which groups are fewer than `enough` rows of the same value."""
-    opens = np.cumsum(sizes) - sizes
-    same = np.maximum.reduceat(values, opens) == np.minimum.reduceat(values, opens)
+    same = group_sums(np.abs(_residuals(values, sizes)), sizes) == 0
     return np.asarray(same & (sizes < enough))
 
 

@@ -55,7 +55,7 @@ def figures(summary: Summary) -> dict[str, Any]:
     return {
         "earlier": expected.earlier,
         "effect": (round(expected.budgets[0].effect, 3), round(summary.effect or 0.0, 3)),
-        "deviation": (round(expected.deviation, 3), round(summary.unit_deviation or 0.0, 3)),
+        "deviation": (round(expected.deviation or 0.0, 3), round(summary.unit_deviation or 0.0, 3)),
         "stages": {
             stage.name: {
                 "entrants": (stage.entrants, came[stage.name].entered),

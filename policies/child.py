@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -38,11 +38,12 @@ class Child:
         process: the process.
     """
 
-    def __init__(self, command: Sequence[str]) -> None:
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str] = {}) -> None:
         """Start a process.
 
         Args:
             command: to run; `{pipe}` in it stands for the descriptor of the pipe that it answers through.
+            environment: variables that it has besides, or instead of, those of this process.
 
         Raises:
             OSError: if there is no such program.
@@ -55,7 +56,7 @@ class Child:
                 [word.replace("{pipe}", str(theirs.fileno())) for word in command],
                 stdin=subprocess.PIPE,  # is closed with this process, however that ends
                 stdout=sys.__stderr__,
-                env={**os.environ, **dict.fromkeys(BLAS_THREADS, "1")},
+                env={**os.environ, **dict.fromkeys(BLAS_THREADS, "1"), **environment},
                 pass_fds=[theirs.fileno()],
                 start_new_session=True,  # so that its own processes can be ended with it
             )

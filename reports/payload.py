@@ -34,6 +34,7 @@ def payload(selection: Selection) -> dict[str, Any]:
     entrants = _entrants(selection)
     numbers = pl.Enum(entrants["entrant"])
     tables = {name: selection.tables[name] for name in TABLES if name not in NOT_DRAWN}
+    tables["ranking"] = selection.ranking
     matches, races, cars = _races(selection, numbers)
     shown = verdict(selection)
     return {

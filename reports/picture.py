@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from nathlon.sim.names import printable
 
 WIDTH_IN, ROW_IN, FRAME_IN, DPI = 7.2, 0.29, 0.85, 120
+POINTS = "Points a race"
 MOST_ROWS = 40
 MOST_LETTERS = 40
 FIRST, OTHER, INK = "#1f6fb4", "#6b727b", "#22262b"
@@ -35,27 +36,25 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def ranking_picture(ranking: pl.DataFrame) -> bytes:
-    """PNG of `draw_ranking`, of `WIDTH_IN` at `DPI`.
-
-    Args:
-        ranking: schema `nathlon.arena.results.RANKING` and `name`, in any order.
-    """
+def ranking_picture(ranking: pl.DataFrame, heading: str = POINTS) -> bytes:
+    """PNG of `draw_ranking`, of `WIDTH_IN` at `DPI`."""
     picture = BytesIO()
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
         # Letters that the font lacks are drawn as boxes.
         warnings.filterwarnings("ignore", "Glyph .* missing")
-        draw_ranking(ranking).savefig(picture, format="png", dpi=DPI)
+        draw_ranking(ranking, heading).savefig(picture, format="png", dpi=DPI)
     return picture.getvalue()
 
 
-def draw_ranking(ranking: pl.DataFrame) -> Figure:
-    """Points a race with their intervals, from best to worst; dots of those tied for first are filled.
+def draw_ranking(ranking: pl.DataFrame, heading: str = POINTS) -> Figure:
+    """Points with their intervals, from best to worst; dots of those tied for first are filled.
 
     The best `MOST_ROWS` are drawn. Who has no points has no dot.
 
     Args:
-        ranking: schema `nathlon.arena.results.RANKING` and `name`, in any order.
+        ranking: schema `nathlon.arena.results.RANKING` and `name`, in any order; with RECORDS their means
+            are drawn.
+        heading: what is drawn.
     """
     ordered = ranking.fill_nan(None).sort(
         "rank", "points_per_race", "name", descending=[False, True, False], nulls_last=True
@@ -70,10 +69,16 @@ def draw_ranking(ranking: pl.DataFrame) -> Figure:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "No team race was scored.", ha="center", va="center", transform=axes.transAxes)
         return figure
+    if "mean" in shown.columns and shown["mean"].drop_nulls().len():
+        shown = shown.with_columns(
+            pl.col("mean").alias("points_per_race"),
+            pl.col("mean_low").alias("points_low"),
+            pl.col("mean_high").alias("points_high"),
+        )
     tied = shown.filter(pl.col("rank") == 1)
     first = "statistically tied for first" if tied.height > 1 else "alone in rank 1"
     rest = f"; best {shown.height} of {ordered.height}" if ordered.height > shown.height else ""
-    title = f"Points a race, 95 % intervals. Filled: {first}{rest}"
+    title = f"{heading}, 95 % intervals. Filled: {first}{rest}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=10)  # the axes may be narrower
     for place, row in enumerate(shown.iter_rows(named=True)):
         _draw_row(axes, place, row)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import polars as pl
 
 from nathlon.arena.race_log import RaceLog
+from nathlon.arena.results import RECORDS
 from nathlon.reports.summary import Sent, Summary
 
 INCIDENT_HISTORY = pl.Schema(
@@ -68,10 +69,16 @@ class Selection:
     limit_s: float | None = None
     incident_history: pl.DataFrame = field(default_factory=lambda: pl.DataFrame(schema=INCIDENT_HISTORY))
 
+    @property
+    def ranking(self) -> pl.DataFrame:
+        """The table `ranking` with what the summary says besides: `nathlon.tournament.records.RECORDS`."""
+        told = [row.model_dump(include=set(RECORDS)) for row in self.summary.ranking]
+        records = pl.DataFrame(told, schema=RECORDS)
+        return self.tables["ranking"].join(records, on="entrant", how="left", maintain_order="left")
+
     def named(self, table: str) -> pl.DataFrame:
         """A stage table with each entrant's card (`name`, `step`, ...) beside it; NaN becomes null."""
-        return (
-            self.tables[table]
-            .join(self.tables["entrants"], on="entrant", how="left", maintain_order="left")
-            .fill_nan(None)
+        found = self.ranking if table == "ranking" else self.tables[table]
+        return found.join(self.tables["entrants"], on="entrant", how="left", maintain_order="left").fill_nan(
+            None
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -23,13 +24,24 @@ from nathlon.reports._sheets import (
 )
 from nathlon.reports._skill_sheets import write_skills, write_weighted
 from nathlon.reports.selection import Selection
+from nathlon.reports.summary import Summary
 from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
 ROW_LIMIT = 10_000  # rows of a sheet; all rows are in the tables beside it, and above this it opens slowly
+RECORD = (
+    Column("mean", "Mean [1/race]", "0.00", scale=BLUES),
+    Column("mean_low", "Mean low [1/race]", "0.00"),
+    Column("mean_high", "Mean high [1/race]", "0.00"),
+    Column("won", "Won", "0%"),
+    Column("drawn", "Drawn", "0%"),
+    Column("lost", "Lost", "0%"),
+)
+"""Of formats other than 4v4."""
 RANKING = (
     Column("rank", "Rank", "0", 8),
     *ENTRANT,
+    *RECORD,
     Column("points_per_race", "Points [1/race]", "0.00", scale=BLUES),
     Column("points_low", "Points low [1/race]", "0.00"),
     Column("points_high", "Points high [1/race]", "0.00"),
@@ -130,10 +142,32 @@ def _write(selection: Selection, path: Path) -> None:
 
 
 def _filled(selection: Selection, columns: tuple[Column, ...], frame: pl.DataFrame) -> tuple[Column, ...]:
-    """The columns; in another world without those that it does not measure."""
+    """The columns; in another world without those that it does not measure, and in its words."""
+    known = {c.name for c in columns if frame.is_empty() or frame[c.name].is_not_null().any()}
     if selection.summary.circuit:
-        return tuple(column for column in columns if column not in ELSEWHERE)
-    return tuple(c for c in columns if frame.is_empty() or frame[c.name].is_not_null().any())
+        return tuple(c for c in columns if c not in ELSEWHERE and (c not in RECORD or c.name in known))
+    return tuple(
+        replace(c, header=_in_words(c.header, selection.summary)) for c in columns if c.name in known
+    )
+
+
+def _in_words(header: str, summary: Summary) -> str:
+    """A header in the words of a world that has no races."""
+    known = {
+        "Races": summary.episodes.capitalize(),
+        "Car": "Seat",
+        "Starting place": "Seat, from 1",
+        "Car runs": "Runs of a seat",
+        "Car runs ended by a policy's fault": "Runs of a seat ended by a policy's fault",
+        "Void car runs": "Void runs of a seat",
+        "Rows left out of Races": "Rows left out of the sheet Races",
+        "Points [1/race]": f"Fitted points [1/{summary.episode}]",
+    }
+    if header in known:
+        return known[header]
+    for race, episode in (("races", summary.episodes), ("race", summary.episode)):
+        header = header.replace(race, episode).replace(race.capitalize(), episode.capitalize())
+    return header
 
 
 def _pareto(workbook: Any, selection: Selection) -> None:
@@ -157,7 +191,7 @@ def _pareto(workbook: Any, selection: Selection) -> None:
         .join(wide, on="entrant", how="left", maintain_order="left")
         .sort("survives", "nondominated_probability", descending=True, nulls_last=True, maintain_order=True)
     )
-    write_sheet(workbook, "Pareto", columns, frame)
+    write_sheet(workbook, "Pareto", _filled(selection, columns, frame), frame)
 
 
 def _run(workbook: Any, selection: Selection, left_out: int) -> None:
@@ -190,5 +224,5 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
     sheet.set_column(0, 0, 36)
     sheet.set_column(1, 1, 48)
     for row, (fact, value) in enumerate(facts, start=1):
-        sheet.write_string(row, 0, fact)
+        sheet.write_string(row, 0, fact if summary.circuit else _in_words(fact, summary))
         write_cell(sheet, row, 1, value, left)

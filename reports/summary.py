@@ -6,7 +6,7 @@ import platform
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import polars as pl
 from pydantic import Field, ValidationError
@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError
 from nathlon.arena.worlds.registry import RACING
 from nathlon.reports.forecast import Forecast
 from nathlon.reports.part import Part
+from nathlon.reports.words import an_episode, episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
@@ -46,6 +47,11 @@ class Stage(Part):
 class Ranked(Part):
     """An entrant of the round robin: a row of the table `ranking` (`nathlon.arena.results.RANKING`) with its
     name.
+
+    Attributes:
+        mean: points of its side, an episode that it played, with their interval; None of 4v4 races, and where
+            nobody met.
+        won, drawn, lost: shares of these episodes.
     """
 
     name: str
@@ -64,6 +70,12 @@ class Ranked(Part):
     pairs: int
     races: int
     faults: int
+    mean: float | None = None
+    mean_low: float | None = None
+    mean_high: float | None = None
+    won: float | None = None
+    drawn: float | None = None
+    lost: float | None = None
 
 
 class Sent(Part):
@@ -185,6 +197,7 @@ class Summary(Part):
         seed: of all randomness; None where the run has not come so far.
         world: simulator in which everything was played.
         episode: what its users call one.
+        brings: what one brings: "points", by place or of a team, or the "score".
         circuit, car: what was driven; empty in another world.
         versions: of Python and packages.
         pair_correlation: of the two races of a mirrored pair; None where too few tell.
@@ -218,6 +231,7 @@ class Summary(Part):
     seed: int | None
     world: str = RACING
     episode: str = "race"
+    brings: Literal["points", "score"] = "points"
     circuit: str
     car: str
     versions: dict[str, str]
@@ -247,16 +261,25 @@ class Summary(Part):
     @property
     def an_episode(self) -> str:
         """One, with its article."""
-        return f"{'an' if self.episode[:1].lower() in 'aeiou' else 'a'} {self.episode}"
+        return an_episode(self.episode)
+
+    @property
+    def a_mean(self) -> str:
+        """What `Ranked.mean` is, as a heading."""
+        return f"Mean {self.brings} {self.an_episode}"
 
     @property
     def episodes(self) -> str:
         """Several of them."""
-        return f"{self.episode}{'es' if self.episode.endswith(('s', 'x', 'ch', 'sh')) else 's'}"
+        return episodes(self.episode)
 
 
-def ranked(ranking: pl.DataFrame, names: Mapping[str, str]) -> tuple[Ranked, ...]:
-    """The rows of RANKING, given the names of the entrants by their ids."""
+def ranked(
+    ranking: pl.DataFrame, names: Mapping[str, str], records: pl.DataFrame | None = None
+) -> tuple[Ranked, ...]:
+    """The rows of RANKING with those of RECORDS, given the names of the entrants by their ids."""
+    if records is not None:
+        ranking = ranking.join(records, on="entrant", how="left", maintain_order="left")
     return tuple(Ranked(name=names[row["entrant"]], **row) for row in ranking.to_dicts())
 
 

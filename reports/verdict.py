@@ -36,7 +36,11 @@ def verdict(selection: Selection) -> Verdict:
         waits = f"waits for {missing}" if decision.waits_for else "has been asked again"
         return Verdict(
             "The committee has not decided",
-            (f"It {waits}; {_reasons(decision)}.", _state_of(ranking), _barred(ranking)),
+            (
+                f"It {waits}; {_reasons(decision)}.",
+                _state_of(ranking, selection.summary),
+                *_bars(selection, ranking),
+            ),
         )
     sent = [standing for standing in decision.standings if standing.chosen]
     if not sent:
@@ -45,7 +49,8 @@ def verdict(selection: Selection) -> Verdict:
     approval = f"approved on {sent[0].approved_by} of {_count(decision.ballots, 'ballot')}"
     own = next((row for row in ranking if row["entrant"] == entrant), None)
     if own is None:
-        proof: tuple[str, ...] = ("It was the only finalist, so no race supports the choice.",)
+        alone = f"It was the only finalist, so no {selection.summary.episode} supports the choice."
+        proof: tuple[str, ...] = (alone,)
     else:
         candidates = {standing.entrant for standing in decision.standings}
         confidence = f"{selection.summary.confidence:.0%} interval"
@@ -90,17 +95,23 @@ def _reasons(decision: Decided) -> str:
 
 def _conduct(selection: Selection, own: Row) -> tuple[str, ...]:
     """How the entrant sent has behaved; nothing in a world that counts no contacts."""
-    barred = _barred(selection.named("ranking").to_dicts())
-    if not selection.summary.circuit and own["contacts_per_km"] is None:
+    bars = _bars(selection, [own])
+    if not bars:
         return (_faults(own).strip(),) if own["faults"] else ()
-    return (f"{_manners(own)} {barred}",)
+    return (f"{_manners(own)} {_barred(selection.named('ranking').to_dicts())}",)
+
+
+def _bars(selection: Selection, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Who is barred for contacts; nothing in a world that counts none."""
+    counts = selection.summary.circuit or any(row["contacts_per_km"] is not None for row in rows)
+    return (_barred(rows),) if counts else ()
 
 
 def _proof(own: Row, ranking: Sequence[Row], candidates: set[str], confidence: str, summary: Summary) -> str:
     """Of the entrant sent: its points, and whom these races prove to be better."""
     scored = f"It scored {_points(own, confidence, summary)}"
     if len(ranking) == 1:
-        return f"{scored}. It raced nobody, so nothing is proven."
+        return f"{scored}. It {'raced' if summary.circuit else 'met'} nobody, so nothing is proven."
     first = [row for row in ranking if row["rank"] == 1]
     if own["rank"] > 1:
         better = own["rank"] - 1
@@ -126,6 +137,12 @@ def _points(row: Row, confidence: str, summary: Summary) -> str:
     if not row["races"]:
         return f"{row['points_per_race']:,.1f} points{within} in the n-athlon"
     number = f"{row['races']:,} {summary.episode if row['races'] == 1 else summary.episodes}"
+    if row["mean"] is not None:
+        within = _interval(row["mean_low"], row["mean_high"], 2)
+        within = within and f" ({confidence} {within})"
+        what = "points " if summary.brings == "points" else ""
+        shares = f"won {row['won']:.0%}, drew {row['drawn']:.0%}, lost {row['lost']:.0%}"
+        return f"{row['mean']:.2f} {what}{summary.an_episode} on average{within} in {number} ({shares})"
     return f"{row['points_per_race']:.1f} points {summary.an_episode}{within} in {number}"
 
 
@@ -159,14 +176,19 @@ def _nobody(selection: Selection, decision: Decided, ranking: Sequence[Row]) -> 
     if decision.standings:
         said = f"The committee found none of {_count(len(decision.standings), 'finalist')} fit"
         return Verdict(
-            "Send nobody", (f"{said}: {_reasons(decision)}.", _state_of(ranking), _barred(ranking))
+            "Send nobody",
+            (
+                f"{said}: {_reasons(decision)}.",
+                _state_of(ranking, selection.summary),
+                *_bars(selection, ranking),
+            ),
         )
     return Verdict("Send nobody", _stages_so_far(selection))
 
 
-def _state_of(ranking: Sequence[Row]) -> str:
+def _state_of(ranking: Sequence[Row], summary: Summary) -> str:
     if not ranking:
-        return "No team race was scored."
+        return "No team race was scored." if summary.circuit else f"No {summary.episode} was scored."
     first = [row["name"] for row in ranking if row["rank"] == 1]
     if len(first) == 1:
         return f"In the round robin {first[0]} is alone in rank 1."
@@ -209,7 +231,7 @@ def _stages_so_far(selection: Selection) -> tuple[str, ...]:
         went,
         f"In the n-athlon {leader['name']} is first with {leader['points']:,.0f} points "
         f"({selection.summary.confidence:.0%} interval {interval}){tied}.",
-        _state_of(selection.named("ranking").drop_nulls("points_per_race").to_dicts()),
+        _state_of(selection.named("ranking").drop_nulls("points_per_race").to_dicts(), selection.summary),
     )
 
 

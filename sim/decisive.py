@@ -71,6 +71,7 @@ EPISODES = (
     "arena/classification.py",
     "arena/match.py",
     "arena/results.py",
+    "arena/rounding.py",
     "policies/general",
     "policies/isolation.py",
     "policies/mlp.py",

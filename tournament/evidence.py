@@ -16,6 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.results import VOID_ENDINGS
+from nathlon.arena.rounding import differing
 from nathlon.arena.statistics import Floats, Sizes, interval, p_values, precision, spread, standard_error
 
 MATCHUP = ("entrant", "opponent")
@@ -27,15 +28,11 @@ ENOUGH = 4
 """Units of a matchup that must be alike to show that they do not vary: points are coarse."""
 
 
-def appearances(results: pl.DataFrame) -> pl.DataFrame:
-    """Every entrant's side of every valid unit of some RESULTS, in the `ORDER` of units, then by entrant.
+def in_units(results: pl.DataFrame) -> pl.DataFrame:
+    """The rows of RESULTS that are part of valid units, with the number of their `unit` and its `races`.
 
-    A unit is as many races of a match, one after the other, as entrants take part in it, `races`; the entrant
-    started in `started` of them. `points` are means over the unit's races, `first` and `second` over those
-    before and after the mirror; `contacts`, `at_fault` and `km` are sums over the entrant's cars, and
-    `field` says who took part, `seed` is that of its first start.
+    A unit is as many races of a match, one after the other, as entrants take part in it.
     """
-    points, mirrored = pl.col("points"), pl.col("mirrored")
     races = pl.col("races")
     return (
         results.sort("match", "race", "car")
@@ -46,6 +43,19 @@ def appearances(results: pl.DataFrame) -> pl.DataFrame:
             ~pl.col("ending").is_in(VOID_ENDINGS).any().over(UNIT),
             pl.col("race").n_unique().over(UNIT) == races,
         )
+    )
+
+
+def appearances(results: pl.DataFrame) -> pl.DataFrame:
+    """Every entrant's side of every valid unit of some RESULTS, in the `ORDER` of units, then by entrant.
+
+    Of the `races` of a unit, see `in_units`, the entrant started in `started`. `points` are means over the
+    unit's races, `first` and `second` over those before and after the mirror; `contacts`, `at_fault` and
+    `km` are sums over the entrant's cars, and `field` says who took part, `seed` is that of its first start.
+    """
+    points, mirrored, races = pl.col("points"), pl.col("mirrored"), pl.col("races")
+    return (
+        in_units(results)
         .group_by(*UNIT, "entrant", "races", maintain_order=True)
         .agg(
             points.sum() / races.first(),
@@ -72,16 +82,19 @@ def differences(seen: pl.DataFrame) -> pl.DataFrame:
     return (
         seen.join(theirs, on=UNIT)
         .filter(pl.col("entrant") < pl.col("opponent"))
-        .select(
-            *UNIT,
-            *MATCHUP,
-            "field",
-            "seed",
-            difference=pl.col("points") - pl.col("points_"),
-            first=pl.col("first") - pl.col("first_"),
-            second=pl.col("second") - pl.col("second_"),
-        )
+        .with_columns(first=_gap("first"), second=_gap("second"), difference=_gap("points"))
+        .select(*UNIT, *MATCHUP, "field", "seed", "difference", "first", "second")
         .sort("test", "field", *MATCHUP, *ORDER[2:])
+    )
+
+
+def _gap(points: str) -> pl.Expr:
+    """A column less the opponent's; 0 where they are equal within rounding."""
+    own, other = pl.col(points), pl.col(f"{points}_")
+    size = pl.max_horizontal(own.abs(), other.abs())
+    return pl.struct(gap=own - other, size=size).map_batches(
+        lambda both: pl.Series(differing(both.struct["gap"].to_numpy(), both.struct["size"].to_numpy())),
+        return_dtype=pl.Float64,
     )
 
 
@@ -111,6 +124,15 @@ class Cells(ABC):
     def means(self) -> Floats:
         """(cells,) mean differences."""
         return self.cells["difference"].to_numpy()
+
+    def estimates(self, combinations: Floats) -> Floats:
+        """Linear `combinations` (L, cells) of the means; 0 where it is within rounding."""
+        return differing(combinations @ self.means, self.largest)
+
+    @property
+    @abstractmethod
+    def largest(self) -> float:
+        """The most points of a side, whatever their sign: what differences are rounded beside."""
 
     @cached_property
     def units(self) -> Floats:
@@ -142,7 +164,7 @@ class Cells(ABC):
 
     def p_values(self, combinations: Floats) -> Floats:
         """Two-sided p-values (L,) of linear `combinations` (L, cells) of the means against 0."""
-        return p_values(combinations @ self.means, *self.errors(combinations))
+        return p_values(self.estimates(combinations), *self.errors(combinations))
 
 
 class Evidence(Cells):
@@ -165,6 +187,10 @@ class Evidence(Cells):
         super().__init__(cells, self.seen["entrant"].unique().sort(), weights)
         self._weights = weights
 
+    @cached_property
+    def largest(self) -> float:
+        return float(np.abs(self.seen["points"].to_numpy()).max(initial=0.0))
+
     @property
     def mean_points(self) -> float:
         """Points that a side scores a race, on average."""
@@ -178,7 +204,7 @@ class Evidence(Cells):
         """Confidence intervals of linear `combinations` (L, cells) of the means; units are resampled."""
         values, sizes, weights = self._groups(combinations)
         known = spread(values, sizes, resamples, rng, ENOUGH)
-        return interval(combinations @ self.means, weights, known, confidence)
+        return interval(self.estimates(combinations), weights, known, confidence)
 
     def errors(self, combinations: Floats) -> tuple[Floats, Floats]:
         """Standard errors (L,) of linear `combinations` (L, cells) of the means, and degrees of freedom."""

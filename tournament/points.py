@@ -8,7 +8,8 @@ import numpy as np
 import polars as pl
 
 from nathlon.arena.results import MATCHUPS, POLICY_FAULTS, RANKING
-from nathlon.arena.statistics import Floats, holm
+from nathlon.arena.rounding import levelled
+from nathlon.arena.statistics import holm
 from nathlon.tournament.conduct import Gate, rates
 from nathlon.tournament.evidence import MATCHUP, ORDER, UNIT, Cells, Evidence, appearances, differences
 
@@ -74,7 +75,7 @@ def better(evidence: Cells, alpha: float) -> np.ndarray:
     """
     two = evidence.every_two()
     contrasts = evidence.solution[two[:, 0]] - evidence.solution[two[:, 1]]
-    gap = contrasts @ evidence.means
+    gap = evidence.estimates(contrasts)
     sure = holm(evidence.p_values(contrasts)) <= alpha
     wins = np.zeros((len(evidence.entrants),) * 2, np.bool_)
     wins[two[:, 0], two[:, 1]] = sure & (gap > 0)
@@ -97,11 +98,11 @@ def matchups(
     evidence = Evidence(results, weights)
     if evidence.seen.is_empty():
         return pl.DataFrame(schema=MATCHUPS)
-    difference = evidence.shares @ evidence.means
+    difference = evidence.estimates(evidence.shares)
     low, high = evidence.intervals(evidence.shares, rng, resamples, confidence)
     first, second = np.array(evidence.entrants)[evidence.matchups].T
     columns = (*MATCHUP, "difference", "difference_low", "difference_high")
-    sides = [(first, second, difference, low, high), (second, first, -difference, -high, -low)]
+    sides = [(first, second, difference, low, high), (second, first, 0.0 - difference, 0.0 - high, 0.0 - low)]
     told = pl.concat(pl.DataFrame(dict(zip(columns, side, strict=True))) for side in sides)
     return (
         _together(evidence.seen, weights)
@@ -155,10 +156,10 @@ def _scores(evidence: Evidence, rng: np.random.Generator, resamples: int, confid
     if evidence.seen.is_empty():
         return evidence.seen.select("entrant", *(pl.lit(None).alias(name) for name in names[1:]))
     mean = evidence.mean_points
-    scores: Floats = evidence.solution @ evidence.means
+    scores = evidence.estimates(evidence.solution)
     low, high = evidence.intervals(evidence.solution, rng, resamples, confidence)
     ranks = 1 + better(evidence, 1 - confidence).sum(axis=0)
-    columns = (evidence.entrants, scores + mean, low + mean, high + mean, ranks)
+    columns = (evidence.entrants, levelled(scores + mean), low + mean, high + mean, ranks)
     return pl.DataFrame(dict(zip(names, columns, strict=True))).with_columns(
         pl.col(pl.Float64).fill_nan(None)
     )

@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 from scipy.special import fdtrc, logsumexp
 
 from nathlon.arena.results import RATINGS, TOURNAMENT_NOTES
+from nathlon.arena.rounding import differing, levelled
 from nathlon.arena.statistics import Floats, holm
 from nathlon.tournament.bradley_terry import bradley_terry
 from nathlon.tournament.evidence import UNIT, Evidence
@@ -28,6 +29,9 @@ PRIOR = 0.5
 
 REGULAR = 0.01
 """For Plackett and Luce's strengths, likewise: what half their square sum takes from the log-likelihood."""
+
+FITTED = 1e-3
+"""Log-odds by which a fitted strength may err; those that are closer are equal."""
 
 
 def rate(results: pl.DataFrame, weights: Mapping[str, float] = EQUAL) -> pl.DataFrame:
@@ -48,7 +52,8 @@ def rate(results: pl.DataFrame, weights: Mapping[str, float] = EQUAL) -> pl.Data
     }
     columns: dict[str, object] = {"entrant": evidence.entrants}
     for name, strength in strengths.items():
-        columns |= {name: strength, f"{name}_rank": 1 + (strength[None, :] > strength[:, None]).sum(axis=1)}
+        level = levelled(strength, FITTED)
+        columns |= {name: strength, f"{name}_rank": 1 + (level[None, :] > level[:, None]).sum(axis=1)}
     return (
         pl.DataFrame(columns)
         .select(RATINGS.names())
@@ -79,7 +84,7 @@ def _plackett_luce(results: pl.DataFrame, evidence: Evidence, units: pl.DataFram
     cars = (
         results.with_columns(unit=pl.col("race") // pl.col("entrant").n_unique().over("match"))
         .join(units, on=UNIT)
-        .sort(*race, "place", descending=[False, False, True])
+        .sort(*race, "place", "car", descending=[False, False, True, True])
     )
     own = np.stack([cars["entrant"] == entrant for entrant in evidence.entrants], 1).astype(np.float64)
     # From the last car to the first: how many of each entrant are still to come in, this one among them.
@@ -135,8 +140,8 @@ def _disagreements(evidence: Evidence, ratings: pl.DataFrame, called: list[str],
     found = []
     for first, second in np.argwhere(better(evidence, alpha)):
         for column, title in (("bradley_terry", "Bradley–Terry"), ("plackett_luce", "Plackett–Luce")):
-            strength = ratings[column]
-            if strength[int(first)] < strength[int(second)]:
+            rank = ratings[f"{column}_rank"]
+            if rank[int(first)] > rank[int(second)]:
                 found.append(
                     f"{title} rates {called[second]} above {called[first]}, "
                     f"though {called[first]} scores more points beyond doubt."
@@ -153,7 +158,7 @@ def _misfit(evidence: Evidence, alpha: float) -> list[str]:
     within = int((units - 1).sum())
     if between < 1 or within < 1 or (evidence.seen["races"] > 2).any():
         return []
-    deviation = evidence.cells["deviation"].fill_null(0.0).to_numpy()
+    deviation = differing(evidence.cells["deviation"].fill_null(0.0).to_numpy(), evidence.largest)
     noise = float((units - 1) @ deviation**2) / within
     lack = evidence.units @ (evidence.shares @ evidence.means - gaps) ** 2 / between
     if noise == 0 or fdtrc(between, within, lack / noise) > alpha:
@@ -165,7 +170,7 @@ def _misfit(evidence: Evidence, alpha: float) -> list[str]:
 
 
 def _cycles(evidence: Evidence, called: list[str], alpha: float) -> list[str]:
-    difference = evidence.shares @ evidence.means
+    difference = evidence.estimates(evidence.shares)
     sure = holm(evidence.p_values(evidence.shares)) <= alpha
     beats = {
         (int(i), int(j)) if gap > 0 else (int(j), int(i))

@@ -98,7 +98,7 @@ def settled(results: pl.DataFrame, stopping: Stopping, weights: Mapping[str, flo
         return set()
     names = np.array(evidence.entrants)
     decided = names[evidence.matchups[_decided(evidence, stopping)]].tolist()
-    leader = int(np.argmax(evidence.solution @ evidence.means))
+    leader = int(np.argmax(evidence.estimates(evidence.solution)))
     dropped = names[_behind(evidence, leader) > stopping.drop].tolist()
     return {frozenset(two) for two in decided} | {
         frozenset((entrant, other)) for entrant in dropped for other in evidence.entrants if other != entrant
@@ -119,7 +119,7 @@ def settled_in_gauntlet(
     new = [number for number, name in enumerate(names) if name not in references]
     if len(new) < 2:
         return settled(results, stopping, weights)
-    scores = evidence.solution @ evidence.means
+    scores = evidence.estimates(evidence.solution)
     leader = new[int(np.argmax(scores[new]))]
     dropped = _behind(evidence, leader) > stopping.drop
     racing = [number for number in new if not dropped[number]]
@@ -146,7 +146,7 @@ def _told(evidence: Evidence, stopping: Stopping, contrast: Floats) -> bool:
     variances = np.maximum(evidence.cells["deviation"].fill_null(0.0).to_numpy(), TINY) ** 2
     deviation = np.sqrt(variances.mean())
     variance = contrast**2 @ (variances / evidence.cells["units"].to_numpy())
-    t = np.abs(contrast @ evidence.means) / deviation
+    t = np.abs(evidence.estimates(contrast)) / deviation
     return bool(stopping.verdict(deviation**2 / variance, t) != OPEN)
 
 
@@ -155,7 +155,7 @@ def _decided(evidence: Evidence, stopping: Stopping) -> NDArray[np.bool_]:
     cells, units = evidence.cells, evidence.units
     variance = evidence.shares**2 @ (cells["deviation"] ** 2 / cells["units"]).fill_null(0.0).to_numpy()
     deviation = np.maximum(np.sqrt(variance * units), TINY)
-    verdicts = stopping.verdict(units, np.abs(evidence.shares @ evidence.means) / deviation)
+    verdicts = stopping.verdict(units, np.abs(evidence.estimates(evidence.shares)) / deviation)
     return np.asarray(verdicts != OPEN)
 
 

@@ -110,6 +110,11 @@ class Tallied(Cells):
         super().__init__(cells.sort(CELL), entrants, EQUAL)
 
     @property
+    def largest(self) -> float:
+        known = self.cells.select(pl.col("points", "difference").abs().max())
+        return float(max(known.row(0)))
+
+    @property
     def mean_points(self) -> float:
         """Points that a side scores a race, on average, the same for all tests."""
         sides = pl.col("units") * (pl.col("field").str.count_matches("\n") + 1)

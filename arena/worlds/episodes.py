@@ -16,6 +16,7 @@ from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
+from nathlon.arena.rounding import levelled
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import (
     KNOWN,
@@ -244,11 +245,10 @@ def _known(outcome: Outcome) -> dict[str, float | int]:
 
 def placed(outcomes: Sequence[Outcome], faulty: Sequence[bool]) -> list[int]:
     """Places, equal ones sharing the best; those whose policy has failed come last, all alike."""
+    scores = levelled(np.array([outcome.score or 0.0 for outcome in outcomes]))
     order = [
-        (fault, outcome.place if outcome.place is not None else -(outcome.score or 0.0))
-        if not fault
-        else (True, 0.0)
-        for outcome, fault in zip(outcomes, faulty, strict=True)
+        (True, 0.0) if fault else (False, outcome.place if outcome.place is not None else -float(score))
+        for outcome, score, fault in zip(outcomes, scores, faulty, strict=True)
     ]
     return [1 + sum(other < own for other in order) for own in order]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -17,11 +18,13 @@ from nathlon.arena.job import Opening
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.rounding import differing
 from nathlon.arena.statistics import Floats, holm, p_values
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import Measure, Setup, World
 from nathlon.arena.worlds.environment import GymnasiumWorld, PettingZooWorld
 from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.arena.worlds.repeats import Elsewhere, Played, any_policy, differs, repeated, starts
 from nathlon.policies.sources import RANDOM
 from nathlon.sim.errors import InputError
 
@@ -33,6 +36,7 @@ FEW, MANY = 4, 20
 """Of them at least and at most."""
 API_CYCLES = 100
 """Steps of PettingZoo's own tests."""
+EXPECTED = "expected episodes that come of the seed of reset alone"
 
 
 @dataclass(frozen=True)
@@ -43,11 +47,13 @@ class Finding:
         scenario: where; '' of the world as a whole.
         fault: whether the world cannot be used so.
         says: a sentence.
+        warning: whether a selection will tell less than it seems to.
     """
 
     scenario: str
     fault: bool
     says: str
+    warning: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,19 +101,19 @@ def rehearse(pool: Pool, name: str) -> Report:
     """
     if name == RACING:
         raise InputError(f"world {name!r}: is nathlon's own, expected one to be checked")
-    told = _watched(pool, name, "", _declared, name)
-    if isinstance(told, InputError):
-        raise told
-    scenarios, measures = told
+    scenarios, measures = _sure(_watched(pool, name, "", _declared, name))
     findings: list[Finding] = []
     tried: list[Rehearsed] = []
+    elsewhere = Elsewhere(name, os.environ.get("PYTHONHASHSEED", ""), PATIENCE_S)
     for scenario in scenarios:
         answer = _watched(pool, name, scenario, _rehearsed, name, scenario)
         if isinstance(answer, InputError):
             findings.append(Finding(scenario, True, f"{answer}."))
             continue
-        rehearsed, found = answer
+        rehearsed, found, played = answer
         tried.append(rehearsed)
+        if not any(finding.fault for finding in found):
+            found += _again(elsewhere, name, rehearsed, played)
         findings += found
         if any(finding.fault for finding in found):
             continue
@@ -115,7 +121,38 @@ def rehearse(pool: Pool, name: str) -> Report:
             answer = _watched(pool, name, scenario, part, name, scenario, rehearsed.episode_s)
             refused = isinstance(answer, InputError)
             findings += [Finding(scenario, True, f"{answer}.")] if refused else answer
+    elsewhere.close()
     return Report(name, tuple(tried), measures, tuple(findings))
+
+
+def episode_times(pool: Pool, name: str) -> dict[str, float]:
+    """What an episode of random policies takes, by scenario, s; played in a watched process.
+
+    Raises:
+        InputError: if a scenario cannot be played.
+    """
+    scenarios, _ = _sure(_watched(pool, name, "", _declared, name))
+    return {scenario: _sure(_watched(pool, name, scenario, _timed, name, scenario)) for scenario in scenarios}
+
+
+def _sure(answer: Any) -> Any:
+    if isinstance(answer, InputError):
+        raise answer
+    return answer
+
+
+def _timed(name: str, scenario: str) -> float:
+    """The time of an episode, s; where it is short of a second one, as the first may load what it needs."""
+    world = load_world(name)
+    setup, policy = world.setup(scenario), any_policy(world)
+    match = _match(world, scenario, setup, (1,))
+    for _ in range(2):
+        began = time.perf_counter()
+        _played(world, match, [policy])
+        took_s = time.perf_counter() - began
+        if took_s >= 1.0:
+            break
+    return took_s
 
 
 def _watched(pool: Pool, name: str, scenario: str, function: Any, *arguments: Any) -> Any:
@@ -132,8 +169,8 @@ def _declared(name: str) -> tuple[tuple[str, ...], dict[str, Measure]]:
     return world.scenarios, dict(world.measures)
 
 
-def _rehearsed(name: str, scenario: str) -> tuple[Rehearsed, list[Finding]]:
-    """Play the same episode twice, and one in which a policy fails."""
+def _rehearsed(name: str, scenario: str) -> tuple[Rehearsed, list[Finding], list[Played]]:
+    """Play the same episodes again and again, and one in which a policy fails; and those episodes."""
     world = load_world(name)
     world.check(scenario)
     setup = world.setup(scenario)
@@ -141,38 +178,61 @@ def _rehearsed(name: str, scenario: str) -> tuple[Rehearsed, list[Finding]]:
         raise InputError(
             f"world {name!r}, scenario {scenario!r}: has no side, expected one that entrants take"
         )
-    policy = _policy(world)
+    policy = any_policy(world)
+    where = _where(name, scenario)
     match = _match(world, scenario, setup, (1,))
-    first = _played(world, match, [policy])
+    fault = _fault(world, where, setup, _played(world, match, [policy]))
     began = time.perf_counter()
-    second = _played(world, match, [policy])
+    fault = fault or _fault(world, where, setup, _played(world, match, [policy]))
     took_s = time.perf_counter() - began
     rehearsed = Rehearsed(scenario, setup, took_s)
-    where = f"world {name!r}, scenario {scenario!r}"
-    for rows in (first, second):
-        fault = _fault(world, where, setup, rows)
-        if fault:
-            return rehearsed, [Finding(scenario, True, fault)]
-    other = _differs(first, second)
+    if fault:
+        return rehearsed, [Finding(scenario, True, fault)], []
+    played, other = repeated(world, scenario, setup, took_s)
     if other:
-        return rehearsed, [Finding(scenario, True, f"{where}, seat {setup.seats[other[0]]!r}: {other[1]}.")]
-    findings = [
-        Finding(scenario, False, "An episode with the same seed and seats repeats to the bit."),
-        Finding(
-            scenario,
-            False,
-            f"An episode of random policies takes {took_s:.3g} s: {3600 / took_s:,.0f} an hour and process.",
-        ),
-    ]
-    return rehearsed, [*findings, _with_failure(world, scenario, setup, policy, where)]
+        return rehearsed, [Finding(scenario, True, f"{where}, {other}, {EXPECTED}.")], []
+    if any(row["ending"] in VOID_ENDINGS for episode in played for row in episode.rows):
+        said = getattr(world, "fault", "") or f"{where}: an episode is void"
+        return rehearsed, [Finding(scenario, True, f"{said}.")], []
+    said = f"An episode of random policies takes {took_s:.3g} s: {3600 / took_s:,.0f} an hour and process."
+    findings = [Finding(scenario, False, sentence) for sentence in (*_repeats(played), said)]
+    if alike := starts(played):
+        findings.append(Finding(scenario, False, alike, warning=True))
+    return rehearsed, [*findings, _with_failure(world, scenario, setup, policy, where)], played
 
 
-def _policy(world: World) -> Any:
-    """One that can sit anywhere."""
-    try:
-        return world.policy(RANDOM)
-    except InputError:
-        return world.policy(world.baseline)
+def _repeats(played: Sequence[Played]) -> tuple[str, str]:
+    """What is known where nothing has differed, and what is not."""
+    seeds = len({episode.seed for episode in played})
+    steps = sum(len(seen) for episode in played for seen in episode.seen)
+    again = len(played) - seeds
+    return (
+        "An episode with the same seed and seats repeats to the bit.",
+        f"Compared were {len(played)} episodes on {seeds} seeds in turn ({steps:,} observations, scores and "
+        "ends), and two in another process with another hash seed: what shows in less than "
+        f"{min(3 / again, 1):.0%} of the episodes may stay unseen.",
+    )
+
+
+def _again(elsewhere: Elsewhere, name: str, rehearsed: Rehearsed, played: Sequence[Played]) -> list[Finding]:
+    """Play the same episodes in another process, and see whether they are still the same."""
+    where = _where(name, rehearsed.name)
+    first = {episode.seed: episode for episode in reversed(played)}
+    there = elsewhere.play(rehearsed.name)
+    if isinstance(there, str):
+        return [Finding(rehearsed.name, True, f"{where}: in another process {there}, expected episodes.")]
+    for episode in there:
+        said = differs(rehearsed.setup, first[episode.seed], episode)
+        if said:
+            said = f"{where}, {said} in another process with another hash seed, {EXPECTED}"
+            return [
+                Finding(rehearsed.name, True, f"{said} and no order of sets, hash of text or draw at import.")
+            ]
+    return []
+
+
+def _where(name: str, scenario: str) -> str:
+    return f"world {name!r}, scenario {scenario!r}"
 
 
 def _match(world: World, scenario: str, setup: Setup, seeds: Sequence[int], out: Sequence[int] = ()) -> Match:
@@ -204,18 +264,6 @@ def _fault(world: World, where: str, setup: Setup, rows: pl.DataFrame) -> str:
         seat, ending = blamed["car"][0], blamed["ending"][0]
         return f"{where}, seat {setup.seats[seat]!r}: a random policy ends as {ending}, expected to play."
     return ""
-
-
-def _differs(first: pl.DataFrame, second: pl.DataFrame) -> tuple[int, str] | None:
-    """The first seat whose rows are not the same, and how."""
-    if first.equals(second):
-        return None
-    for own, other in zip(first.iter_rows(named=True), second.iter_rows(named=True), strict=True):
-        for column, value in own.items():
-            if value != other[column]:
-                said = f"{column} is {value}, and with the same seed and seats {other[column]}"
-                return own["car"], f"{said}, expected episodes that repeat"
-    return 0, "rows differ with the same seed and seats, expected episodes that repeat"
 
 
 class _Raising:
@@ -256,7 +304,7 @@ def _compared(name: str, scenario: str, episode_s: float) -> list[Finding]:
     if len(setup.sides) < 2:
         return []
     count = int(np.clip(FAIR_S / max(episode_s, 1e-6), FEW, MANY))
-    rows = _played(world, _match(world, scenario, setup, range(10, 10 + count)), [_policy(world)])
+    rows = _played(world, _match(world, scenario, setup, range(10, 10 + count)), [any_policy(world)])
     void = rows.filter(pl.col("ending").is_in(VOID_ENDINGS))
     if void.height:
         return [Finding(scenario, True, f"{getattr(world, 'fault', '') or 'An episode is void'}.")]
@@ -270,6 +318,7 @@ def fairness(points: Floats) -> list[str]:
     episodes = len(points)
     pairs = list(combinations(range(points.shape[1]), 2))
     gaps = np.stack([points[:, one] - points[:, other] for one, other in pairs], axis=1)
+    gaps = differing(gaps, np.abs(points).max())
     mean, error = gaps.mean(axis=0), gaps.std(axis=0, ddof=1) / np.sqrt(episodes)
     if not gaps.any():
         return [f"In {episodes} episodes of one policy all sides get the same: fairness does not show."]

@@ -6,7 +6,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from nathlon.api.selection import Candidates, configured, named_sources
+from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
+from nathlon.arena.worlds.rehearsal import PATIENCE_S, episode_times
 from nathlon.nightly import awaited
 from nathlon.progress import worker_count
 from nathlon.reports.forecast import Forecast
@@ -27,7 +29,8 @@ def plan(
     """What a selection is expected to cost, and the least difference that its round robin finds.
 
     It rests on the earlier selections in the configuration's store, and where there is none on the figures of
-    `docs/plan.md`. Nothing is raced, and no checkpoint is opened.
+    `docs/plan.md`; in another world an episode of each scenario is then played with random policies, to see
+    how long it takes. Nothing else is raced, and no checkpoint is opened.
 
     Args:
         checkpoints: who takes part; without any, what the next night would judge.
@@ -56,4 +59,17 @@ def plan(
         before = [] if known is None else earlier(known, settings)
     if counts[0] == 0:
         raise InputError("nothing is new, expected checkpoints that no night has judged")
-    return forecast(settings, *counts, habits_of(before, settings), worker_count(settings.workers))
+    times = {} if before or settings.circuit else _measured(settings.world)
+    return forecast(
+        settings,
+        *counts,
+        habits_of(before, settings, times),
+        worker_count(settings.workers),
+        max(times.values(), default=None),
+    )
+
+
+def _measured(world: str) -> dict[str, float]:
+    """What an episode takes in another world, by scenario, s."""
+    with Pool(1, first_answer_s=PATIENCE_S) as pool:
+        return episode_times(pool, world)

@@ -32,6 +32,9 @@ Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
 """One, some, or some by the names that their objects shall have."""
 
 
+POINTS = ("points_per_race", "points_low", "points_high")
+
+
 class SelectionResult:
     """What a selection came to, and where it has left everything.
 
@@ -89,7 +92,7 @@ class SelectionResult:
 
     @property
     def ranking(self) -> pl.DataFrame:
-        """The round robin, best first: `nathlon.arena.results.RANKING` with names."""
+        """The round robin, best first: RANKING and RECORDS of `nathlon.arena.results`, with names."""
         return self._table("ranking")
 
     @property
@@ -116,7 +119,8 @@ class SelectionResult:
     def _table(self, name: str) -> pl.DataFrame:
         selection = self._decided()
         names = selection.tables["entrants"].select("entrant", "name")
-        table = selection.tables[name].join(names, on="entrant", how="left", maintain_order="left")
+        found = selection.ranking if name == "ranking" else selection.tables[name]
+        table = found.join(names, on="entrant", how="left", maintain_order="left")
         return table.select("name", pl.exclude("name"))
 
     def __repr__(self) -> str:
@@ -129,14 +133,15 @@ class SelectionResult:
         if self.selection is None:
             return f"<p>{escape(repr(self))}</p>"
         told = self.verdict
-        picture = base64.b64encode(ranking_picture(self.ranking)).decode()
-        shown = self.ranking.select(
-            "rank", "name", "points_per_race", "points_low", "points_high", "contacts_per_km", "races"
-        )
+        means = self.ranking["mean"].is_not_null().any()
+        heading = self.summary.a_mean if means else f"Points {self.summary.an_episode}"
+        picture = base64.b64encode(ranking_picture(self.ranking, heading)).decode()
+        points = ("mean", "mean_low", "mean_high", "won", "drawn", "lost") if means else POINTS
+        shown = self.ranking.select("rank", "name", *points, "contacts_per_km", "races")
         return (
             f"<h3>{escape(told.headline)}</h3>"
             + "".join(f"<p>{escape(sentence)}</p>" for sentence in told.sentences)
-            + f'<img alt="points a race" src="data:image/png;base64,{picture}">'
+            + f'<img alt="{escape(heading.lower())}" src="data:image/png;base64,{picture}">'
             + shown._repr_html_()
             + f"<p>Report: {escape(str(self.report))}</p>"
         )

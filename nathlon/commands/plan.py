@@ -27,6 +27,7 @@ def plan(
     """Say what a selection will cost and what it can find, before anything runs."""
     import nathlon
     from nathlon.reports.forecast import sentences
+    from nathlon.reports.words import an_episode, episodes
 
     if not checkpoints and config is None:
         config = Path("nathlon.toml")
@@ -37,15 +38,19 @@ def plan(
         print_json(told.model_dump(mode="json"))
         return
     table = new_table("What is expected", lean=True)
-    for column in ("Stage", "Entrants", "Races", "At most", "Core-hours"):
+    several = episodes(told.episode).capitalize()
+    for column in ("Stage", "Entrants", several, "At most", "Core-hours"):
         table.add_column(column, justify="left" if column == "Stage" else "right")
     for stage in told.stages:
+        if not stage.races:
+            continue
         hours = "" if stage.core_s is None else f"{stage.core_s / 3600:.2f}"
+        hours = "<0.01" if hours == "0.00" else hours
         table.add_row(stage.name, f"{stage.entrants:,}", f"{stage.races:,}", f"{stage.most_races:,}", hours)
     print_table(table)
     if told.budgets:
         table = new_table("What the round robin finds", lean=True)
-        for column in ("Pairs of every two", "Races", "Difference, points a race"):
+        for column in ("Pairs of every two", several, f"Difference, points {an_episode(told.episode)}"):
             table.add_column(column, justify="right")
         for budget in told.budgets:
             table.add_row(f"{budget.pairs:,}", f"{budget.races:,}", f"{budget.effect:.1f}")

@@ -27,6 +27,9 @@ from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
+RESULTS = ("Won", "Drawn", "Lost")
+"""Heads of columns: what became of the episodes that an entrant played."""
+
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
     from nathlon.reports.summary import Summary
@@ -191,14 +194,21 @@ def _print_ranking(summary: Summary) -> None:
         return
     met = "tournament" not in summary.stages_set_aside
     touches = any(row.contacts_per_km is not None for row in ranking)
+    means = any(row.mean is not None for row in ranking)
     table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals")
-    points_head = f"Points {summary.an_episode}" if met else "Points"
-    heads = ["Rank", "Entrant", points_head, *(["Contacts per km"] if touches else [])]
+    points = f"Points {summary.an_episode}" if met else "n-athlon points"
+    heads = ["Rank", "Entrant", *([f"{summary.a_mean} played", *RESULTS] if means else [points])]
+    heads += ["Contacts per km"] if touches else []
     for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
     for row in ranking:
         cells = ["–" if row.rank is None else str(row.rank), row.name]
-        cells.append(_interval(row.points_per_race, row.points_low, row.points_high))
+        if means:
+            shares = (row.won, row.drawn, row.lost)
+            cells.append(_interval(row.mean, row.mean_low, row.mean_high))
+            cells += ["–" if share is None else f"{share:.0%}" for share in shares]
+        else:
+            cells.append(_interval(row.points_per_race, row.points_low, row.points_high))
         if touches:
             cells.append(_interval(row.contacts_per_km, row.contacts_low, row.contacts_high))
         table.add_row(*cells, *([str(row.races)] if met else []))

@@ -46,7 +46,7 @@ def check_world(world: WorldName, as_json: AsJson = False) -> None:
     else:
         for finding in report.findings:
             if not finding.fault:
-                say(f"{finding.scenario}: {finding.says}")
+                say(f"{finding.scenario}: {'Warning: ' if finding.warning else ''}{finding.says}")
         for sentence in told:
             say(sentence)
         for finding in report.faults:
@@ -73,7 +73,12 @@ def _print_report(report: Report, told: list[str]) -> None:
             ],
             "measures": {name: measure._asdict() for name, measure in report.measures.items()},
             "findings": [
-                {"scenario": finding.scenario, "fault": finding.fault, "says": finding.says}
+                {
+                    "scenario": finding.scenario,
+                    "fault": finding.fault,
+                    "warning": finding.warning,
+                    "says": finding.says,
+                }
                 for finding in report.findings
             ],
             "tells": told,

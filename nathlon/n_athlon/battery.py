@@ -7,6 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.results import BATTERY, SKILLS
+from nathlon.arena.rounding import levelled
 from nathlon.arena.statistics import Floats, Precision, holm, interval, p_values, spread, standard_error
 
 MARKS = pl.Schema(
@@ -61,7 +62,7 @@ def rank_battery(
     runs, means = _by_test(marks)
     entrants = means["entrant"].unique().sort()
     member = (means["entrant"].to_numpy()[None, :] == entrants.to_numpy()[:, None]).astype(np.float64)
-    points = member @ means["points"].to_numpy()
+    points = levelled(member @ means["points"].to_numpy())
     variation = spread(runs["points"].to_numpy(), means["runs"].to_numpy(), resamples, rng)
     low, high = interval(points, member, variation, confidence)
     return (

@@ -27,6 +27,9 @@ from nathlon.sim.errors import InputError
 
 SKILLS_FOLDER = Path(__file__).parent.parent / "data" / "skills"
 
+RUNS = 8
+"""Of an entrant in a test that does not say how many."""
+
 Runs = list[tuple[int, float | None]]
 """Index and mark of each run; None where it set no mark."""
 
@@ -127,7 +130,7 @@ class Skill(Section):
     slots: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)]
     opponents: tuple[str, ...] = ()
     baseline: str | None = None
-    runs: Annotated[int, Field(ge=1, le=1000)] = 8
+    runs: Annotated[int, Field(ge=1, le=1000)] = RUNS
     measure: str
     marks_scenario: str | None = None
     contact_penalty: Annotated[float, Field(ge=0, le=1e6)] = 0.0
@@ -311,6 +314,7 @@ def standing_tests(world: World) -> list[Skill]:
                 scenario=scenario,
                 slots=played,
                 opponents=(world.baseline,) if len(slots) > 1 else (),
+                runs=-(-RUNS // len(played)) * len(played),  # equally often on each side
                 measure="score",
                 scoring=Gains(reference_gain=1.0, limit_gain=20.0, exponent=1.0, in_deviations=True),
             )

@@ -79,7 +79,7 @@ class FilterSettings(Section):
 
 
 class Plan:
-    """The matches of each round; all entrants have the same seeds in it."""
+    """The matches of each round; all entrants have the same seeds in it, and slots go on in turn."""
 
     def __init__(self, settings: FilterSettings, world: World, seeds: np.random.SeedSequence) -> None:
         """The plan of a filter in a world, whose seeds all come from `seeds`."""
@@ -102,9 +102,10 @@ class Plan:
         if not self._needs_races:
             return []
         scenario, opponents = self._settings.scenario, self._settings.opponents
-        seeds = self._race_seeds[index]
+        seeds, before = self._race_seeds[index], sum(self._settings.rounds[:index])
         return [
-            against("pareto", RACE, scenario, entrant, opponents, self._slots, seeds) for entrant in entrants
+            against("pareto", RACE, scenario, entrant, opponents, self._slots, seeds, before=before)
+            for entrant in entrants
         ]
 
     def next_rounds(self, entrants: Sequence[Entrant], driven: dict[str, int]) -> Iterator[Match]:

@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from nathlon.arena.match import TESTED
 from nathlon.arena.results import OBJECTIVES, POLICY_FAULTS, VOID_ENDINGS
+from nathlon.arena.rounding import levelled
 from nathlon.arena.statistics import Floats, Sizes, group_sums
 from nathlon.arena.tested import RACE as RACE_KEY
 from nathlon.arena.tested import entrant_rows
@@ -166,12 +167,13 @@ def measure(runs: pl.DataFrame, objective: Objective) -> Measured:
     events, exposure = (rows[name].fill_null(0.0).to_numpy() for name in ("events", "exposure"))
     costs = sign * np.divide(events, exposure, out=np.zeros(len(given)), where=given)
     costs[~given] = costs[given].max(initial=-np.inf)
+    costs = levelled(costs)
     exposure = np.where(given, exposure, 1.0)
     names = rows["entrant"].rle()
     sizes = names.struct.field("len").cast(pl.Int64).to_numpy()
     if not len(sizes):
         return Measured([], np.zeros(0), costs, sizes)
-    cost = group_sums(costs * exposure, sizes) / group_sums(exposure, sizes)
+    cost = levelled(group_sums(costs * exposure, sizes) / group_sums(exposure, sizes))
     return Measured(names.struct.field("value").to_list(), cost, costs, sizes)
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
-from nathlon.arena.worlds.contract import KNOWN
+from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.arena.worlds.racing import surroundings
 from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
@@ -149,6 +149,7 @@ class Config(Section):
         defaults = {
             "scenario": first,
             "slots": tuple(range(1, places + 1)),
+            "most_races": self._most_races(world),
             "time_trial": None,
             "opponents": (world.baseline,),
             "objective": tuple(objectives),
@@ -173,6 +174,12 @@ class Config(Section):
                 "matrix": self.matrix.model_copy(update=matrix),
             }
         )
+
+    def _most_races(self, world: World) -> int:
+        """Races of the filter that take everybody equally often to each of its sides."""
+        scenario = self.pareto.scenario if "scenario" in self.pareto.model_fields_set else world.scenarios[0]
+        slots = len(self.pareto.slots) or len(world.setup(scenario).sides)
+        return -(-self.pareto.most_races // slots) * slots
 
 
 def read_config(path: Path) -> Config:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import log, sqrt
 from typing import Any
 
@@ -35,7 +35,8 @@ class Habits:
             of random points grows (Bentley et al., J. ACM 25, 1978).
         filtering, racing: share of the races that the configuration allows, of filter and round robin.
         core_s: processor time of a race by stage, s, as far as it is known.
-        deviation: of the difference of two entrants from one unit to the next, points a race.
+        deviation: of the difference of two entrants from one unit to the next, points a race; None where it
+            is not known.
     """
 
     earlier: int
@@ -43,7 +44,7 @@ class Habits:
     filtering: float
     racing: float
     core_s: dict[str, float]
-    deviation: float
+    deviation: float | None
 
 
 ASSUMED = Habits(
@@ -58,7 +59,13 @@ ASSUMED = Habits(
 
 
 def forecast(
-    config: Config, newcomers: int, incumbents: int, anchors: int, habits: Habits, workers: int
+    config: Config,
+    newcomers: int,
+    incumbents: int,
+    anchors: int,
+    habits: Habits,
+    workers: int,
+    episode_s: float | None = None,
 ) -> Forecast:
     """What a selection is expected to cost, and what its round robin can find.
 
@@ -67,6 +74,7 @@ def forecast(
         newcomers, incumbents, anchors: how many take part; see `nathlon.selection.field.Field`.
         habits: how earlier ones have gone.
         workers: processes.
+        episode_s: what an episode of random policies took here, s, if one was played.
     """
     entered = newcomers + incumbents
     survivors = min(newcomers, max(1, round(habits.front * _growth(entered, config))))
@@ -89,8 +97,12 @@ def forecast(
         deviation=habits.deviation,
         power=POWER,
         budgets=tuple(
-            _budget(config, event, finalists, anchors, times * pairs, habits) for times in MORE if racing
+            _budget(config, event, finalists, anchors, times * pairs, habits.deviation)
+            for times in MORE
+            if racing and habits.deviation is not None
         ),
+        episode=load_world(config.world).episode,
+        episode_s=episode_s,
     )
 
 
@@ -100,23 +112,47 @@ def effect(config: Config, finalists: int, anchors: int, deviation: float) -> fl
     return _effect(config, event, finalists, anchors, config.tournament.pairs, deviation)
 
 
-def habits_of(summaries: Sequence[Summary], config: Config) -> Habits:
-    """How earlier selections have gone; what none of them tells is assumed."""
+def habits_of(
+    summaries: Sequence[Summary], config: Config, episode_s: Mapping[str, float] | None = None
+) -> Habits:
+    """How earlier selections have gone; what none of them tells is assumed.
+
+    Args:
+        summaries: of the earlier ones.
+        config: of the one to come.
+        episode_s: what an episode takes in another world, by scenario, s, where it was measured.
+    """
+    assumed = ASSUMED
+    if not load_world(config.world).circuits:
+        assumed = replace(ASSUMED, core_s=_stage_times(config, episode_s or {}), deviation=None)
     if not summaries:
-        return ASSUMED
+        return assumed
+    deviations = [summary.unit_deviation**2 for summary in summaries if summary.unit_deviation is not None]
     return Habits(
         earlier=len(summaries),
         front=_mean((_front(summary, config) for summary in summaries), ASSUMED.front),
         filtering=_mean((_filtering(summary, config) for summary in summaries), ASSUMED.filtering),
         racing=_mean((_racing(summary, config) for summary in summaries), ASSUMED.racing),
-        core_s=ASSUMED.core_s | _core_s([stage for summary in summaries for stage in summary.stages]),
-        deviation=sqrt(
-            _mean(
-                (summary.unit_deviation and summary.unit_deviation**2 for summary in summaries),
-                ASSUMED.deviation**2,
-            )
-        ),
+        core_s=assumed.core_s | _core_s([stage for summary in summaries for stage in summary.stages]),
+        deviation=sqrt(np.mean(deviations)) if deviations else assumed.deviation,
     )
+
+
+def _stage_times(config: Config, episode_s: Mapping[str, float]) -> dict[str, float]:
+    """Time of an episode by stage, as far as that of its scenarios is known, s."""
+    world = load_world(config.world)
+    tests = load_skills(config.battery.tests, world) or standing_tests(world)
+    event = config.tournament.held(config.circuit, config.car, config.world)
+    held = {
+        "pareto": [config.pareto.scenario],
+        "battery": [test.scenario for test in tests],
+        "tournament": [race.raced for race in event.race],
+    }
+    return {
+        stage: float(np.mean([episode_s[scenario] for scenario in scenarios]))
+        for stage, scenarios in held.items()
+        if scenarios and set(scenarios) <= episode_s.keys()
+    }
 
 
 def earlier(store: Store, config: Config, before: str | None = None) -> list[Summary]:
@@ -140,7 +176,7 @@ def earlier(store: Store, config: Config, before: str | None = None) -> list[Sum
 
 
 def _stage(name: str, entrants: int, races: int, most: int, habits: Habits) -> StageForecast:
-    each = habits.core_s.get(name)
+    each = habits.core_s.get(name) if races else 0.0
     return StageForecast(
         name=name,
         entrants=entrants,
@@ -150,11 +186,13 @@ def _stage(name: str, entrants: int, races: int, most: int, habits: Habits) -> S
     )
 
 
-def _budget(config: Config, event: Event, finalists: int, anchors: int, pairs: int, habits: Habits) -> Budget:
+def _budget(
+    config: Config, event: Event, finalists: int, anchors: int, pairs: int, deviation: float
+) -> Budget:
     return Budget(
         pairs=pairs,
         races=race_count(event, finalists, anchors, pairs),
-        effect=_effect(config, event, finalists, anchors, pairs, habits.deviation),
+        effect=_effect(config, event, finalists, anchors, pairs, deviation),
     )
 
 

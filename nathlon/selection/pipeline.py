@@ -75,18 +75,20 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     set_aside: dict[str, str] = {}
     if config.tournament.held(config.circuit, config.car, config.world).race:
         anchored = _together(finalists, field.anchors)
-        raced, _ = run_round_robin(run, anchored, config.tournament, anchors)
+        met, _ = run_round_robin(run, anchored, config.tournament, anchors)
+        raced, told = met, met.records
     else:
         set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
         ranking = ranked_by_tests(tables["battery"], finalists)
         raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results)
+        told = None
     tables |= raced.tables
     run.keep(tables)
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
     gone = [one for one in candidates if is_path(one.source) and not is_still(one.source, one.id)]
     candidates = [entrant for entrant in candidates if entrant not in gone]
     sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
-    summary = _summary(run, field, config, tables, tested, raced, sent, set_aside, expected, gone)
+    summary = _summary(run, field, config, tables, tested, raced, told, sent, set_aside, expected, gone)
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary
 
@@ -118,6 +120,7 @@ def _summary(
     tables: dict[str, pl.DataFrame],
     tested: BatteryAnswer,
     raced: Answer,
+    records: pl.DataFrame | None,
     sent: Decision,
     stages_set_aside: dict[str, str],
     expected: Forecast,
@@ -126,15 +129,18 @@ def _summary(
     deviation = None if "tournament" in stages_set_aside else unit_deviation(raced.results)
     references = len(field.anchors)
     others = tables["ranking"].height - references
+    world = load_world(config.world)
+    by_score = not world.circuits and all(world.setup(name).points == "score" for name in world.scenarios)
     endings = run.store.results_of_run(run.name)["ending"]
     names = {entrant.id: entrant.name for entrant in field.entrants}
     return Summary(
         stages=tuple(run.stages),
-        ranking=ranked(tables["ranking"], names),
+        ranking=ranked(tables["ranking"], names, records),
         sent=tuple(Sent(name=names[entrant], entrant=entrant) for entrant in _chosen(sent)),
         seed=config.seed,
         world=config.world,
-        episode=load_world(config.world).episode,
+        episode=world.episode,
+        brings="score" if by_score else "points",
         circuit=config.circuit,
         car=config.car,
         versions=versions(),

@@ -17,7 +17,7 @@ from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import BACKGROUND, NO_TEAM, Match, Race, Seat
 from nathlon.arena.pool import Pool
-from nathlon.arena.results import RANKING, RESULTS
+from nathlon.arena.results import RANKING, RECORDS, RESULTS
 from nathlon.arena.worlds.contract import Setup
 from nathlon.arena.worlds.registry import RACING, home, load_world
 from nathlon.bounds import MOST_PAIRS
@@ -27,9 +27,10 @@ from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
 from nathlon.tournament.conduct import Gate
 from nathlon.tournament.event import Event, EventRace, ScenarioRace, load_event
-from nathlon.tournament.formats import FormatName
+from nathlon.tournament.formats import FORMATS, FormatName
 from nathlon.tournament.points import matchups, rank
 from nathlon.tournament.ratings import notes, rate
+from nathlon.tournament.records import records
 from nathlon.tournament.schedule import Meeting, meetings
 from nathlon.tournament.stopping import Stopping, repeated, settled, settled_in_gauntlet
 
@@ -77,6 +78,17 @@ class TournamentSettings(Section):
                 )
             )
         return Event(race=(EventRace(name=self.format, circuit=circuit, car=car, format=self.format),))
+
+
+@dataclass(frozen=True)
+class RoundRobinAnswer(Answer):
+    """What the round robin found out.
+
+    Attributes:
+        records: RECORDS; empty where all races are 4v4.
+    """
+
+    records: pl.DataFrame
 
 
 @dataclass(frozen=True)
@@ -135,7 +147,7 @@ class Fixture:
 
 def run_round_robin(
     run: Run, entrants: Sequence[Entrant], settings: TournamentSettings, references: Container[str] = ()
-) -> tuple[Answer, list[Match]]:
+) -> tuple[RoundRobinAnswer, list[Match]]:
     """Race all entrants against each other; those that share the first rank, the barred apart, go on.
 
     In a gauntlet all others race those whose ids are `references`.
@@ -158,7 +170,11 @@ def run_round_robin(
     tables = _tables(run, entrants, results, event.weights, settings, confidence)
     first = leaders(entrants, tables["ranking"])
     run.note("tournament", len(entrants), len(first), results, began)
-    return Answer(tables, first, results), matches
+    of_teams = all(race.made is FORMATS["4v4"] for race in event.race)
+    told = pl.DataFrame(schema=RECORDS)
+    if not of_teams:
+        told = records(results, run.rng("tournament"), confidence=confidence, weights=event.weights)
+    return RoundRobinAnswer(tables, first, results, told), matches
 
 
 def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]:

@@ -21,12 +21,13 @@ def against(
     slots: Sequence[int],
     seeds: Sequence[int],
     in_order: bool = False,
+    before: int = 0,
 ) -> Match:
     """One entrant among others, once for each seed, from the given slots in turn.
 
     A slot is a side of the scenario, of which the entrant takes all seats; the opponents take the other
     sides in turn, and the world's baseline the seats of no side. Which opponent comes first moves on from
-    run to run unless they keep their order.
+    run to run unless they keep their order. Both go on from where `before` earlier runs have left them.
 
     Raises:
         InputError: if there is no such opponent.
@@ -36,7 +37,7 @@ def against(
     places = len(setup.sides)
     sources = tuple(dict.fromkeys([*opponents, world.baseline] if setup.free else opponents))
     races = []
-    for run, seed in enumerate(seeds):
+    for run, seed in enumerate(seeds, before):
         own = slots[run % len(slots)] - 1
         first = 0 if in_order else run
         others = iter(1 + sources.index(opponents[k % len(opponents)]) for k in range(first, first + places))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from gymnasium.spaces import Space, flatdim
+from gymnasium.spaces import Box, Space, flatdim
 from numpy.typing import NDArray
 
 from nathlon.policies.general.outputs import Draw, Outputs, in_words
@@ -56,6 +56,7 @@ class GeneralPolicy:
         observation_size: numbers of an observation, in the order of `gymnasium.spaces.flatten`; None for any.
         network: maps observations to numbers.
         outputs: what the numbers mean.
+        observation_shape: of an observation in training; None where the file does not tell.
     """
 
     source: str
@@ -66,6 +67,7 @@ class GeneralPolicy:
     observation_size: int | None
     network: Network
     outputs: Outputs | Draw
+    observation_shape: tuple[int, ...] | None = None
 
     def check(self, observation_space: Space[Any], action_space: Space[Any]) -> None:
         """Raise an InputError, which names the source, if the policy cannot act in these spaces."""
@@ -80,6 +82,12 @@ class GeneralPolicy:
                 raise InputError(
                     f"{self.source}: takes {self.observation_size} numbers, expected {size} for the "
                     f"observation space {in_words(observation_space)}"
+                )
+            shape = self.observation_shape or ()
+            if isinstance(observation_space, Box) and len(shape) > 1 and shape != observation_space.shape:
+                raise InputError(
+                    f"{self.source}: was trained on observations of shape {in_words(shape)}, as of stacked "
+                    f"frames, expected {observation_space.shape} as in {in_words(observation_space)}"
                 )
         self.outputs.check(self.source, action_space)
 

@@ -48,7 +48,15 @@ def load_sb3(path: Path) -> GeneralPolicy:
             observation_size=size,
             network=network,
             outputs=_outputs(file, family, actions),
+            observation_shape=_shape(file),
         )
+
+
+def _shape(file: Sb3File) -> tuple[int, ...] | None:
+    match file.section("observation_space").get("_shape"):
+        case [*sizes] if sizes and all(type(size) is int for size in sizes):
+            return tuple(sizes)
+    return None
 
 
 def _check_observations(file: Sb3File) -> None:

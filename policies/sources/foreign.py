@@ -12,6 +12,9 @@ from nathlon.policies.sources.weights import Count, Names, Text, Versions
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 
+MOST_FRAMES = 16
+"""That may have been stacked."""
+
 _POINT = ObservationSpec(course_points=2).size - ObservationSpec(course_points=1).size
 
 
@@ -38,7 +41,8 @@ def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpe
     A card that does not tell stands for the default with as many course points as fit.
 
     Raises:
-        InputError: if the card's have another size, or no number of course points fits.
+        InputError: if the card's have another size, no number of course points fits, or a stack of frames
+            with fewer fits as well.
     """
     if card.observation is not None:
         expected = card.observation.size
@@ -47,10 +51,23 @@ def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpe
                 f"{path}: takes {size} numbers, expected {expected} as its card's observation has"
             )
         return card.observation
-    points, rest = divmod(size - ObservationSpec(course_points=1).size, _POINT)
-    if rest or not 0 <= points < 500:
+    points = _points(size)
+    if points is None:
         raise InputError(
             f"{path}: takes {size} numbers, expected {ObservationSpec().size}, the size of the default "
             "observation, or a card with another observation"
         )
-    return ObservationSpec(course_points=points + 1)
+    for frames in range(2, MOST_FRAMES + 1):
+        of_a_frame = None if size % frames else _points(size // frames)
+        if of_a_frame is not None:
+            raise InputError(
+                f"{path}: takes {size} numbers, which are {points} course points or {frames} stacked frames "
+                f"of {of_a_frame}, expected a card that says its observation"
+            )
+    return ObservationSpec(course_points=points)
+
+
+def _points(size: int) -> int | None:
+    """Course points of the default observation if it has so many numbers."""
+    more, rest = divmod(size - ObservationSpec(course_points=1).size, _POINT)
+    return None if rest or not 0 <= more < 500 else more + 1

@@ -45,6 +45,7 @@ class Sb3Policy:
             content = read_policy_file(path)
             file = Sb3File.read(path, content)
             family = file.family(ACTORS, _EXPECTED)
+            _check_observations(file)
             _check_actions(file)
             card = file.card(family)
             layers = file.layers(family, ACTION_SIZE)
@@ -58,6 +59,14 @@ class Sb3Policy:
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """Actions (n, 2) float32 for observations (n, observation_spec.size) float32; memory as it was."""
         return self.network(observations), memory
+
+
+def _check_observations(file: Sb3File) -> None:
+    shape = file.section("observation_space").get("_shape")
+    if isinstance(shape, list) and len(shape) != 1:
+        raise InputError(
+            f"{file.path}: observation space of shape {shape}, as of stacked frames, expected one row"
+        )
 
 
 def _check_actions(file: Sb3File) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.archive import unpack
 from nathlon.policies.sources.foreign import ForeignCard
+from nathlon.policies.sources.policy_file import opening, read_policy_file
 from nathlon.policies.sources.state_dict import read_state_dict
 from nathlon.policies.sources.strict_json import parse_json
 from nathlon.policies.sources.weights import CARD_KEY, MOST_COUNT, parse_card
@@ -59,6 +60,9 @@ ACTORS = {
     ),
 }
 """Those of `MlpPolicy` that act by themselves, by the module of the policy class."""
+
+ON_POLICY = ("stable_baselines3.common.policies", "sb3_contrib.common.recurrent.policies")
+"""Modules of policy classes that learn from what they have just seen."""
 
 _ACTIVATIONS: dict[str, Literal["relu", "tanh"]] = {
     "<class 'torch.nn.modules.activation.ReLU'>": "relu",
@@ -195,6 +199,24 @@ class Sb3File:
         if not np.isfinite(array).all():
             raise InputError(f"{self.path}: tensor {name!r} holds numbers that are not finite")
         return array
+
+
+def was_normalised(path: Path) -> bool:
+    """Whether a `.zip` shows that `VecNormalize` was used: of observations, of rewards or of both.
+
+    Algorithms on policy keep the observations before it, which they have for no other reason.
+
+    Raises:
+        InputError: if it is no `.zip` of Stable-Baselines3.
+    """
+    with opening(path):
+        try:
+            members = unpack(read_policy_file(path), ("data",))
+        except zipfile.BadZipFile as error:
+            raise InputError(f"{path}: not a whole .zip of Stable-Baselines3 ({error})") from None
+        data = _settings(path, members["data"])
+    module = str(Sb3File(path, data, {}).section("policy_class").get("__module__"))
+    return module in ON_POLICY and data.get("_last_original_obs") is not None
 
 
 def _whole(value: Any) -> int | None:

@@ -12,6 +12,7 @@ import nathlon
 from nathlon.arena.store import Store
 from nathlon.n_athlon import DECATHLON, MARKS_RUNS
 from nathlon.n_athlon.skill import load_skills
+from nathlon.reports.forecast import Forecast, StageForecast, sentences
 from nathlon.reports.summary import Summary
 from nathlon.selection.config import Config
 from nathlon.selection.forecasting import ASSUMED, forecast, habits_of
@@ -19,6 +20,7 @@ from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon as command
 from tests.command_line import refused
+from tests.games import player, world_of
 from tests.opened_page import full_night
 
 LADDER = BUNDLED[0].parent
@@ -119,3 +121,69 @@ def test_wrong_input_is_one_sentence(tmp_path: Path) -> None:
     refused(command("plan", cwd=tmp_path), "nothing is new")
     with pytest.raises(InputError, match="no such file"):
         nathlon.plan(tmp_path / "nowhere")
+
+
+WAITS = """
+import time
+
+
+def slow():
+    game = envs["Game"]("left", "right")
+    step = game.step
+    game.step = lambda actions: time.sleep(0.003) or step(actions)
+    return game
+
+
+"""
+
+
+@pytest.fixture(scope="module")
+def game(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A world whose game takes some 18 ms, and one with a single seat."""
+    folder = tmp_path_factory.mktemp("game")
+    name = world_of(folder, "PettingZooWorld({'duel': lambda: slow()}, episode='match')")
+    path = folder / "worlds.py"
+    path.write_text(path.read_text().replace("world =", f"{WAITS}world ="))
+    (folder / "mine").mkdir()
+    for right in range(4):
+        player(folder / "mine" / f"{right}.onnx", right)
+    return folder, name
+
+
+def test_another_world_s_plan_takes_the_time_that_is_measured_there(game: tuple[Path, str]) -> None:
+    folder, name = game
+    told = nathlon.plan(folder / "mine", world=name, workers=1)
+    assert told.episode == "match"
+    assert told.episode_s is not None
+    assert told.episode_s >= 6 * 0.003
+    by_name = {stage.name: stage for stage in told.stages}
+    assert by_name["pareto"].core_s == pytest.approx(told.episode_s * by_name["pareto"].races)
+    assert told.core_hours == pytest.approx(told.episode_s * told.races / 3600)
+    assert told.budgets == (), "no selection has told yet how much matches vary"
+    said = " ".join(sentences(told))
+    assert "A match of random policies took 0.0" in said
+    assert "matches, " in said
+    assert "0 min" not in said
+    assert "race" not in said
+
+
+def test_what_nobody_races_is_not_told_of_in_words_of_racing(game: tuple[Path, str]) -> None:
+    folder, _ = game
+    alone = world_of(folder, "GymnasiumWorld({'only': envs['Alone']})", "alone.py")
+    done = command("plan", "mine/3.onnx", "--world", alone, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "1 checkpoint needs about" in done.stdout
+    assert "Nobody is expected to meet" in done.stdout
+    assert "tournament" not in done.stdout
+    assert "race" not in done.stdout.lower()
+    assert "1 workers" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(0.4, "less than 1 s"), (20, "20 s"), (186, "3 min"), (3500, "58 min"), (9000, "2.5 h")],
+)
+def test_what_takes_seconds_does_not_take_no_time(seconds: float, said: str) -> None:
+    stage = StageForecast(name="pareto", entrants=2, races=8, most_races=8, core_s=float(seconds))
+    told = Forecast(newcomers=2, earlier=1, workers=1, stages=(stage,), deviation=None, power=0.8, budgets=())
+    assert f"2 checkpoints need about 8 races, {said} with 1 worker." in sentences(told)

@@ -9,6 +9,7 @@ import pytest
 
 import nathlon
 from nathlon.arena.store import Store
+from nathlon.commands.selection import print_verdict
 from nathlon.nightly import nightly
 from nathlon.selection.config import read_config
 from tests.command_line import nathlon as command
@@ -54,9 +55,21 @@ def test_the_better_policy_is_sent_from_a_duel(tmp_path: Path, players: list[str
     assert result.summary.faults == result.summary.void == 0
     assert result.report.is_file()
     assert result.recording is None
+    first = result.summary.ranking[0]
+    assert first.mean is not None
+    assert first.won is not None
+    assert first.won > 0.5
+    assert first.won + (first.drawn or 0.0) + (first.lost or 0.0) == pytest.approx(1.0)
+    least, most, what = {"score": (0.5, 3.0, ""), "place": (9.0, 10.0, "points ")}[points]
+    assert least < first.mean <= most
+    told = result.verdict.sentences[1]
+    assert f"It scored {first.mean:.2f} {what}an episode on average (95% interval " in told
+    assert f"won {first.won:.0%}, drew {first.drawn:.0%}, lost {first.lost:.0%}" in told
 
 
-def test_three_sides_meet_in_a_free_for_all(tmp_path: Path, players: list[str]) -> None:
+def test_three_sides_meet_in_a_free_for_all(
+    tmp_path: Path, players: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     name = world_of(tmp_path, "PettingZooWorld({'trio': envs['trio']})")
     result = nathlon.select(
         players, tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
@@ -70,6 +83,16 @@ def test_three_sides_meet_in_a_free_for_all(tmp_path: Path, players: list[str]) 
     assert rows.group_by("match", "race").agg(pl.col("entrant").n_unique())["entrant"].to_list() == [3] * (
         rows.select(pl.struct("match", "race").n_unique()).item()
     )
+    ids = dict(result.ranking.select("name", "entrant").iter_rows())
+    means = dict(result.ranking.select("name", "mean").iter_rows())
+    for policy, mean in means.items():
+        own = rows.filter(pl.col("entrant") == ids[policy])
+        assert mean == pytest.approx(own["points"].mean())
+    print_verdict(result.summary)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "Mean score an episode played" in printed
+    for head in ("Won", "Drawn", "Lost"):
+        assert head in printed
 
 
 def test_where_no_sides_meet_the_tests_rank(tmp_path: Path, players: list[str]) -> None:
@@ -81,6 +104,10 @@ def test_where_no_sides_meet_the_tests_rank(tmp_path: Path, players: list[str]) 
     )
     assert result.sent == ["all"]
     assert "tournament" in result.summary.stages_set_aside
+    told = " ".join([result.verdict.headline, *result.verdict.sentences])
+    assert "points (95% interval" in told or "points in the n-athlon" in told
+    assert "race" not in told
+    assert "contact" not in told
 
 
 def test_unequal_sides_and_a_background_are_played(tmp_path: Path, players: list[str]) -> None:

@@ -73,6 +73,8 @@ def test_it_tells_of_the_world_s_own_things_and_plays_its_videos(
         if table:
             assert page.locator(f"#{table} tbody tr").count() >= rows, view
         seen.append(page.locator("main").inner_text())
+    assert "mean score a bout played" in seen[1].lower()
+    assert "won, %" in seen[1].lower()
     assert "hits [lights]" in seen[2]
     assert "left: " in seen[-1]
     assert "right: " in seen[-1]

@@ -37,7 +37,7 @@ function wayThrough(index) {
     box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
       (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
     box("n-athlon", "n-athlon", battery, [`rank ${battery?.rank}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
-    met && box("leaderboard", MEETINGS, ranking, [`rank ${ranking?.rank ?? ABSENT}`], `${number(ranking?.points_per_race, 1)} points ${EACH} (${between(ranking?.points_low, ranking?.points_high, 1)}), `,
+    met && box("leaderboard", MEETINGS, ranking, [`rank ${ranking?.rank ?? ABSENT}`], `${number(ranking?.[POINTS[0]], RANK_DIGITS)} ${summary.brings} ${EACH} (${between(ranking?.[POINTS[1]], ranking?.[POINTS[2]], RANK_DIGITS)}), `,
       touches && `${number(ranking?.contacts_per_km, 2)} contacts per km, `, blames && `${number(ranking?.at_fault_per_km, 2)} at fault, `, `${count(ranking?.faults ?? 0, "fault")}`));
 }
 

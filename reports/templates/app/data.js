@@ -59,6 +59,11 @@ const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 const MEETINGS = "Round robin";
 const met = !("tournament" in summary.stages_set_aside);
+// Of whom the means are known: in 4v4 points are a team's, elsewhere the fit says little by itself.
+const MEANS = ranks("mean");
+const POINTS = MEANS ? ["mean", "mean_low", "mean_high"] : ["points_per_race", "points_low", "points_high"];
+const POINTS_HEAD = MEANS ? `Mean ${summary.brings} ${EACH} played` : met ? `Points ${EACH}` : "n-athlon points";
+const RANK_DIGITS = MEANS ? 2 : 1;
 const POINT_DIGITS = data.cars.points.every(Number.isInteger) ? 0 : 2;
 const ownNames = Object.keys(JSON.parse(data.cars.measures?.find((text) => text !== null) ?? "{}"));
 

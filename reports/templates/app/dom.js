@@ -59,7 +59,7 @@ const chips = (index) => {
   return [
     sent.has(entrant) && chip("sent", "sent", "the committee sends it"),
     rankingOf.get(index)?.barred ? chip("barred", "barred", "the whole interval of a contact rate is above the gate's limit") : null,
-    rankingOf.has(index) && selection && !candidates.has(entrant) && chip("anchor", "anchor", "races every night for comparison; cannot be sent"),
+    rankingOf.has(index) && selection && !candidates.has(entrant) && chip("anchor", "anchor", "takes part every night for comparison; cannot be sent"),
   ];
 };
 

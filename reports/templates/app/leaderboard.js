@@ -6,7 +6,7 @@ function leaderboard() {
   const rows = tables.ranking.map((row) => ({ ...row, skill: batteryOf.get(row.entrant)?.points ?? null }));
   const title = h("h1", {}, "Leaderboard");
   if (!rows.length) return [title, empty(`No entrant reached the ${MEETINGS.toLowerCase()}.`)];
-  const points = barScale(rows, ["points_per_race", "points_low", "points_high"], d3.mean(rows, (row) => row.points_per_race) ?? 0, "points");
+  const points = barScale(rows, POINTS, d3.mean(rows, (row) => row[POINTS[0]]) ?? 0, "points");
   const contacts = barScale(rows, ["contacts_per_km", "contacts_low", "contacts_high"], 0, "contacts");
   const figure = (key, head, digits, [value, low, high], extra = {}) => ({
     key, head, value: (row) => row[value],
@@ -21,8 +21,9 @@ function leaderboard() {
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
       rankColumn(rows),
       entrantColumn(),
-      figure("points", met ? `Points ${EACH}` : "Points", 1, ["points_per_race", "points_low", "points_high"]),
-      { key: "drawn", head: "", unseen: "Points, drawn", kind: "drawn", cell: points },
+      figure("points", POINTS_HEAD, RANK_DIGITS, POINTS),
+      { key: "points-drawn", head: "", unseen: "Points, drawn", kind: "drawn", cell: points },
+      ...(MEANS ? ["won", "drawn", "lost"] : []).map((name) => ({ key: name, head: `${capital(name)}, %`, value: (row) => row[name], cell: (row) => percent(row[name]), title: `of the ${EPISODES} that it played` })),
       touches && figure("contacts", "Contacts per km", 2, ["contacts_per_km", "contacts_low", "contacts_high"], { first: "ascending", title: GATED }),
       touches && { key: "contacts-drawn", head: "", unseen: "Contacts, drawn", kind: "drawn", cell: contacts },
       blames && figure("blame", "At fault per km", 2, ["at_fault_per_km", "at_fault_low", "at_fault_high"], { first: "ascending", title: `contacts for which the stewards blame its cars; ${GATED}` }),
@@ -84,7 +85,7 @@ function compare([first, second]) {
   const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
   const rows = [
     ["Rank", shown(rankingOf, "rank", 0)],
-    [met ? `Points ${EACH}` : "Points", shown(rankingOf, "points_per_race", 1, "points_low", "points_high")],
+    [POINTS_HEAD, shown(rankingOf, POINTS[0], RANK_DIGITS, POINTS[1], POINTS[2])],
     touches && ["Contacts per km", shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high")],
     blames && ["At fault per km", shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high")],
     ["Faults", shown(rankingOf, "faults", 0)],

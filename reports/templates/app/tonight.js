@@ -87,7 +87,7 @@ function foreseen() {
         pair(number(stage.races), number(came.races)),
         pair(stage.core_s === null ? ABSENT : duration(stage.core_s), came.ran ? duration(came.core_s) : ABSENT)))))),
     met && summary.effect !== null && expected.budgets.length > 0 && h("p", {},
-      `Two finalists had to differ by ${number(summary.effect, 1)} points a race to be told apart in ${number(100 * expected.power)} of 100 such runs; ${number(expected.budgets[0].effect, 1)} were forecast.`),
+      `Two finalists had to differ by ${number(summary.effect, 1)} points ${EACH} to be told apart in ${number(100 * expected.power)} of 100 such runs; ${number(expected.budgets[0].effect, 1)} were forecast.`),
     note(expected.earlier ? `The forecast rests on ${count(expected.earlier, "earlier run")} in this store.` : "The forecast rests on figures of the bundled ladders: no earlier run was in this store."),
   ];
 }
@@ -117,7 +117,7 @@ function changes() {
       ? h("ul", { class: "moves" }, moved.slice(0, 10).map((row) => h("li", {},
           h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${row.before} → ${row.rank}`)))
       : h("p", {}, "No rank in the pool has changed."),
-    note("Ranks in the pool of all nights. Newcomers can push others down; more races can break ties."),
+    note(`Ranks in the pool of all nights. Newcomers can push others down; more ${EPISODES} can break ties.`),
   ];
 }
 
