@@ -92,18 +92,21 @@ def shrink(means: Floats, variances: Floats, levels: NDArray[np.int64]) -> Shrun
     return Shrunk(fitted + kept * (means - fitted), np.sqrt(kept * noise + (1 - kept) ** 2 * doubt))
 
 
-def p_worse(differences: Floats, margin: float) -> Floats:
+def p_worse(differences: Floats, margin: float, least: float = 0.0) -> Floats:
     """One-sided p-values (cells,) that the mean of each row lies above a margin, by Student's t.
 
     Args:
         differences: (cells, runs), more is worse; NaN where there was no run. A row of fewer than two runs
             proves nothing.
+        margin: in their unit.
+        least: deviation of a run, below which none is taken to be: rare mishaps may not have happened yet.
     """
     runs = np.isfinite(differences).sum(axis=1)
     some = np.maximum(runs, 1)
     mean = np.nansum(differences, axis=1) / some
     squares = np.nansum((differences - mean[:, None]) ** 2, axis=1)
-    error = np.sqrt(squares / np.maximum(runs - 1, 1) / some)
+    deviation = np.maximum(np.sqrt(squares / np.maximum(runs - 1, 1)), least)
+    error = deviation / np.sqrt(some)
     with np.errstate(divide="ignore", invalid="ignore"):
         p = stdtr(np.maximum(runs - 1, 1), -(mean - margin) / error)
     p = np.where(error > 0, p, np.where(mean > margin, 0.0, 1.0))

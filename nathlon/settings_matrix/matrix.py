@@ -27,6 +27,8 @@ from nathlon.settings_matrix.evidence import (
 )
 from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.errors import InputError
+from nathlon.tournament.completion import breaks_more
+from nathlon.tournament.non_inferiority import least_deviation
 
 LOOKS_WORSE = 0.5
 """Probability of being worse by the margin from which on a cell is driven again."""
@@ -146,7 +148,6 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
     ends = list(_ends(asked.most_runs))
     before = 0
     cells = matrix.plan.cells
-    names = list(matrix.margins)
     for end in ends:
         places: dict[Setting, list[int]] = {}
         undecided = {suspect.cell for suspect in matrix.suspects if suspect not in matrix.worse}
@@ -156,18 +157,17 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
             return
         drive(run, matrix.plan, matrix.driving, places, CONFIRMATION, slice(before, end), asked.opponents)
         before = end
-        p = np.array(
-            [
-                p_worse(
-                    matrix.driving.differences([cells[one.cell]], names[one.measure], [CONFIRMATION]),
-                    matrix.margins[names[one.measure]],
-                )[0]
-                for one in matrix.suspects
-            ]
-        )
+        p = np.array([_p_fresh(matrix, one) for one in matrix.suspects])
         share = 1 - EARLY_SHARE if end == ends[-1] else EARLY_SHARE / max(len(ends) - 1, 1)
         found = discovered(p, share * asked.false_discovery_rate)
         matrix.worse |= {one for one, is_worse in zip(matrix.suspects, found, strict=True) if is_worse}
+
+
+def _p_fresh(matrix: Matrix, suspect: Suspect) -> float:
+    """The p-value of a suspect, by its fresh runs alone."""
+    name, margin = list(matrix.margins.items())[suspect.measure]
+    fresh = matrix.driving.differences([matrix.plan.cells[suspect.cell]], name, [CONFIRMATION])
+    return float(p_worse(fresh, margin, least_deviation(margin))[0])
 
 
 def _ends(most: int) -> Iterator[int]:
@@ -188,6 +188,7 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         for name, margin in matrix.margins.items()
         for how in [matrix.driving.measures[name]]
     )
+    completed = matrix.driving.completed()
     idle = [name for name in config.matrix.margins if name not in matrix.margins]
     return MatrixReport(
         policy=pair.policy.name,
@@ -199,6 +200,9 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         false_discovery_rate=config.matrix.false_discovery_rate,
         screening_runs=config.matrix.runs,
         runs=2 * sum(len(screening) + len(fresh) for screening, fresh in driven),
+        policy_broken=completed.broken,
+        baseline_broken=completed.others_broken,
+        breaks_more=breaks_more(completed.alone, completed.other) >= 1 / config.matrix.false_discovery_rate,
         wall_s=round(wall_s, 1),
         versions=versions(),
         measures=measures,
@@ -235,6 +239,8 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
             delay_s=cell.setting.delay_s,
             place=cell.place,
             runs=len(screening) + len(fresh),
+            policy_broken=sum(one.broken[0] for one in (*screening, *fresh)),
+            baseline_broken=sum(one.broken[1] for one in (*screening, *fresh)),
             findings=tuple(findings),
         )
 

@@ -152,17 +152,19 @@ def scores_of(**recipes: list[list[float]]) -> pl.DataFrame:
 
 
 def test_a_recipe_is_judged_by_the_ends_of_its_runs() -> None:
-    scores = scores_of(base=[[9.0, 1.0], [2.0, 3.0]], worse=[[1.0, -4.0], [0.0, -2.0]])
+    good, bad = [[9.0, 1.0], [2.0, 3.0]], [[1.0, -4.0], [0.0, -2.0]]
+    assert "too few runs to prove it: worse" in headline(summarise(scores_of(base=good, worse=bad), rng()))
+    scores = scores_of(base=2 * good, worse=2 * bad)
     table = summarise(scores, rng())
     assert table.schema == RECIPES
     base, worse = table.to_dicts()
     assert (base["points"], worse["points"]) == (2.0, -3.0)
-    assert base["at_fault_per_km"] == pytest.approx(0.15)
+    assert base["at_fault_per_km"] == pytest.approx(0.25)
     assert (base["best"], base["best_points"]) == ("base-1-1", 9.0)
     assert 2.0 < base["best_expected"] < 9.0
     assert (base["better"], worse["better"], worse["gap"]) == (None, 0.0, 3.0)
     assert headline(table) == "Worse than base: worse"
-    assert last_checkpoints(scores)["points"].to_list() == [1.0, 3.0, -4.0, -2.0]
+    assert last_checkpoints(scores)["points"].to_list() == [1.0, 3.0, 1.0, 3.0, -4.0, -2.0, -4.0, -2.0]
     assert curve(scores, "base").to_dicts() == [
         {"step": 1000, "mean": 5.5, "low": 2.0, "high": 9.0},
         {"step": 2000, "mean": 2.0, "low": 1.0, "high": 3.0},
