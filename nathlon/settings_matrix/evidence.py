@@ -13,6 +13,12 @@ Floats = NDArray[np.float64]
 
 PRIOR_FREEDOM = 2.0
 """Degrees of freedom that the usual variance of a cell counts for beside a cell's own."""
+LOOKS_WORSE = 0.5
+"""Probability of being worse by the margin from which on a cell is driven again."""
+EARLY_SHARE = 0.25
+"""Of the false discovery rate, for all looks but the last."""
+FIRST_RUNS = 8
+"""Of a cell that is driven again, before it is looked at."""
 STEPS = 60
 """Of expectation and maximisation, after which estimates change by less than a hundredth of their error."""
 
@@ -156,3 +162,16 @@ def discovered(p: Floats, rate: float) -> NDArray[np.bool_]:
     if not len(p):
         return np.zeros(0, np.bool_)
     return np.asarray(false_discovery_control(p, method="bh") <= rate)
+
+
+def looks(most: int) -> list[int]:
+    """Runs of a cell that is driven again after which it is looked at, each time twice as many."""
+    ends = [FIRST_RUNS]
+    while 2 * ends[-1] < most:
+        ends.append(2 * ends[-1])
+    return [*(end for end in ends if end < most), most]
+
+
+def rate_of_look(end: int, ends: list[int], rate: float) -> float:
+    """What a look may spend of a false discovery rate."""
+    return (1 - EARLY_SHARE if end == ends[-1] else EARLY_SHARE / max(len(ends) - 1, 1)) * rate

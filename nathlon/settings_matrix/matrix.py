@@ -17,11 +17,14 @@ from nathlon.selection.run import Run
 from nathlon.settings_matrix.cells import Cell, Plan, Setting
 from nathlon.settings_matrix.driving import CONFIRMATION, SCREENING, Driving, begin, drive
 from nathlon.settings_matrix.evidence import (
+    LOOKS_WORSE,
     Mean,
     Shrunk,
     discovered,
+    looks,
     mean_over_cells,
     p_worse,
+    rate_of_look,
     shrink,
     variances_of_means,
 )
@@ -30,14 +33,8 @@ from nathlon.sim.errors import InputError
 from nathlon.tournament.completion import breaks_more
 from nathlon.tournament.non_inferiority import least_deviation
 
-LOOKS_WORSE = 0.5
-"""Probability of being worse by the margin from which on a cell is driven again."""
 DIMENSIONS = ("circuit", "car", "scenario", "compound", "delay_s", "place")
 """Of a cell, in the order of `Setting` with the place after it."""
-EARLY_SHARE = 0.25
-"""Of the false discovery rate, for all looks but the last."""
-FIRST_RUNS = 8
-"""Of a cell that is driven again, before it is looked at."""
 COVERED = 1.96
 """Standard deviations on either side of an estimate: 95 %."""
 
@@ -145,7 +142,7 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
 
     Who is decided in one measure goes on in the others.
     """
-    ends = list(_ends(asked.most_runs))
+    ends = looks(asked.most_runs)
     before = 0
     cells = matrix.plan.cells
     for end in ends:
@@ -158,8 +155,7 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
         drive(run, matrix.plan, matrix.driving, places, CONFIRMATION, slice(before, end), asked.opponents)
         before = end
         p = np.array([_p_fresh(matrix, one) for one in matrix.suspects])
-        share = 1 - EARLY_SHARE if end == ends[-1] else EARLY_SHARE / max(len(ends) - 1, 1)
-        found = discovered(p, share * asked.false_discovery_rate)
+        found = discovered(p, rate_of_look(end, ends, asked.false_discovery_rate))
         matrix.worse |= {one for one, is_worse in zip(matrix.suspects, found, strict=True) if is_worse}
 
 
@@ -168,14 +164,6 @@ def _p_fresh(matrix: Matrix, suspect: Suspect) -> float:
     name, margin = list(matrix.margins.items())[suspect.measure]
     fresh = matrix.driving.differences([matrix.plan.cells[suspect.cell]], name, [CONFIRMATION])
     return float(p_worse(fresh, margin, least_deviation(margin))[0])
-
-
-def _ends(most: int) -> Iterator[int]:
-    end = FIRST_RUNS
-    while end < most:
-        yield end
-        end *= 2
-    yield most
 
 
 def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixReport:
