@@ -181,18 +181,17 @@ def measure(ladder: Ladder, gates: int, pairs: int, runs: int) -> dict[str, Any]
     margins = SETTINGS.model_dump()
     margin, at_fault, lap = margins["points"], margins["at_fault_per_km"], 100 * margins["lap"]
     rate = float(np.mean([np.isnan(gains).mean() for gains in driven])) / 2
-    asked = {
-        "points": (margin, SETTINGS.pairs, shifted(gaps, margin, SETTINGS.pairs), 0, 0.0),
-        "contacts at fault": (
-            at_fault, SETTINGS.pairs, dealt(rates, at_fault, km, SETTINGS.pairs), 0, float(np.sqrt(at_fault / km)),
-        ),
-        "lap time": (lap, SETTINGS.runs, shifted(driven, lap, SETTINGS.runs), ERRORS.sweep, least_deviation(lap)),
-    }  # fmt: skip
+    pairs_most, runs_most = SETTINGS.pairs, SETTINGS.runs
+    contacts = of_mean(at_fault, pairs_most, 0, float(np.sqrt(at_fault / km)))
+    timed = of_mean(lap, runs_most, ERRORS.sweep, least_deviation(lap))
     measures = {
-        name: Measure(by, most, draw, of_mean(by, most, sweep, least))
-        for name, (by, most, draw, sweep, least) in asked.items()
+        "points": Measure(
+            margin, pairs_most, shifted(gaps, margin, pairs_most), of_mean(margin, pairs_most, 0, 0.0)
+        ),
+        "contacts at fault": Measure(at_fault, pairs_most, dealt(rates, at_fault, km, pairs_most), contacts),
+        "lap time": Measure(lap, runs_most, shifted(driven, lap, runs_most), timed),
+        "completion": Measure(RATE, runs_most, broken(rate, runs_most), of_completion),
     }
-    measures["completion"] = Measure(RATE, SETTINGS.runs, broken(rate, SETTINGS.runs), of_completion)
     rng = np.random.default_rng(SEED)
     told = {name: {"margin": one.margin, **errors([one], gates, rng)} for name, one in measures.items()}
     return {"gates": gates, "measures": told | {"together": errors(list(measures.values()), gates, rng)}}

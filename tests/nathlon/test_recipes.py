@@ -24,7 +24,7 @@ from nathlon.recipe_comparison.statistics import (
     shrunk,
 )
 from nathlon.recipe_comparison.summary import last_checkpoints, summarise
-from nathlon.reports.recipes import RECIPES, SCORES
+from nathlon.reports.recipes import RECIPES, SCORES, too_few
 from nathlon.reports.recipes_figure import curve
 from nathlon.reports.recipes_page import headline
 from nathlon.sim.errors import InputError
@@ -106,6 +106,27 @@ def test_the_probability_of_improvement_is_mann_and_whitneys() -> None:
     told = probability_of_improvement(ours, theirs, rng(), 100, 0.95)
     assert told.value == pytest.approx(mannwhitneyu(ours[:, 0], theirs[:, 0]).statistic / 81)
     assert probability_of_improvement(ours + 10, theirs, rng(), 100, 0.95) == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("references", [1, 4])
+def test_equal_recipes_are_seldom_told_apart_however_many_references_a_run_meets(references: int) -> None:
+    generator, count, told_apart = rng(), 400, 0
+    for _ in range(count):
+        ours, theirs = generator.normal(size=(2, 5, 1)) + 0.3 * generator.normal(size=(2, 5, references))
+        told = probability_of_improvement(ours, theirs, generator, 300, 0.95)
+        told_apart += told.low > 0.5 or told.high < 0.5
+    assert told_apart / count <= 0.05 + 2 * (0.05 * 0.95 / count) ** 0.5
+
+
+def test_so_few_runs_that_chance_does_as_much_prove_nothing() -> None:
+    ours, theirs = np.arange(3.0)[:, None], np.arange(3.0)[:, None]
+    told = probability_of_improvement(ours + 10, theirs, rng(), 100, 0.95)
+    assert (told.value, told.low, told.high) == (1.0, 0.5, 1.0)
+    assert too_few(3, 3, 1)
+    assert not too_few(4, 4, 1)
+    assert too_few(4, 4, 2), "two comparisons share the five per cent"
+    same = np.full((6, 2), 1 / 3)
+    assert probability_of_improvement(same, same, rng(), 100, 0.95)[:2] == (0.5, 0.5)
 
 
 def test_intervals_over_runs_cover_and_one_run_has_none() -> None:
