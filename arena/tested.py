@@ -15,6 +15,9 @@ NAMES = RESULTS.names()
 NUMBERS = [name for name in NAMES[NAMES.index("place") :] if RESULTS[name].is_numeric()]
 """Columns of RESULTS that say what a seat came to."""
 
+BREAKDOWNS = ("stuck", *POLICY_FAULTS)
+"""Endings of runs that their policy did not complete: it stood still for too long, or is at fault."""
+
 
 def entrant_rows(results: pl.DataFrame) -> pl.DataFrame:
     """The rows of RESULTS of those under test, one a race.

@@ -5,14 +5,16 @@ takes the finalists of the selection among the bundled checkpoints of the Linden
 pairs of every two and their fresh time trials. A gate draws its units from those of two of them, with
 replacement, and ends as `nathlon gate` does by default.
 
-By measure, `points`, `contacts at fault` and `lap time`, `false_pass` and `false_fail`:
+By measure, `points`, `contacts at fault`, `completion` and `lap time`, `false_pass` and `false_fail`:
 
 - `share` of gates that pass a candidate that is worse by the margin, or fail one that is as good. Points and
   laps are shifted so that their mean is at the margin, or at 0. Contacts are dealt to the two by lot, and the
-  worse one gets as many more as a Poisson process of the margin's rate brings;
+  worse one gets as many more as a Poisson process of the margin's rate brings. Runs are completed as often as
+  in the time trials, but by the worse one, which breaks down at the rate that matters; laps of runs that one
+  of the two did not complete are not compared;
 - `undecided`: share that cannot tell within the budget; `units` that a gate takes, on average.
 
-`together`: the same of all three measures, drawn independently; the worse one is worse in points alone.
+`together`: the same of all measures, drawn independently; the worse one is worse in points alone.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from collections import Counter
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -33,18 +35,50 @@ from benchmarks.meetings import meetings
 from benchmarks.result import write_result
 from nathlon.arena.decision import Decision
 from nathlon.arena.statistics import Floats
+from nathlon.arena.tested import BREAKDOWNS
+from nathlon.gating.questions import Errors
 from nathlon.gating.settings import GateSettings
 from nathlon.pareto.objective import TIME_TRIAL
+from nathlon.tournament.completion import Completed, Completion
 from nathlon.tournament.evidence import UNIT, appearances, differences
-from nathlon.tournament.non_inferiority import NonInferiority, Sample, together
+from nathlon.tournament.non_inferiority import Sample, least_deviation, together
 
 CIRCUIT = "lindenring"
 SEED = 2026
 WORKERS = 1
 SETTINGS = GateSettings()
+ERRORS = Errors(SETTINGS.alpha, SETTINGS.beta, SETTINGS.block, SETTINGS.breakdowns)
+RATE = SETTINGS.breakdowns or 0.05
+OURS, THEIRS = 1, 2
+"""What of a run is not completed: the candidate's, the champion's, or both, which is the sum."""
 
-Draw = Callable[[np.random.Generator, bool], tuple[Floats, float]]
-"""Differences of a gate's units, of a candidate that is worse or not, and the least deviation of one."""
+
+class Measure(NamedTuple):
+    """A measure of a gate.
+
+    Attributes:
+        margin: by which the worse candidate is.
+        most: units.
+        draw: all of them, of a candidate that is worse or not.
+        judge: what some of them say.
+    """
+
+    margin: float
+    most: int
+    draw: Callable[[np.random.Generator, bool], Floats]
+    judge: Callable[[Floats], Decision]
+
+
+def of_mean(margin: float, most: int, sweep: int, least: float) -> Callable[[Floats], Decision]:
+    """The judge of a mean; what is not a number is not compared."""
+    test = ERRORS.of_mean(margin, most, sweep)
+    return lambda units: test.verdict(Sample.of(units[np.isfinite(units)], least))
+
+
+def of_completion(units: Floats) -> Decision:
+    """The judge of completion, of the runs that were not completed."""
+    both, ours, theirs = (int((units == kind).sum()) for kind in (OURS + THEIRS, OURS, THEIRS))
+    return Completion(RATE, ERRORS.alpha, ERRORS.beta).verdict(Completed(len(units), both, ours, theirs))
 
 
 def points(ladder: Ladder, pairs: int) -> tuple[list[Floats], list[Floats], float]:
@@ -63,48 +97,62 @@ def points(ladder: Ladder, pairs: int) -> tuple[list[Floats], list[Floats], floa
 
 
 def laps(ladder: Ladder, runs: int) -> list[Floats]:
-    """Of every two survivors: by how many % the one's lap is shorter than the other's from the same start."""
+    """Of every two survivors: by how many % the one's lap is shorter than the other's from the same start.
+
+    Not a number where one of the two completed none.
+    """
     trials = ladder.filter_runs(runs).filter(pl.col("test") == TIME_TRIAL).sort("entrant", "seed")
+    whole = pl.when(~pl.col("ending").is_in(BREAKDOWNS)).then("best_lap_s")
     by_entrant = [
-        trials.filter(pl.col("entrant") == one.id)["best_lap_s"].to_numpy() for one in ladder.survivors
+        trials.filter(pl.col("entrant") == one.id).select(whole).to_series().fill_null(np.nan).to_numpy()
+        for one in ladder.survivors
     ]
-    found = [100 * (1 - one / other) for one, other in combinations(by_entrant, 2)]
-    return [gaps[np.isfinite(gaps)] for gaps in found]
+    return [100 * (1 - one / other) for one, other in combinations(by_entrant, 2)]
 
 
-def shifted(pools: list[Floats], margin: float, most: int) -> Draw:
+def shifted(pools: list[Floats], margin: float, most: int) -> Callable[[np.random.Generator, bool], Floats]:
     """Gates whose units are drawn from one of the pools and moved to a mean of -margin, or of 0."""
 
-    def draw(rng: np.random.Generator, worse: bool) -> tuple[Floats, float]:
+    def draw(rng: np.random.Generator, worse: bool) -> Floats:
         pool = pools[rng.integers(len(pools))]
-        return rng.choice(pool, most) - pool.mean() - margin * worse, 0.0
+        return np.asarray(rng.choice(pool, most) - np.nanmean(pool) - margin * worse)
 
     return draw
 
 
-def dealt(pools: list[Floats], margin: float, km: float, most: int) -> Draw:
+def dealt(
+    pools: list[Floats], margin: float, km: float, most: int
+) -> Callable[[np.random.Generator, bool], Floats]:
     """Gates whose units are dealt to the two by lot; the worse one has more contacts."""
 
-    def draw(rng: np.random.Generator, worse: bool) -> tuple[Floats, float]:
+    def draw(rng: np.random.Generator, worse: bool) -> Floats:
         lots = rng.choice([-1.0, 1.0], most) * rng.choice(pools[rng.integers(len(pools))], most)
-        return lots - worse * rng.poisson(margin * km, most) / km, float(np.sqrt(margin / km))
+        return np.asarray(lots - worse * rng.poisson(margin * km, most) / km)
 
     return draw
 
 
-def end(units: Floats, floor: float, margin: float) -> tuple[Decision, int]:
+def broken(rate: float, most: int) -> Callable[[np.random.Generator, bool], Floats]:
+    """Gates whose runs are not completed at a rate, those of the worse one at that which matters."""
+
+    def draw(rng: np.random.Generator, worse: bool) -> Floats:
+        ours, theirs = rng.uniform(size=(2, most)) < np.array([[RATE if worse else rate], [rate]])
+        return np.asarray(OURS * ours + THEIRS * theirs, np.float64)
+
+    return draw
+
+
+def end(measure: Measure, units: Floats) -> tuple[Decision, int]:
     """What a gate says in the end of one measure, and after how many units."""
-    block = SETTINGS.block
-    test = NonInferiority(margin, SETTINGS.alpha, SETTINGS.beta, -(-len(units) // block))
-    for taken in range(block, len(units) + block, block):
-        said = test.verdict(Sample.of(units[:taken], floor))
+    for taken in range(SETTINGS.block, measure.most + SETTINGS.block, SETTINGS.block):
+        said = measure.judge(units[:taken])
         if said != Decision.CANNOT_TELL:
-            return said, min(taken, len(units))
-    return Decision.CANNOT_TELL, len(units)
+            return said, min(taken, measure.most)
+    return Decision.CANNOT_TELL, measure.most
 
 
 def errors(
-    measures: list[tuple[Draw, float]], gates: int, rng: np.random.Generator, worse_in: int = 0
+    measures: list[Measure], gates: int, rng: np.random.Generator, worse_in: int = 0
 ) -> dict[str, Any]:
     """False passes and fails of gates with some measures, of which the worse candidate is worse in one."""
     told: dict[str, Any] = {}
@@ -113,8 +161,8 @@ def errors(
         units = 0
         for _ in range(gates):
             ends = [
-                end(*draw(rng, worse and number == worse_in), margin)
-                for number, (draw, margin) in enumerate(measures)
+                end(measure, measure.draw(rng, worse and number == worse_in))
+                for number, measure in enumerate(measures)
             ]
             said[together([verdict for verdict, _ in ends])] += 1
             units += max(taken for _, taken in ends)
@@ -129,16 +177,24 @@ def errors(
 def measure(ladder: Ladder, gates: int, pairs: int, runs: int) -> dict[str, Any]:
     """The figures of a ladder."""
     gaps, rates, km = points(ladder, pairs)
+    driven = laps(ladder, runs)
     margins = SETTINGS.model_dump()
     margin, at_fault, lap = margins["points"], margins["at_fault_per_km"], 100 * margins["lap"]
-    drawn: dict[str, tuple[Draw, float]] = {
-        "points": (shifted(gaps, margin, SETTINGS.pairs), margin),
-        "contacts at fault": (dealt(rates, at_fault, km, SETTINGS.pairs), at_fault),
-        "lap time": (shifted(laps(ladder, runs), lap, SETTINGS.runs), lap),
+    rate = float(np.mean([np.isnan(gains).mean() for gains in driven])) / 2
+    pairs_most, runs_most = SETTINGS.pairs, SETTINGS.runs
+    contacts = of_mean(at_fault, pairs_most, 0, float(np.sqrt(at_fault / km)))
+    timed = of_mean(lap, runs_most, ERRORS.sweep, least_deviation(lap))
+    measures = {
+        "points": Measure(
+            margin, pairs_most, shifted(gaps, margin, pairs_most), of_mean(margin, pairs_most, 0, 0.0)
+        ),
+        "contacts at fault": Measure(at_fault, pairs_most, dealt(rates, at_fault, km, pairs_most), contacts),
+        "lap time": Measure(lap, runs_most, shifted(driven, lap, runs_most), timed),
+        "completion": Measure(RATE, runs_most, broken(rate, runs_most), of_completion),
     }
     rng = np.random.default_rng(SEED)
-    told = {name: {"margin": one[1], **errors([one], gates, rng)} for name, one in drawn.items()}
-    return {"gates": gates, "measures": told | {"together": errors(list(drawn.values()), gates, rng)}}
+    told = {name: {"margin": one.margin, **errors([one], gates, rng)} for name, one in measures.items()}
+    return {"gates": gates, "measures": told | {"together": errors(list(measures.values()), gates, rng)}}
 
 
 def main() -> None:

@@ -24,6 +24,7 @@ class Finding(Part):
         margin: by which the candidate may be worse; None of what is counted and not compared.
         difference: observed; None where nothing was.
         low, high: bounds that hold at all looks together; None where they are not known.
+        note: a sentence on what the verdict rests on, or does not; empty where there is nothing to say.
         units: of evidence: mirrored pairs of races, or runs.
         most: units that the budget allowed.
         verdict: on this measure alone.
@@ -40,6 +41,14 @@ class Finding(Part):
     most: int = 0
     verdict: Decision = Decision.CANNOT_TELL
     set_aside: str | None = None
+    note: str = ""
+
+    @property
+    def bounds(self) -> str:
+        """Its bounds in words; completion has a lower one alone."""
+        if self.low is None:
+            return ""
+        return f"{self.low:+.3g} to {self.high:+.3g}" if self.high is not None else f"{self.low:+.3g} or more"
 
     @property
     def sentence(self) -> str:
@@ -48,11 +57,12 @@ class Finding(Part):
             return f"{self.measure}: not asked: {self.set_aside}"
         if self.margin is None:
             return f"{self.measure}: {self.difference:g} in {self.units} runs"
-        bounds = "" if self.low is None else f" ({self.low:+.3g} to {self.high:+.3g})"
-        return (
+        bounds = f" ({self.bounds})" if self.bounds else ""
+        said = (
             f"{self.measure} {self.unit}: {self.difference or 0.0:+.3g}{bounds}, "
             f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
         )
+        return f"{said}; {self.note}" if self.note else said
 
 
 class Gated(Part):
@@ -62,6 +72,11 @@ class Gated(Part):
     entrant: str
     verdict: Decision
     findings: tuple[Finding, ...]
+
+    @property
+    def notes(self) -> list[str]:
+        """What its findings rest on, or do not, measure by measure."""
+        return [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
 
 
 class GateReport(Part):
@@ -154,7 +169,7 @@ def markdown(report: GateReport) -> str:
             "| --- | --- | ---: | ---: | ---: | ---: |",
         ]
         lines += ["| " + " | ".join(map(escaped, cells(finding))) + " |" for finding in candidate.findings]
-        lines.append("")
+        lines += ["", *(f"- {escaped(note)}" for note in candidate.notes), ""]
     lines.append(
         f"{report.races:,} races in {report.wall_s:.0f} s, seed {report.seed}. "
         f"A candidate that is worse by a margin passes with probability {report.alpha:.0%} at most."
@@ -170,14 +185,13 @@ def cells(finding: Finding) -> tuple[str, ...]:
     def number(value: float | None) -> str:
         return "" if value is None else f"{value:+.3g}"
 
-    bounds = "" if finding.low is None else f"{number(finding.low)} to {number(finding.high)}"
     if finding.margin is None:
         return finding.measure, MARKS[finding.verdict], f"{finding.difference:g}", "", "", str(finding.units)
     return (
         f"{finding.measure} {finding.unit}",
         MARKS[finding.verdict],
         number(finding.difference),
-        bounds,
+        finding.bounds,
         number(-finding.margin),
         f"{finding.units} of {finding.most}",
     )

@@ -58,6 +58,8 @@ class CellReport(Part):
 
     Attributes:
         runs: of policy and baseline, each.
+        policy_broken, baseline_broken: runs of these in which they broke down, which are compared in nothing
+            else.
         findings: in the order of the report's measures.
         replay: path, beside the report, of the page with the worst run.
     """
@@ -69,6 +71,8 @@ class CellReport(Part):
     delay_s: float
     place: int
     runs: int
+    policy_broken: int = 0
+    baseline_broken: int = 0
     findings: tuple[Finding, ...]
     replay: str | None = None
 
@@ -107,6 +111,8 @@ class MatrixReport(Part):
         false_discovery_rate: the share, to be expected, of findings called worse that are not.
         screening_runs: of policy and baseline in every cell.
         runs: in all.
+        policy_broken, baseline_broken: of the half of each, those in which it broke down.
+        breaks_more: whether the policy surely does so more often, from the same starts.
         set_aside: sentences on what could not be driven.
     """
 
@@ -119,6 +125,9 @@ class MatrixReport(Part):
     false_discovery_rate: float
     screening_runs: int
     runs: int
+    policy_broken: int = 0
+    baseline_broken: int = 0
+    breaks_more: bool = False
     wall_s: float
     versions: dict[str, str]
     measures: tuple[Measured, ...]
@@ -136,9 +145,20 @@ class MatrixReport(Part):
     def headline(self) -> str:
         """What it comes to."""
         cells = "1 cell" if len(self.cells) == 1 else f"{len(self.cells):,} cells"
+        breaks = " It breaks down more often." if self.breaks_more else ""
         if not self.worse:
-            return f"{self.policy} is nowhere proven to be worse than {self.baseline}: {cells}."
-        return f"{self.policy} is worse than {self.baseline} in {self.worse:,} of {cells}."
+            return f"{self.policy} is nowhere proven to be worse than {self.baseline}: {cells}.{breaks}"
+        return f"{self.policy} is worse than {self.baseline} in {self.worse:,} of {cells}.{breaks}"
+
+    @property
+    def completion(self) -> str:
+        """How often both broke down, and what such runs count for; empty where they never did."""
+        if not self.policy_broken + self.baseline_broken:
+            return ""
+        return (
+            f"{self.policy} broke down in {self.policy_broken:,} of {self.runs // 2:,} runs, {self.baseline} "
+            f"in {self.baseline_broken:,}: runs that both completed are compared, and how often they stopped."
+        )
 
     def severity(self, cell: CellReport) -> tuple[int, float]:
         """For the order: how grave the verdict is, and by how many margins the policy is worse."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import comb
 from pathlib import Path
 
 import polars as pl
@@ -40,8 +41,21 @@ RECIPES = pl.Schema(
     }
 )
 """One row a recipe. `points` are the mean over runs, `iqm` that of the middle half. `gap` is how far runs
-fall short of the references' points, `better` the probability that a run scores more than one of the first.
+fall short of the references' points, `better` the probability that a run scores more than one of the first,
+with bounds that hold for all recipes together.
 """
+
+
+CONFIDENCE = 0.95
+"""Of intervals, and of all comparisons with the first recipe together."""
+
+
+def too_few(runs: int, others: int, recipes: int) -> bool:
+    """Whether no scores of so many runs prove that one of some recipes differs from the first.
+
+    The most that a permutation test can find is that all runs of the one beat all of the other.
+    """
+    return 2 / comb(runs + others, runs) > (1 - CONFIDENCE) / recipes
 
 
 def write_recipes(recipes: pl.DataFrame, scores: pl.DataFrame, folder: Path) -> None:

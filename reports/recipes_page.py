@@ -9,12 +9,13 @@ from typing import Any
 
 import polars as pl
 
+from nathlon.reports.recipes import too_few
 from nathlon.reports.recipes_figure import recipes_picture
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
 from nathlon.sim.whole_file import whole_file
 
 FEW = 5
-"""Runs below which a bootstrap over them knows too little of how they vary (Agarwal et al., 2021)."""
+"""Runs below which little is known of how they vary (Agarwal et al., 2021)."""
 CELLS = (
     ("points", "Points a race", "{:+.1f}"),
     ("iqm", "IQM", "{:+.1f}"),
@@ -31,7 +32,7 @@ def cells(row: dict[str, Any]) -> list[str]:
 
 
 def headline(recipes: pl.DataFrame) -> str:
-    """What RECIPES come to: which are surely better or worse than the first."""
+    """What RECIPES come to: which are surely better or worse than the first, and which cannot be judged."""
     first, *others = recipes.to_dicts()
     better = [row["recipe"] for row in others if (row["better_low"] or 0.0) > 0.5]
     worse = [row["recipe"] for row in others if row["better_high"] is not None and row["better_high"] < 0.5]
@@ -42,7 +43,12 @@ def headline(recipes: pl.DataFrame) -> str:
         told.append(f"better than {first['recipe']}: {', '.join(better)}")
     if worse:
         told.append(f"worse than {first['recipe']}: {', '.join(worse)}")
-    text = "; ".join(told) or f"no recipe is surely better or worse than {first['recipe']}"
+    if not told:
+        told.append(f"no recipe is surely better or worse than {first['recipe']}")
+    few = [row["recipe"] for row in others if too_few(row["runs"], first["runs"], len(others))]
+    if few:
+        told.append(f"too few runs to prove it: {', '.join(few)}")
+    text = "; ".join(told)
     return text[0].upper() + text[1:]
 
 

@@ -15,6 +15,7 @@ if it does in each of them, and no level needs a correction for their number.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,20 @@ class Sample(NamedTuple):
         return cls(float(len(differences)), mean, max(deviation, floor))
 
 
+EARLY = 2.0
+"""Times Wald's bound: the logarithm of the ratio at which one fails before the first look."""
+LOSS = 10.0
+"""Margins: of a rare loss that a unit may show, such as all points of a skill test."""
+
+
+def least_deviation(margin: float) -> float:
+    """What a unit varies by, at least, in one who is worse by the margin because of rare losses alone.
+
+    Of `LOSS` margins each they come in one unit of `LOSS`, and none may have been seen yet.
+    """
+    return sqrt(LOSS) * margin
+
+
 @dataclass(frozen=True)
 class NonInferiority:
     """A sequential test of one measure.
@@ -49,12 +64,17 @@ class NonInferiority:
         alpha: probability to pass a candidate that is worse by the margin or more.
         beta: probability to fail one that is as good.
         looks: how often the units are looked at, at most, after equal numbers of them.
+        first: units before which nothing passes, and fails only what is far worse: the ratio is that of a
+            normal mean, and where the noise is skewed a mean of few units is not.
+        sweep: units below which nothing passes: as many as show a loss that is rare, but matters.
     """
 
     margin: float
     alpha: float = 0.05
     beta: float = 0.05
     looks: int = 1
+    first: int = FEWEST
+    sweep: int = 0
 
     def verdict(self, sample: Sample) -> Decision:
         """What the units so far say."""
@@ -64,9 +84,10 @@ class NonInferiority:
         t, margin = sample.mean / deviation, self.margin / deviation
         ratio = log_likelihood_ratio(sample.units, t, min(t, -margin), max(t, 0.0))
         fail, passed = wald_bounds(self.alpha, self.beta)
-        if ratio >= passed:
-            return Decision.PASS
-        return Decision.FAIL if ratio <= fail else Decision.CANNOT_TELL
+        early = sample.units < self.first
+        if ratio <= (EARLY * fail if early else fail):
+            return Decision.FAIL
+        return Decision.CANNOT_TELL if early or ratio < passed or sample.units < self.sweep else Decision.PASS
 
     def interval(self, sample: Sample) -> tuple[float | None, float | None]:
         """Bounds of the mean that hold at all looks together, each missed with probability alpha.

@@ -58,6 +58,8 @@ def gate(
             for finding in candidate.findings:
                 table.add_row(*cells(finding))
             print_table(table)
+            for note in candidate.notes:
+                say(note)
         say(result.report.headline)
         say(f"Page         {out / 'index.html'}")
     sys.exit(result.report.exit_code)

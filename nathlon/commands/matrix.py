@@ -62,5 +62,7 @@ def matrix(
         print_table(table)
     for sentence in report.set_aside:
         say(f"Not driven: {sentence}")
+    if report.completion:
+        say(report.completion)
     say(report.headline)
     say(f"Page         {out / 'index.html'}")

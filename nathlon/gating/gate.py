@@ -15,10 +15,15 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.worlds.registry import home
 from nathlon.gating.questions import (
+    BROKEN,
+    NO_LAP,
+    Errors,
+    Judged,
     Pair,
     Question,
     Series,
     at_fault_question,
+    completion_question,
     lap_question,
     points_question,
     race_series,
@@ -36,7 +41,7 @@ from nathlon.selection.round_robin import entered_there, plan
 from nathlon.selection.run import GATE, Run
 from nathlon.selection.trials import draw_seeds
 from nathlon.sim.errors import InputError
-from nathlon.tournament.non_inferiority import NonInferiority, Sample, together
+from nathlon.tournament.non_inferiority import together
 
 SEED = 7_041_776
 """Beside the configuration's, so that a gate shares no race with the selection that found the candidate: of
@@ -141,23 +146,16 @@ def _round(run: Run, cases: Sequence[_Case], units: slice, settings: GateSetting
 def _judge(case: _Case, settings: GateSettings) -> None:
     """Decide what can be decided."""
     for question in case.open:
-        sample = _sample(case, question)
-        if sample is not None:
-            said = _test(question, settings).verdict(sample)
-            if said != Decision.CANNOT_TELL:
-                case.said[question.name] = said
+        judged = _judged(case, question)
+        if judged is not None and judged.verdict != Decision.CANNOT_TELL:
+            case.said[question.name] = judged.verdict
     if case.faults()[0] > settings.max_faults:
         case.said["faults"] = Decision.FAIL
 
 
-def _test(question: Question, settings: GateSettings) -> NonInferiority:
-    looks = -(-question.series.most // settings.block)
-    return NonInferiority(question.margin, settings.alpha, settings.beta, looks)
-
-
-def _sample(case: _Case, question: Question) -> Sample | None:
+def _judged(case: _Case, question: Question) -> Judged | None:
     results = case.results.get(id(question.series))
-    return None if results is None else question.sample(results)
+    return None if results is None else question.judge(results)
 
 
 def _gated(case: _Case, settings: GateSettings) -> Gated:
@@ -170,7 +168,7 @@ def _gated(case: _Case, settings: GateSettings) -> Gated:
         units=runs,
         verdict=Decision.FAIL if faults > settings.max_faults else Decision.PASS,
     )
-    findings = [*(_finding(case, question, settings) for question in case.asked), counted]
+    findings = [*(_finding(case, question) for question in case.asked), counted]
     asked = [finding.verdict for finding in findings if finding.set_aside is None]
     return Gated(
         name=case.pair.candidate.name,
@@ -180,23 +178,15 @@ def _gated(case: _Case, settings: GateSettings) -> Gated:
     )
 
 
-def _finding(case: _Case, question: Question, settings: GateSettings) -> Finding:
+def _finding(case: _Case, question: Question) -> Finding:
     plain = Finding(
         measure=question.name, unit=question.unit, margin=question.margin, most=question.series.most
     )
-    sample = _sample(case, question)
-    if sample is None:
+    judged = _judged(case, question)
+    if judged is None:
         return plain.model_copy(update={"set_aside": "nothing of the kind is measured"})
-    low, high = _test(question, settings).interval(sample)
-    return plain.model_copy(
-        update={
-            "difference": sample.mean,
-            "low": low,
-            "high": high,
-            "units": round(sample.units),
-            "verdict": case.said.get(question.name, Decision.CANNOT_TELL),
-        }
-    )
+    said = case.said.get(question.name, Decision.CANNOT_TELL)
+    return plain.model_copy(update=judged._asdict() | {"verdict": said})
 
 
 def _questions(
@@ -204,6 +194,7 @@ def _questions(
 ) -> list[Question]:
     """All that can be asked of a candidate."""
     settings, world = config.gate, home(pair.champion)
+    errors = Errors(settings.alpha, settings.beta, settings.block, settings.breakdowns)
     races_from, trials_from = np.random.SeedSequence([*run.seeds_from, SEED]).spawn(2)
     asked: list[Question] = []
     event = config.tournament.held(config.circuit, config.car, config.world)
@@ -212,13 +203,16 @@ def _questions(
         fixtures = plan(event, fields, settings.pairs, races_from, {pair.champion.id})
         races = race_series(fixtures, settings.pairs)
         if settings.points is not None:
-            asked.append(points_question(settings.points, races, pair, event.weights))
+            asked.append(points_question(settings.points, races, pair, event.weights, errors))
         if settings.at_fault_per_km is not None:
-            asked.append(at_fault_question(settings.at_fault_per_km, races, pair))
+            asked.append(at_fault_question(settings.at_fault_per_km, races, pair, errors))
     seeds = draw_seeds(trials_from, settings.runs)
-    if settings.lap is not None and config.pareto.time_trial is not None:
+    if config.pareto.time_trial is not None:
         laps = trial_series(config.pareto.time_trial, pair, [], [1], seeds)
-        asked.append(lap_question(settings.lap, laps, pair))
+        if settings.breakdowns is not None:
+            asked.append(completion_question("completion", settings.breakdowns, laps, pair, NO_LAP, errors))
+        if settings.lap is not None:
+            asked.append(lap_question(settings.lap, laps, pair, errors))
     driven: dict[tuple[str, tuple[str, ...], tuple[int, ...]], Series] = {}
     for skill, marks in tests.values():
         how = measured(skill.measure, world)
@@ -227,7 +221,13 @@ def _questions(
             driven[field] = trial_series(
                 skill.scenario, pair, skill.opponents, skill.slots, seeds, skill.in_order
             )
-        asked.append(test_question(settings.test_points, driven[field], pair, skill, how, marks))
+            if settings.breakdowns is not None and not skill.opponents:
+                name = f"completion of {skill.name}"
+                asked.append(
+                    completion_question(name, settings.breakdowns, driven[field], pair, BROKEN, errors)
+                )
+        series = driven[field]
+        asked.append(test_question(settings.test_points, series, pair, skill, how, marks, errors))
     return asked
 
 

@@ -1,4 +1,9 @@
-"""What a gate asks: measures of a candidate beside those of the champion, unit by unit."""
+"""What a gate asks: measures of a candidate beside those of the champion, unit by unit.
+
+A mean says little of losses that are rare. So a unit is taken to vary by no less than such losses would make
+it vary (`least_deviation`), and where a loss may be of any size, nothing passes before as many units as
+would have shown one (`clean_sweep`).
+"""
 
 from __future__ import annotations
 
@@ -10,19 +15,26 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
+from nathlon.arena.decision import Decision
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import TESTED, Match
 from nathlon.arena.results import VOID_ENDINGS
+from nathlon.arena.tested import BREAKDOWNS, entrant_rows
 from nathlon.n_athlon.measures import Measure
 from nathlon.n_athlon.skill import Marks, Skill
 from nathlon.selection.round_robin import Fixture
 from nathlon.selection.run import GATE
 from nathlon.selection.trials import against
+from nathlon.tournament.completion import Completed, Completion, clean_sweep
 from nathlon.tournament.evidence import Evidence, appearances
-from nathlon.tournament.non_inferiority import Sample
+from nathlon.tournament.non_inferiority import NonInferiority, Sample, least_deviation
 
-NEVER = 2.0
-"""A lap that is never completed counts as so many of the champion's."""
+FIRST_LOOK = 24
+"""Units before which no mean is judged, or all where there are fewer: noise may be skewed."""
+BROKEN = pl.col("ending").is_in(BREAKDOWNS)
+"""Whether a run, a row of RESULTS, is not completed."""
+NO_LAP = BROKEN | pl.col("best_lap_s").is_null()
+"""Likewise of a time trial, which wants a lap."""
 
 
 class Pair(NamedTuple):
@@ -45,6 +57,25 @@ class Series:
     matches: Callable[[slice], list[Match]]
 
 
+class Judged(NamedTuple):
+    """What the units of a question so far come to.
+
+    Attributes:
+        verdict: on it.
+        difference: as measured, more being better.
+        low, high: its bounds, which hold at all looks together; None where they are not known.
+        units: of evidence.
+        note: a sentence on what the verdict rests on, or does not; empty where there is nothing to say.
+    """
+
+    verdict: Decision
+    difference: float
+    low: float | None
+    high: float | None
+    units: int
+    note: str = ""
+
+
 @dataclass(frozen=True)
 class Question:
     """One measure.
@@ -53,14 +84,46 @@ class Question:
         name, unit: of the measure.
         margin: by which the candidate may be worse, in `unit`.
         series: what has to be run.
-        sample: of RESULTS of the series, the units of evidence; None where nothing is measured.
+        judge: RESULTS of the series; None where nothing is measured.
     """
 
     name: str
     unit: str
     margin: float
     series: Series
-    sample: Callable[[pl.DataFrame], Sample | None]
+    judge: Callable[[pl.DataFrame], Judged | None]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How often a gate may err, and how often it looks.
+
+    Attributes:
+        alpha, beta: as `nathlon.gating.settings.GateSettings` has them.
+        block: units from look to look.
+        breakdowns: the rate that matters; None where breakdowns are not asked for.
+    """
+
+    alpha: float
+    beta: float
+    block: int
+    breakdowns: float | None
+
+    @property
+    def sweep(self) -> int:
+        """Units before which nothing passes whose losses may be of any size."""
+        return 0 if self.breakdowns is None else clean_sweep(self.breakdowns, self.alpha)
+
+    def of_mean(self, margin: float, most: int, sweep: int) -> NonInferiority:
+        """The test of a mean of so many units at most."""
+        looks = -(-most // self.block)
+        return NonInferiority(margin, self.alpha, self.beta, looks, min(FIRST_LOOK, most), sweep)
+
+
+def mean_judged(test: NonInferiority, sample: Sample, note: str = "") -> Judged:
+    """What a mean of differences comes to."""
+    low, high = test.interval(sample)
+    return Judged(test.verdict(sample), sample.mean, low, high, round(sample.units), note)
 
 
 def race_series(fixtures: Sequence[Fixture], most: int) -> Series:
@@ -91,10 +154,15 @@ def trial_series(
     return Series(len(seeds), matches)
 
 
-def points_question(margin: float, series: Series, pair: Pair, weights: Mapping[str, float]) -> Question:
-    """Team points a race."""
+def points_question(
+    margin: float, series: Series, pair: Pair, weights: Mapping[str, float], errors: Errors
+) -> Question:
+    """Team points a race. In other worlds they are scores, which may fall without end."""
+    endless = not pair.champion.circuit
+    test = errors.of_mean(margin, series.most, errors.sweep if endless else 0)
+    least = least_deviation(margin) if endless else 0.0
 
-    def sample(results: pl.DataFrame) -> Sample | None:
+    def judge(results: pl.DataFrame) -> Judged | None:
         evidence = Evidence(results, weights)
         if evidence.seen.is_empty():
             return None
@@ -102,19 +170,21 @@ def points_question(margin: float, series: Series, pair: Pair, weights: Mapping[
         variance = evidence.shares**2 @ (cells["deviation"] ** 2 / cells["units"]).fill_null(0.0).to_numpy()
         sign = 1.0 if evidence.entrants[0] == pair.candidate.id else -1.0
         [units], [mean] = evidence.units, evidence.shares @ evidence.means
-        return Sample(float(units), sign * float(mean), sqrt(float(variance[0] * units)))
+        deviation = max(sqrt(float(variance[0] * units)), least)
+        return mean_judged(test, Sample(float(units), sign * float(mean), deviation))
 
-    return Question("points", "a race", margin, series, sample)
+    return Question("points", "a race", margin, series, judge)
 
 
-def at_fault_question(margin: float, series: Series, pair: Pair) -> Question:
+def at_fault_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Question:
     """Contacts that the stewards lay to the one and to the other, a car and kilometre.
 
     Counting alone makes a candidate's units vary that is worse by the margin: by no less is reckoned, or a
     few kilometres without a contact would be proof.
     """
+    test = errors.of_mean(margin, series.most, 0)
 
-    def sample(results: pl.DataFrame) -> Sample | None:
+    def judge(results: pl.DataFrame) -> Judged | None:
         if results["contacts_at_fault"].null_count() == results.height:
             return None
         seen = appearances(results).filter(pl.col("km") > 0)
@@ -127,43 +197,109 @@ def at_fault_question(margin: float, series: Series, pair: Pair) -> Question:
         if by_unit.is_empty():
             return None
         km = float(by_unit["km"].mean())  # type: ignore[arg-type]  # there are some
-        return Sample.of(by_unit["difference"].to_numpy(), sqrt(margin / km))
+        return mean_judged(test, Sample.of(by_unit["difference"].to_numpy(), sqrt(margin / km)))
 
-    return Question("contacts at fault", "a km", margin, series, sample)
+    return Question("contacts at fault", "a km", margin, series, judge)
 
 
-def lap_question(margin: float, series: Series, pair: Pair) -> Question:
+def completion_question(
+    name: str, rate: float, series: Series, pair: Pair, broken: pl.Expr, errors: Errors
+) -> Question:
+    """In how many of its runs the candidate breaks down, and whether more often than the champion.
+
+    Args:
+        rate: of breakdowns that matters, a share of the runs.
+        broken: whether a row of RESULTS is such a run.
+    """
+    test = Completion(rate, errors.alpha, errors.beta)
+
+    def judge(results: pl.DataFrame) -> Judged | None:
+        ours, theirs = (_runs(results, entrant.id, broken.alias("broken")) for entrant in pair)
+        both = ours.join(theirs, on="seed", suffix="_theirs")
+        if both.is_empty():
+            return None
+        mine, other = both["broken"], both["broken_theirs"]
+        seen = Completed(
+            both.height, int((mine & other).sum()), int((mine & ~other).sum()), int((~mine & other).sum())
+        )
+        out = test.ruled_out(seen)
+        return Judged(
+            test.verdict(seen),
+            -100.0 * seen.broken / seen.runs,
+            None if out is None else -100.0 * out,
+            None,
+            seen.runs,
+            completion_note(seen, test, out),
+        )
+
+    return Question(name, "in % of runs", 100.0 * rate, series, judge)
+
+
+def completion_note(seen: Completed, test: Completion, ruled_out: float | None) -> str:
+    """What the runs of a completion question can say, and what they cannot."""
+    verdict = test.verdict(seen)
+    told = f"it broke down in {seen.broken} of {seen.runs} runs, the champion in {seen.others_broken}"
+    if verdict == Decision.PASS:
+        return f"{told}; a rate of breakdowns above {100 * (ruled_out or 0.0):.1f} % is ruled out"
+    if verdict == Decision.FAIL:
+        return f"{told}: surely more often"
+    if seen.others_broken >= test.rate * seen.runs:
+        return f"{told}: it cannot be judged by a champion that breaks down itself"
+    sweep = clean_sweep(test.rate, test.alpha)
+    if seen.runs < sweep:
+        return f"{told}; fewer than {sweep} runs cannot rule out {100 * test.rate:g} %"
+    return f"{told}; {100 * test.rate:g} % are not ruled out"
+
+
+def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Question:
     """How much shorter the candidate's best lap is than the champion's from the same start.
+
+    Only runs that both completed are compared: how often they do not is a question of its own.
 
     Args:
         margin: a share of the champion's lap.
     """
+    test = errors.of_mean(100.0 * margin, series.most, errors.sweep)
 
-    def sample(results: pl.DataFrame) -> Sample | None:
-        ours, theirs = (_best_laps(results, entrant.id) for entrant in pair)
-        both = theirs.drop_nulls("best_lap_s").join(ours, on="seed", how="inner", suffix="_ours")
-        if both.is_empty():
+    def judge(results: pl.DataFrame) -> Judged | None:
+        ours, theirs = (_runs(results, one.id, pl.col("best_lap_s"), NO_LAP.alias("broken")) for one in pair)
+        both = ours.join(theirs, on="seed", suffix="_theirs")
+        whole = both.filter(~pl.col("broken"), ~pl.col("broken_theirs"))
+        if whole.is_empty():
             return None
-        champion = both["best_lap_s"]
-        candidate = both["best_lap_s_ours"].fill_null(NEVER * champion)
-        return Sample.of((100.0 * (1.0 - candidate / champion)).to_numpy())
+        gains = 100.0 * (1.0 - whole["best_lap_s"] / whole["best_lap_s_theirs"])
+        left = both.height - whole.height
+        return mean_judged(
+            test,
+            Sample.of(gains.to_numpy(), least_deviation(test.margin)),
+            f"{left} of {both.height} runs are not compared: one of the two broke down" if left else "",
+        )
 
-    return Question("lap time", "in % of the champion's", 100.0 * margin, series, sample)
+    return Question("lap time", "in % of the champion's", test.margin, series, judge)
 
 
-def _best_laps(results: pl.DataFrame, entrant: str) -> pl.DataFrame:
-    runs = results.filter(
-        pl.col("entrant") == entrant, pl.col("team") == TESTED, ~pl.col("ending").is_in(VOID_ENDINGS)
+def _runs(results: pl.DataFrame, entrant: str, *columns: pl.Expr) -> pl.DataFrame:
+    """Some columns of the valid runs of one under test, after `seed`."""
+    own = results.filter(pl.col("match").is_in(_tested(results, entrant)))
+    void = own.filter(pl.col("ending").is_in(VOID_ENDINGS)).select("match", "race")
+    return (
+        entrant_rows(own).join(void, on=["match", "race"], how="anti").select("seed", *columns).sort("seed")
     )
-    return runs.select("seed", "best_lap_s").sort("seed")
+
+
+def _tested(results: pl.DataFrame, entrant: str) -> list[str]:
+    """Matches in which somebody is under test."""
+    own = results.filter(pl.col("team") == TESTED, pl.col("entrant") == entrant)
+    return own["match"].unique().to_list()
 
 
 def test_question(
-    margin: float, series: Series, pair: Pair, skill: Skill, how: Measure, marks: Marks
+    margin: float, series: Series, pair: Pair, skill: Skill, how: Measure, marks: Marks, errors: Errors
 ) -> Question:
-    """Points in a skill test, in the same runs."""
+    """Points in a skill test, in the same runs; a run without a mark has none."""
+    test = errors.of_mean(margin, series.most, errors.sweep)
 
-    def sample(results: pl.DataFrame) -> Sample | None:
+    def judge(results: pl.DataFrame) -> Judged | None:
         gained: dict[str, dict[int, float]] = {entrant.id: {} for entrant in pair}
         for match in results.partition_by("match", maintain_order=True):
             tested = match.filter(pl.col("team") == TESTED)["entrant"][0]
@@ -172,6 +308,9 @@ def test_question(
                 gained[tested][seeds[run]] = float(marks.points(np.nan if mark is None else mark))
         ours, theirs = (gained[entrant.id] for entrant in pair)
         both = sorted(ours.keys() & theirs.keys())
-        return Sample.of(np.array([ours[seed] - theirs[seed] for seed in both])) if both else None
+        if not both:
+            return None
+        gains = np.array([ours[seed] - theirs[seed] for seed in both])
+        return mean_judged(test, Sample.of(gains, least_deviation(margin)))
 
-    return Question(skill.name, "in points", margin, series, sample)
+    return Question(skill.name, "in points", margin, series, judge)

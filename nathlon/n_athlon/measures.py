@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nathlon.arena.results import POLICY_FAULTS
+from nathlon.arena.tested import BREAKDOWNS
 from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.n_athlon.scoring import Kind
 
@@ -70,7 +70,7 @@ def _pace(own: Row, _: Sequence[Row]) -> float | None:
 
 
 def _stopped(own: Row, _: Sequence[Row]) -> float | None:
-    return float(own["ending"] in ("stuck", *POLICY_FAULTS))
+    return float(own["ending"] in BREAKDOWNS)
 
 
 def _place(own: Row, _: Sequence[Row]) -> float | None:

@@ -15,15 +15,18 @@ from nathlon.recipe_comparison.statistics import (
     probability_of_improvement,
     shrunk,
 )
-from nathlon.reports.recipes import RECIPES
+from nathlon.reports.recipes import CONFIDENCE, RECIPES
 
 RESAMPLES = 5000
-CONFIDENCE = 0.95
 
 
 def summarise(scores: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
-    """RECIPES of SCORES, in their order; the first recipe is the one to be better than."""
+    """RECIPES of SCORES, in their order; the first recipe is the one to be better than.
+
+    All intervals of `better` hold together with `CONFIDENCE` (Bonferroni).
+    """
     names = scores["recipe"].unique(maintain_order=True).to_list()
+    of_each = 1 - (1 - CONFIDENCE) / max(len(names) - 1, 1)
     last = last_checkpoints(scores)
     points = {name: _matrix(last.filter(recipe=name), pl.col("points")) for name in names}
     rows = []
@@ -34,7 +37,7 @@ def summarise(scores: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
             "points": estimate(points[name], mean, rng, RESAMPLES, CONFIDENCE),
             "iqm": estimate(points[name], interquartile_mean, rng, RESAMPLES, CONFIDENCE),
             "gap": estimate(points[name], optimality_gap(0.0), rng, RESAMPLES, CONFIDENCE),
-            "better": _better(points[name], points[names[0]], name == names[0], rng),
+            "better": _better(points[name], points[names[0]], name == names[0], rng, of_each),
             "at_fault_per_km": estimate(at_fault, mean, rng, RESAMPLES, CONFIDENCE),
         }
         rows.append(
@@ -65,10 +68,12 @@ def _matrix(rows: pl.DataFrame, figure: pl.Expr) -> Floats:
     return table.drop("run").drop_nulls().to_numpy().astype(np.float64)
 
 
-def _better(scores: Floats, base: Floats, itself: bool, rng: np.random.Generator) -> Estimate:
+def _better(
+    scores: Floats, base: Floats, itself: bool, rng: np.random.Generator, confidence: float
+) -> Estimate:
     if itself:
         return Estimate(np.nan, np.nan, np.nan)
-    return probability_of_improvement(scores, base, rng, RESAMPLES, CONFIDENCE)
+    return probability_of_improvement(scores, base, rng, RESAMPLES, confidence)
 
 
 def _best(own: pl.DataFrame) -> dict[str, str | float]:

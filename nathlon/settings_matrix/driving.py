@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 
 from nathlon.arena.match import TESTED, Match
 from nathlon.arena.results import VOID_ENDINGS
-from nathlon.arena.tested import entrant_rows
+from nathlon.arena.tested import BREAKDOWNS, entrant_rows
 from nathlon.arena.worlds.registry import home
 from nathlon.n_athlon.measures import Measure, Row, measured
 from nathlon.selection.run import MATRIX, Run
 from nathlon.selection.trials import against, draw_seeds
 from nathlon.settings_matrix.cells import Cell, Plan, Setting
+from nathlon.tournament.completion import Completed
 
 SCREENING, CONFIRMATION = 0, 1
 """Which starts: what looked bad on some is confirmed on others."""
+STOPPED = "stopped"
+"""The measure that counts the runs which a policy does not complete."""
 SEED = 3_305_117
 """Beside the configuration's, so that a matrix shares no start with a selection."""
 
@@ -32,11 +35,13 @@ class Driven(NamedTuple):
         matches: of the policy and of the baseline.
         race: its index in both.
         marks: by measure, of the policy and of the baseline; None where the run set none.
+        broken: whether the policy broke down, and whether the baseline did.
     """
 
     matches: tuple[Match, Match]
     race: int
     marks: Mapping[str, tuple[float | None, float | None]]
+    broken: tuple[bool, bool]
 
 
 @dataclass
@@ -73,6 +78,12 @@ class Driving:
         for row, values in zip(table, rows, strict=True):
             row[: len(values)] = values
         return table
+
+    def completed(self) -> Completed:
+        """How often the policy breaks down beside the baseline, over all runs of all cells."""
+        broken = [one.broken for phases in self.runs.values() for runs in phases for one in runs]
+        both, alone, other = (broken.count(two) for two in ((True, True), (True, False), (False, True)))
+        return Completed(len(broken), both, alone, other)
 
     def marks(self, cell: Cell, measure: str) -> tuple[float | None, float | None]:
         """Mean marks of the policy and of the baseline in a cell, each over the runs in which it set one."""
@@ -132,20 +143,19 @@ def drive(
         rivals = opponents or (home(pair.policy).baseline,)
         drawn = [_seeds(run, setting, place, phase, runs) for place in here]
         seeds = [seed for starts in zip(*drawn, strict=True) for seed in starts]
-        policy, baseline = (
+        policy_match, baseline_match = (
             against(MATRIX, setting.raced, setting.raced, entrant, rivals, here, seeds) for entrant in pair
         )
-        made.append((setting, here, (policy, baseline)))
+        made.append((setting, here, (policy_match, baseline_match)))
     results = run.results(MATRIX, [match for _, _, both in made for match in both])
     frames = {str(key): frame for (key,), frame in results.partition_by("match", as_dict=True).items()}
     for setting, here, both in made:
-        policy_marks, baseline_marks = (_marks(frames[match.key], driving.measures) for match in both)
-        for race in sorted(policy_marks.keys() & baseline_marks.keys()):
-            marks = {
-                name: (policy_marks[race][name], baseline_marks[race][name]) for name in driving.measures
-            }
+        policy, baseline = (_marks(frames[match.key], driving.measures) for match in both)
+        for race in sorted(policy.keys() & baseline.keys()):
+            (policy_marks, policy_broke), (baseline_marks, baseline_broke) = policy[race], baseline[race]
+            marks = {name: (policy_marks[name], baseline_marks[name]) for name in driving.measures}
             cell = Cell(setting, here[race % len(here)])
-            driving.runs[cell][phase].append(Driven(both, race, marks))
+            driving.runs[cell][phase].append(Driven(both, race, marks, (policy_broke, baseline_broke)))
 
 
 def _seeds(run: Run, setting: Setting, place: int, phase: int, runs: slice) -> list[int]:
@@ -154,15 +164,27 @@ def _seeds(run: Run, setting: Setting, place: int, phase: int, runs: slice) -> l
     return draw_seeds(stream, runs.stop)[runs]
 
 
-def _marks(results: pl.DataFrame, measures: Mapping[str, Measure]) -> dict[int, dict[str, float | None]]:
-    """By race, the marks of who was tested; void races are left out."""
+def _marks(
+    results: pl.DataFrame, measures: Mapping[str, Measure]
+) -> dict[int, tuple[dict[str, float | None], bool]]:
+    """By race, the marks of who was tested and whether it broke down; void races are left out.
+
+    Who breaks down sets no mark but in that: a run that ends early is compared with no other, and how often
+    there is one is a measure of its own.
+    """
     own: dict[int, Row] = {row["race"]: row for row in entrant_rows(results).iter_rows(named=True)}
     others: dict[int, list[Row]] = {race: [] for race in own}
     for row in results.filter(pl.col("team") != TESTED).iter_rows(named=True):
         others[row["race"]].append(row)
     void = set(results.filter(pl.col("ending").is_in(VOID_ENDINGS))["race"])
-    return {
-        race: {name: how.mark(row, others[race]) for name, how in measures.items()}
-        for race, row in own.items()
-        if race not in void
-    }
+    found: dict[int, tuple[dict[str, float | None], bool]] = {}
+    for race, row in own.items():
+        if race in void:
+            continue
+        broke = row["ending"] in BREAKDOWNS
+        marks = {
+            name: how.mark(row, others[race]) if name == STOPPED or not broke else None
+            for name, how in measures.items()
+        }
+        found[race] = marks, broke
+    return found

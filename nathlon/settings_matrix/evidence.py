@@ -13,6 +13,12 @@ Floats = NDArray[np.float64]
 
 PRIOR_FREEDOM = 2.0
 """Degrees of freedom that the usual variance of a cell counts for beside a cell's own."""
+LOOKS_WORSE = 0.5
+"""Probability of being worse by the margin from which on a cell is driven again."""
+EARLY_SHARE = 0.25
+"""Of the false discovery rate, for all looks but the last."""
+FIRST_RUNS = 8
+"""Of a cell that is driven again, before it is looked at."""
 STEPS = 60
 """Of expectation and maximisation, after which estimates change by less than a hundredth of their error."""
 
@@ -92,18 +98,21 @@ def shrink(means: Floats, variances: Floats, levels: NDArray[np.int64]) -> Shrun
     return Shrunk(fitted + kept * (means - fitted), np.sqrt(kept * noise + (1 - kept) ** 2 * doubt))
 
 
-def p_worse(differences: Floats, margin: float) -> Floats:
+def p_worse(differences: Floats, margin: float, least: float = 0.0) -> Floats:
     """One-sided p-values (cells,) that the mean of each row lies above a margin, by Student's t.
 
     Args:
         differences: (cells, runs), more is worse; NaN where there was no run. A row of fewer than two runs
             proves nothing.
+        margin: in their unit.
+        least: deviation of a run, below which none is taken to be: rare mishaps may not have happened yet.
     """
     runs = np.isfinite(differences).sum(axis=1)
     some = np.maximum(runs, 1)
     mean = np.nansum(differences, axis=1) / some
     squares = np.nansum((differences - mean[:, None]) ** 2, axis=1)
-    error = np.sqrt(squares / np.maximum(runs - 1, 1) / some)
+    deviation = np.maximum(np.sqrt(squares / np.maximum(runs - 1, 1)), least)
+    error = deviation / np.sqrt(some)
     with np.errstate(divide="ignore", invalid="ignore"):
         p = stdtr(np.maximum(runs - 1, 1), -(mean - margin) / error)
     p = np.where(error > 0, p, np.where(mean > margin, 0.0, 1.0))
@@ -153,3 +162,16 @@ def discovered(p: Floats, rate: float) -> NDArray[np.bool_]:
     if not len(p):
         return np.zeros(0, np.bool_)
     return np.asarray(false_discovery_control(p, method="bh") <= rate)
+
+
+def looks(most: int) -> list[int]:
+    """Runs of a cell that is driven again after which it is looked at, each time twice as many."""
+    ends = [FIRST_RUNS]
+    while 2 * ends[-1] < most:
+        ends.append(2 * ends[-1])
+    return [*(end for end in ends if end < most), most]
+
+
+def rate_of_look(end: int, ends: list[int], rate: float) -> float:
+    """What a look may spend of a false discovery rate."""
+    return (1 - EARLY_SHARE if end == ends[-1] else EARLY_SHARE / max(len(ends) - 1, 1)) * rate

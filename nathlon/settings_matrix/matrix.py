@@ -17,25 +17,24 @@ from nathlon.selection.run import Run
 from nathlon.settings_matrix.cells import Cell, Plan, Setting
 from nathlon.settings_matrix.driving import CONFIRMATION, SCREENING, Driving, begin, drive
 from nathlon.settings_matrix.evidence import (
+    LOOKS_WORSE,
     Mean,
     Shrunk,
     discovered,
+    looks,
     mean_over_cells,
     p_worse,
+    rate_of_look,
     shrink,
     variances_of_means,
 )
 from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.errors import InputError
+from nathlon.tournament.completion import breaks_more
+from nathlon.tournament.non_inferiority import least_deviation
 
-LOOKS_WORSE = 0.5
-"""Probability of being worse by the margin from which on a cell is driven again."""
 DIMENSIONS = ("circuit", "car", "scenario", "compound", "delay_s", "place")
 """Of a cell, in the order of `Setting` with the place after it."""
-EARLY_SHARE = 0.25
-"""Of the false discovery rate, for all looks but the last."""
-FIRST_RUNS = 8
-"""Of a cell that is driven again, before it is looked at."""
 COVERED = 1.96
 """Standard deviations on either side of an estimate: 95 %."""
 
@@ -143,10 +142,9 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
 
     Who is decided in one measure goes on in the others.
     """
-    ends = list(_ends(asked.most_runs))
+    ends = looks(asked.most_runs)
     before = 0
     cells = matrix.plan.cells
-    names = list(matrix.margins)
     for end in ends:
         places: dict[Setting, list[int]] = {}
         undecided = {suspect.cell for suspect in matrix.suspects if suspect not in matrix.worse}
@@ -156,26 +154,16 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
             return
         drive(run, matrix.plan, matrix.driving, places, CONFIRMATION, slice(before, end), asked.opponents)
         before = end
-        p = np.array(
-            [
-                p_worse(
-                    matrix.driving.differences([cells[one.cell]], names[one.measure], [CONFIRMATION]),
-                    matrix.margins[names[one.measure]],
-                )[0]
-                for one in matrix.suspects
-            ]
-        )
-        share = 1 - EARLY_SHARE if end == ends[-1] else EARLY_SHARE / max(len(ends) - 1, 1)
-        found = discovered(p, share * asked.false_discovery_rate)
+        p = np.array([_p_fresh(matrix, one) for one in matrix.suspects])
+        found = discovered(p, rate_of_look(end, ends, asked.false_discovery_rate))
         matrix.worse |= {one for one, is_worse in zip(matrix.suspects, found, strict=True) if is_worse}
 
 
-def _ends(most: int) -> Iterator[int]:
-    end = FIRST_RUNS
-    while end < most:
-        yield end
-        end *= 2
-    yield most
+def _p_fresh(matrix: Matrix, suspect: Suspect) -> float:
+    """The p-value of a suspect, by its fresh runs alone."""
+    name, margin = list(matrix.margins.items())[suspect.measure]
+    fresh = matrix.driving.differences([matrix.plan.cells[suspect.cell]], name, [CONFIRMATION])
+    return float(p_worse(fresh, margin, least_deviation(margin))[0])
 
 
 def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixReport:
@@ -188,6 +176,7 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         for name, margin in matrix.margins.items()
         for how in [matrix.driving.measures[name]]
     )
+    completed = matrix.driving.completed()
     idle = [name for name in config.matrix.margins if name not in matrix.margins]
     return MatrixReport(
         policy=pair.policy.name,
@@ -199,6 +188,9 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         false_discovery_rate=config.matrix.false_discovery_rate,
         screening_runs=config.matrix.runs,
         runs=2 * sum(len(screening) + len(fresh) for screening, fresh in driven),
+        policy_broken=completed.broken,
+        baseline_broken=completed.others_broken,
+        breaks_more=breaks_more(completed.alone, completed.other) >= 1 / config.matrix.false_discovery_rate,
         wall_s=round(wall_s, 1),
         versions=versions(),
         measures=measures,
@@ -235,6 +227,8 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
             delay_s=cell.setting.delay_s,
             place=cell.place,
             runs=len(screening) + len(fresh),
+            policy_broken=sum(one.broken[0] for one in (*screening, *fresh)),
+            baseline_broken=sum(one.broken[1] for one in (*screening, *fresh)),
             findings=tuple(findings),
         )
 

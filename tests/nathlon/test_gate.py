@@ -23,6 +23,7 @@ points = 2.0
 at_fault_per_km = 1.0
 pairs = {pairs}
 runs = 8
+breakdowns = 0.5
 block = 4
 """
 DOCS = Path(__file__).parent.parent.parent / "docs"

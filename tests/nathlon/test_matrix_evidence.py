@@ -8,7 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
-from nathlon.settings_matrix.evidence import discovered, mean_over_cells, p_worse, shrink, variances_of_means
+from nathlon.settings_matrix.evidence import (
+    discovered,
+    looks,
+    mean_over_cells,
+    p_worse,
+    rate_of_look,
+    shrink,
+    variances_of_means,
+)
+from nathlon.tournament.non_inferiority import least_deviation
 
 
 def grid(rows: int, columns: int) -> np.ndarray:
@@ -70,6 +79,21 @@ def test_runs_that_are_missing_do_not_count() -> None:
 def test_p_values_are_those_of_a_t_test_against_the_margin(runs: list[float], margin: float) -> None:
     [p] = p_worse(np.array([runs]), margin)
     assert p == pytest.approx(ttest_1samp(runs, margin, alternative="greater").pvalue, abs=1e-9)
+
+
+def test_a_mishap_that_has_not_happened_yet_is_reckoned_with() -> None:
+    """Eight runs that are all a little worse: they may be those without the baseline's rare mishap."""
+    steady = np.full((1, 8), 3.0) + np.linspace(-0.1, 0.1, 8)
+    assert p_worse(steady, 1.0)[0] < 1e-6
+    assert p_worse(steady, 1.0, least_deviation(1.0))[0] > 0.02
+    wide = np.array([[5.0, -4.0, 9.0, 2.0]])
+    assert p_worse(wide, 1.0, 0.1) == p_worse(wide, 1.0)
+
+
+def test_looks_double_and_share_out_the_rate() -> None:
+    assert (looks(64), looks(8), looks(20)) == ([8, 16, 32, 64], [8], [8, 16, 20])
+    assert sum(rate_of_look(end, looks(64), 0.05) for end in looks(64)) == pytest.approx(0.05)
+    assert rate_of_look(8, [8], 0.05) == pytest.approx(0.75 * 0.05)
 
 
 def test_a_mean_over_cells_is_that_of_their_means_and_as_uncertain_as_their_runs() -> None:

@@ -24,7 +24,7 @@ from nathlon.recipe_comparison.statistics import (
     shrunk,
 )
 from nathlon.recipe_comparison.summary import last_checkpoints, summarise
-from nathlon.reports.recipes import RECIPES, SCORES
+from nathlon.reports.recipes import RECIPES, SCORES, too_few
 from nathlon.reports.recipes_figure import curve
 from nathlon.reports.recipes_page import headline
 from nathlon.sim.errors import InputError
@@ -108,6 +108,27 @@ def test_the_probability_of_improvement_is_mann_and_whitneys() -> None:
     assert probability_of_improvement(ours + 10, theirs, rng(), 100, 0.95) == (1.0, 1.0, 1.0)
 
 
+@pytest.mark.parametrize("references", [1, 4])
+def test_equal_recipes_are_seldom_told_apart_however_many_references_a_run_meets(references: int) -> None:
+    generator, count, told_apart = rng(), 400, 0
+    for _ in range(count):
+        ours, theirs = generator.normal(size=(2, 5, 1)) + 0.3 * generator.normal(size=(2, 5, references))
+        told = probability_of_improvement(ours, theirs, generator, 300, 0.95)
+        told_apart += told.low > 0.5 or told.high < 0.5
+    assert told_apart / count <= 0.05 + 2 * (0.05 * 0.95 / count) ** 0.5
+
+
+def test_so_few_runs_that_chance_does_as_much_prove_nothing() -> None:
+    ours, theirs = np.arange(3.0)[:, None], np.arange(3.0)[:, None]
+    told = probability_of_improvement(ours + 10, theirs, rng(), 100, 0.95)
+    assert (told.value, told.low, told.high) == (1.0, 0.5, 1.0)
+    assert too_few(3, 3, 1)
+    assert not too_few(4, 4, 1)
+    assert too_few(4, 4, 2), "two comparisons share the five per cent"
+    same = np.full((6, 2), 1 / 3)
+    assert probability_of_improvement(same, same, rng(), 100, 0.95)[:2] == (0.5, 0.5)
+
+
 def test_intervals_over_runs_cover_and_one_run_has_none() -> None:
     generator, covered = rng(), 0
     for _ in range(300):
@@ -152,17 +173,19 @@ def scores_of(**recipes: list[list[float]]) -> pl.DataFrame:
 
 
 def test_a_recipe_is_judged_by_the_ends_of_its_runs() -> None:
-    scores = scores_of(base=[[9.0, 1.0], [2.0, 3.0]], worse=[[1.0, -4.0], [0.0, -2.0]])
+    good, bad = [[9.0, 1.0], [2.0, 3.0]], [[1.0, -4.0], [0.0, -2.0]]
+    assert "too few runs to prove it: worse" in headline(summarise(scores_of(base=good, worse=bad), rng()))
+    scores = scores_of(base=2 * good, worse=2 * bad)
     table = summarise(scores, rng())
     assert table.schema == RECIPES
     base, worse = table.to_dicts()
     assert (base["points"], worse["points"]) == (2.0, -3.0)
-    assert base["at_fault_per_km"] == pytest.approx(0.15)
+    assert base["at_fault_per_km"] == pytest.approx(0.25)
     assert (base["best"], base["best_points"]) == ("base-1-1", 9.0)
     assert 2.0 < base["best_expected"] < 9.0
     assert (base["better"], worse["better"], worse["gap"]) == (None, 0.0, 3.0)
     assert headline(table) == "Worse than base: worse"
-    assert last_checkpoints(scores)["points"].to_list() == [1.0, 3.0, -4.0, -2.0]
+    assert last_checkpoints(scores)["points"].to_list() == [1.0, 3.0, 1.0, 3.0, -4.0, -2.0, -4.0, -2.0]
     assert curve(scores, "base").to_dicts() == [
         {"step": 1000, "mean": 5.5, "low": 2.0, "high": 9.0},
         {"step": 2000, "mean": 2.0, "low": 1.0, "high": 3.0},

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from nathlon.arena.decision import Decision
 from nathlon.arena.statistics import Floats
-from nathlon.tournament.non_inferiority import NonInferiority, Sample, together
+from nathlon.tournament.non_inferiority import NonInferiority, Sample, least_deviation, together
 
 LOOKS, BLOCK = 8, 8
 TEST = NonInferiority(margin=0.5, looks=LOOKS)
@@ -58,6 +58,35 @@ def test_rare_events_that_have_not_happened_yet_are_no_proof() -> None:
     test = NonInferiority(margin)
     assert test.verdict(Sample.of(nothing)) == Decision.PASS
     assert test.verdict(Sample.of(nothing, sqrt(margin / km))) == Decision.CANNOT_TELL
+
+
+def test_nothing_passes_before_a_loss_that_matters_would_have_been_seen() -> None:
+    test = NonInferiority(margin=0.5, sweep=63)
+    assert test.verdict(Sample(62, 1.0, 1.0)) == Decision.CANNOT_TELL
+    assert test.verdict(Sample(63, 1.0, 1.0)) == Decision.PASS
+
+
+def test_before_the_first_look_only_what_is_far_worse_fails() -> None:
+    test = NonInferiority(margin=0.5, first=24)
+    assert test.verdict(Sample(8, 3.0, 1.0)) == Decision.CANNOT_TELL
+    assert test.verdict(Sample(8, -1.1, 1.0)) == Decision.CANNOT_TELL
+    assert test.verdict(Sample(24, -1.1, 1.0)) == Decision.FAIL
+    assert test.verdict(Sample(4, -6.0, 1.0)) == Decision.FAIL
+
+
+@pytest.mark.parametrize("block", [4, 8])
+def test_skewed_noise_seldom_passes_who_is_worse_however_often_it_looks(block: int) -> None:
+    """An exponential tail on the bad side, as of slow laps; the least deviation holds it."""
+    rng, count = np.random.default_rng(13), 400
+    test = NonInferiority(margin=1.0, first=24, sweep=63)
+    passed = 0
+    for _ in range(count):
+        units = 2.0 * (1.0 - rng.standard_exponential(192)) - 1.0
+        said = (
+            test.verdict(Sample.of(units[:taken], least_deviation(1.0))) for taken in range(block, 193, block)
+        )
+        passed += next((one for one in said if one != Decision.CANNOT_TELL), None) == Decision.PASS
+    assert passed / count <= 0.05
 
 
 def test_a_candidate_with_more_contacts_seldom_passes() -> None:
