@@ -8,6 +8,7 @@ import sys
 import threading
 from dataclasses import asdict
 from multiprocessing.connection import Connection
+from typing import Any
 
 from nathlon.arena.worlds.repeats import play_here
 from nathlon.sim.wire import pack, unpack
@@ -27,7 +28,7 @@ def main() -> None:
         sys.path[:] = wanted["path"]
         try:
             played = play_here(wanted["world"], wanted["scenario"])
-            answer = {"played": [asdict(episode) for episode in played]}
+            answer: dict[str, Any] = {"played": [asdict(episode) for episode in played]}
         # It is foreign code: whatever it raises, the user wants to know whose it is.
         except Exception as error:
             answer = {"raised": f"{type(error).__name__} ({error})"}

@@ -102,7 +102,7 @@ def what_it_tells(report: Report) -> list[str]:
         told.append(
             "Nothing but the score is measured: no trade-off shows, the filter keeps who scores most."
         )
-    if "contacts" not in report.measures:
+    if "distance_m" in report.measures and "contacts" not in report.measures:
         told.append("Contacts are not measured: no gate bars anybody for them.")
     return told
 

@@ -73,6 +73,8 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     finalists = _together([e for e in survivors if e.id in _chosen(listed)], field.incumbents)
     anchors = {entrant.id for entrant in field.anchors}
     set_aside: dict[str, str] = {}
+    raced: Answer
+    told: pl.DataFrame | None = None
     if config.tournament.held(config.circuit, config.car, config.world).race:
         anchored = _together(finalists, field.anchors)
         met, _ = run_round_robin(run, anchored, config.tournament, anchors)
@@ -81,7 +83,6 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
         set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
         ranking = ranked_by_tests(tables["battery"], finalists)
         raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results)
-        told = None
     tables |= raced.tables
     run.keep(tables)
     candidates = [entrant for entrant in finalists if entrant.id not in anchors]
