@@ -19,6 +19,7 @@ from nathlon.arena.recording import recording_name
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
 from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
+from nathlon.policies.checkpoint import read_checkpoint, save_checkpoint
 from nathlon.reports.summary import Sent, SetAside, read_summary
 from nathlon.selection.config import TEMPLATE, Config, read_config
 from nathlon.selection.field import Field
@@ -219,9 +220,13 @@ def test_an_empty_folder_is_told(tmp_path: Path) -> None:
 
 
 def test_what_is_gone_is_not_sent_and_what_was_sent_is_found_again(tmp_path: Path) -> None:
-    """One of two is deleted while they race; the other is renamed before the next night."""
+    """One of two that drive alike is deleted while they race; the other is renamed before the next night."""
     watch_two(tmp_path)
-    gone, stays = (tmp_path / "checkpoints" / path.name for path in GOOD)
+    first, stays = (tmp_path / "checkpoints" / path.name for path in GOOD)
+    first.unlink()
+    card, tensors = read_checkpoint(stays)
+    gone = tmp_path / "checkpoints" / "a-twin.safetensors"
+    save_checkpoint(gone, tensors, card.model_copy(update={"step": card.step + 1}))
     config = read_config(tmp_path / "nathlon.toml")
     night = nightly(
         config, 1, lambda stage, *_: gone.unlink(missing_ok=True) if stage == "tournament" else None
