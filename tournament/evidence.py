@@ -22,6 +22,9 @@ UNIT = ("test", "match", "unit")
 ORDER = ("test", "field", "seed", "match", "unit")
 """Of units, whatever the keys of their matches, which are hashes: what is resampled depends on the order."""
 
+POINTS = ("points", "points_", "difference")
+"""What two entrants scored in a unit, a race."""
+
 ENOUGH = 4
 """Units of a matchup that must be alike to show that they do not vary: points are coarse."""
 
@@ -65,6 +68,7 @@ def appearances(results: pl.DataFrame) -> pl.DataFrame:
 def differences(seen: pl.DataFrame) -> pl.DataFrame:
     """Points of every two entrants of every unit: `entrant` minus `opponent`, the first by id, a race.
 
+    Beside the `difference` stand the `points` of the first and the `points_` of the second.
     Ordered by test, field, entrant, opponent, and then as the units are.
     """
     theirs = seen.select(*UNIT, opponent="entrant", points_="points", first_="first", second_="second")
@@ -76,6 +80,8 @@ def differences(seen: pl.DataFrame) -> pl.DataFrame:
             *MATCHUP,
             "field",
             "seed",
+            "points",
+            "points_",
             difference=pl.col("points") - pl.col("points_"),
             first=pl.col("first") - pl.col("first_"),
             second=pl.col("second") - pl.col("second_"),
@@ -84,25 +90,50 @@ def differences(seen: pl.DataFrame) -> pl.DataFrame:
     )
 
 
+def in_common(results: pl.DataFrame, met: pl.DataFrame) -> pl.DataFrame:
+    """The `differences` of some RESULTS, of the races in which both took part; null where there are none.
+
+    They are others where some rest: who has met the weakest more often scores more without being better.
+    """
+    units = results.with_columns(unit=pl.col("race") // pl.col("entrant").n_unique().over("match"))
+    theirs = units.group_by(*UNIT, "race", "entrant").agg(pl.col("points").sum())
+    both = theirs.join(theirs, on=[*UNIT, "race"], suffix="_").filter(pl.col("entrant") < pl.col("entrant_"))
+    common = (
+        both.sort("race")
+        .group_by(*UNIT, "entrant", opponent="entrant_", maintain_order=True)
+        .agg(pl.col("points", "points_").mean(), difference=(pl.col("points") - pl.col("points_")).mean())
+    )
+    return met.drop(*POINTS).join(common, on=[*UNIT, *MATCHUP], how="left", maintain_order="left")
+
+
 class Evidence:
     """The units of a tournament, and what follows from them for linear combinations of their means.
 
     Attributes:
         seen: `appearances`.
-        met: `differences`.
-        cells: one row a test and matchup: `units`, and their mean `difference` and its `deviation`.
+        met: `differences`, or those `in_common`.
+        cells: one row a test and matchup: `units`, their mean `difference` and its `deviation`, and `rows` of
+            `met`.
         entrants: (K,) ids of those that met another, in order.
         matchups: (M, 2) indices in `entrants` of those that met, in order.
         shares: (M, cells) weights with which the tests make up a matchup's difference; rows add up to 1.
     """
 
-    def __init__(self, results: pl.DataFrame, weights: Mapping[str, float]) -> None:
-        """Read RESULTS; `weights` of the tests, 1 where a test is not named."""
+    def __init__(self, results: pl.DataFrame, weights: Mapping[str, float], common: bool = False) -> None:
+        """Read RESULTS.
+
+        Args:
+            results: RESULTS.
+            weights: of the tests, 1 where a test is not named.
+            common: whether two are compared in the races alone in which both took part.
+        """
         self.seen = appearances(results)
         self.met = differences(self.seen)
-        difference = pl.col("difference")
-        self.cells = self.met.group_by("test", "field", *MATCHUP, maintain_order=True).agg(
-            difference.mean(), deviation=difference.std(), units=pl.len().cast(pl.Int64)
+        difference, cell = pl.col("difference"), ("test", "field", *MATCHUP)
+        if common and (self.seen["started"] < self.seen["races"]).any():
+            self.met = in_common(results, self.met).filter(difference.is_not_null().any().over(cell))
+        self.cells = self.met.group_by(cell, maintain_order=True).agg(
+            difference.mean(), deviation=difference.std(), units=difference.count().cast(pl.Int64), rows=pl.len()
         )
         names = self.seen["entrant"].unique().sort()
         self.entrants = names.to_list()
@@ -175,12 +206,12 @@ class Evidence:
         The two sides of a pair differ by one number: its values are a group. A block of a free-for-all gives
         many that are not independent: what they add up to in each combination is a group of its own.
         """
-        cells, gaps = self.cells, self.met["difference"].to_numpy()
-        ends = np.cumsum(cells["units"].to_numpy())
+        cells, gaps = self.cells, self._dense()
+        ends = np.cumsum(cells["rows"].to_numpy())
         values, weights = [], []
         _, opens = np.unique(cells.select(pl.struct("test", "field").rle_id()).to_numpy(), return_index=True)
         for begin, end in zip(opens, [*opens[1:], cells.height], strict=True):
-            units = cells["units"][int(begin)]
+            units = cells["rows"][int(begin)]
             block = gaps[ends[begin] - units : ends[end - 1]].reshape(end - begin, units)
             inside = combinations[:, begin:end]
             if len(block) == 1:
@@ -192,3 +223,16 @@ class Evidence:
         sizes = np.array([len(row) for rows in values for row in rows], np.int64)
         flat = np.concatenate([rows.ravel() for rows in values])
         return flat, sizes, np.concatenate(weights).T
+
+    def _dense(self) -> Floats:
+        """The differences of all rows of `met`; of a unit in which two did not meet, their mean.
+
+        The others are spread out, so that the mean of them all has the standard error that it has of those.
+        """
+        if not self.met["difference"].has_nulls():
+            return self.met["difference"].to_numpy()
+        cells = self.cells.select("test", "field", *MATCHUP, "rows", "units", mean="difference")
+        rows = self.met.join(cells, on=["test", "field", *MATCHUP], maintain_order="left")
+        mean, gap = pl.col("mean"), pl.col("difference") - pl.col("mean")
+        spread_out = mean + gap * (pl.col("rows") / pl.col("units"))
+        return rows.select(pl.coalesce(spread_out, mean)).to_series().to_numpy()
