@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import compress
@@ -37,6 +38,9 @@ NIGHT = "night-"
 
 ABANDONED = "abandoned"
 """Status of a night that cannot go on: its configuration, its files or the simulator have changed."""
+
+TRIES = 2
+"""Nights that a newcomer has to be judged in: what makes most of its runs void may pass."""
 
 OK, GATE, BAD_INPUT, HEALTH = 0, 1, 2, 3
 """Exit codes. Nobody was fit to be sent; the input was bad; too many faults to trust the night."""
@@ -120,7 +124,7 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
     done = [] if store is None else [night for night in _nights(store) if night.status == DONE]
     anchors = {policy_id(anchor) for anchor in config.nightly.anchors}
     fields = [_field(night.config) for night in done]
-    judged = {entrant.id for field in fields for entrant in field.newcomers}
+    judged = set() if store is None else set(_judged(store, done))
     refused = {item.key for field in fields for item in field.excluded}
     new = unjudged(config.checkpoints, judged | anchors, refused)
     pool = set() if store is None or not done else set(store.table(done[-1].name, "pool")["entrant"])
@@ -138,6 +142,8 @@ def told(config: Config, night: Night) -> None:
 
 def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, str]:
     """Exit code of a night that came to its end, and why."""
+    if summary.not_judged:
+        return HEALTH, summary.void_runs
     faulty = summary.faults + summary.void
     if faulty > max_fault_share * summary.car_runs:
         return HEALTH, f"{faulty:,} of {summary.car_runs:,} car runs ended by a fault."
@@ -178,7 +184,7 @@ def _open(store: Store, config: Config, pool: Pool) -> tuple[RunRecord | None, S
             return night, field.excluded
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
-    judged = {e.id: e.name for night in done for e in _field(night.config).newcomers}
+    judged = _judged(store, done)
     anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
     refused = {item.key for night in done for item in _field(night.config).excluded}
@@ -195,6 +201,20 @@ def _open(store: Store, config: Config, pool: Pool) -> tuple[RunRecord | None, S
     except InputError:
         # Another process has begun this night meanwhile, with what it found.
         return _open(store, config, pool)
+
+
+def _judged(store: Store, done: Sequence[RunRecord]) -> dict[str, str]:
+    """Names of the newcomers that nights have judged, by ids; who could not be judged has another night."""
+    names: dict[str, str] = {}
+    tries = Counter[str]()
+    for night in done:
+        summary: Any = store.facts(night.name).get("summary") or {}
+        missed = {one["entrant"] for one in summary.get("not_judged", ())}
+        for entrant in _field(night.config).newcomers:
+            tries[entrant.id] += 1
+            if entrant.id not in missed or tries[entrant.id] == TRIES:
+                names[entrant.id] = entrant.name
+    return names
 
 
 def _world(config: Config) -> dict[str, str]:

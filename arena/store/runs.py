@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 import sqlalchemy as sa
 
-from nathlon.arena.results import RESULTS, TABLES
+from nathlon.arena.results import INTERRUPTED, RESULTS, TABLES
 from nathlon.arena.store import matches, schema
 from nathlon.arena.store.database import StoreFault, clock, insert_new, stamp
 
@@ -86,6 +86,14 @@ def results(connection: sa.Connection, name: str, stage: str | None) -> pl.DataF
     chosen = sa.select(result).where(result.c.match.in_(query.with_only_columns(match.c.key)))
     frame = schema.read_frame(connection, chosen, RESULTS)
     return frame.join(order, on="match").sort("position", "match", "race", "car").select(RESULTS.names())
+
+
+def interrupted(connection: sa.Connection, name: str) -> set[str]:
+    """Keys of the matches that a run used and that the machine has interrupted."""
+    run, used, result = schema.run, schema.run_match, schema.result
+    query = sa.select(used.c.match).join(run).join(result, result.c.match == used.c.match)
+    query = query.where(run.c.name == name, result.c.ending == INTERRUPTED)
+    return set(connection.scalars(query.distinct()))
 
 
 def put_table(connection: sa.Connection, name: str, table_name: str, frame: pl.DataFrame) -> None:

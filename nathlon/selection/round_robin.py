@@ -18,6 +18,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import BACKGROUND, NO_TEAM, Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING, RESULTS
+from nathlon.arena.voids import not_judged_by_meetings
 from nathlon.arena.worlds.contract import Setup
 from nathlon.arena.worlds.registry import RACING, home, load_world
 from nathlon.bounds import MOST_PAIRS
@@ -163,7 +164,7 @@ def run_round_robin(
     tables = _tables(run, entrants, results, event.weights, settings, confidence)
     first = leaders(entrants, tables["ranking"])
     run.note("tournament", len(entrants), len(first), results, began)
-    return Answer(tables, first, results), matches
+    return Answer(tables, first, results, not_judged_by_meetings(results)), matches
 
 
 def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]:
