@@ -44,7 +44,7 @@ def void_races(results: pl.DataFrame) -> int:
 
 
 def not_judged_by_tests(results: pl.DataFrame) -> list[NotJudged]:
-    """Who of those under test cannot be judged by RESULTS of the filter or the n-athlon; ordered by entrant."""
+    """Who under test cannot be judged by RESULTS of the filter or the n-athlon; ordered by entrant."""
     runs = results.with_columns(void=is_void(), run=pl.col("race"))
     return _not_judged(runs.filter(pl.col("team") == TESTED))
 

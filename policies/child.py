@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from nathlon.sim.wire import Arrays
 
+
 class ChildError(Exception):
     """A process has not answered as it should, and is ended; says how, without naming it."""
 

@@ -1,8 +1,8 @@
-"""Who rests where more entrants play for themselves than have room: everybody meets everybody about as often.
+"""Who rests where more entrants play for themselves than there are places: all meet about equally often.
 
 A cyclic design (John and Williams, Cyclic and Computer Generated Designs, 2nd edition, 1995): the entrants are
-numbered round a circle, and a unit has one race for each turn of the circle by one number. The first race of a
-unit decides the others, and how often two entrants meet depends on how far apart they are on the circle alone.
+numbered round a circle, and a unit has a race for each turn of the circle by one number. The first race of a
+unit decides the others, and how often two entrants meet depends on how far apart they are on the circle.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-
 
 CYCLE = 24
 """Units after which the design begins again."""

@@ -133,7 +133,10 @@ class Evidence:
         if common and (self.seen["started"] < self.seen["races"]).any():
             self.met = in_common(results, self.met).filter(difference.is_not_null().any().over(cell))
         self.cells = self.met.group_by(cell, maintain_order=True).agg(
-            difference.mean(), deviation=difference.std(), units=difference.count().cast(pl.Int64), rows=pl.len()
+            difference.mean(),
+            deviation=difference.std(),
+            units=difference.count().cast(pl.Int64),
+            rows=pl.len(),
         )
         names = self.seen["entrant"].unique().sort()
         self.entrants = names.to_list()

@@ -77,9 +77,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     else:
         set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
         ranking = ranked_by_tests(tables["battery"], finalists)
-        raced = Answer(
-            {"ranking": ranking}, leaders(finalists, ranking), tested.results, tested.not_judged
-        )
+        raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results, tested.not_judged)
     tables |= raced.tables
     run.keep(tables)
     candidates = [e for e in _without(finalists, raced.not_judged) if e.id not in anchors]
