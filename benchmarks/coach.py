@@ -16,9 +16,9 @@ same command goes on after Ctrl-C.
 
 `python -m benchmarks.coach faults --json FILE` plants known faults in the built-in driver
 (`benchmarks.planted_faults`) on the champions' circuits, and coaches it against itself without the fault. The
-JSON has, by circuit and fault, how many `sections` lost 0.05 s by it, in how many the first cause `named` it, and
-what was said in the others (`instead`); and over all the share `named`, its 95 % interval (Wilson) from `low` to
-`high`, and the `goal`. It fails where the share is below the goal.
+JSON has, by circuit and fault, how many `sections` lost 0.05 s by it, in how many the first cause `named` it,
+and what was said in the others (`instead`); and over all the share `named`, its 95 % interval (Wilson) from
+`low` to `high`, and the `goal`. It fails where the share is below the goal.
 """
 
 from __future__ import annotations

@@ -16,8 +16,9 @@ from nathlon.coaching.lap import STEP_M, Lap, Trace
 from nathlon.coaching.parts import smooth
 
 ALIKE = 0.93
-"""Share of the other's acceleration to the side with which a driver uses its grip as well. It has less downforce
-where it is slower."""
+"""Share of the other's acceleration to the side with which its grip is used as well: slower, a car has less
+downforce.
+"""
 
 
 class Shares(NamedTuple):
