@@ -39,6 +39,8 @@ NIGHT = "night-"
 ABANDONED = "abandoned"
 """Status of a night that cannot go on: its configuration, its files or the simulator have changed."""
 
+NOT_JUDGED = "not_judged"
+"""Fact of a night: ids of those that it could not judge."""
 TRIES = 2
 """Nights that a newcomer has to be judged in: what makes most of its runs void may pass."""
 
@@ -106,6 +108,8 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             if config.recordings == "all":
                 record_tournament(store, night.name, output, engine, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
+        if missed := [one.entrant for one in selection.summary.not_judged]:
+            store.put_fact(night.name, NOT_JUDGED, missed)
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
         store.end_run(night.name, DONE)
         return Night(night.name, DONE, code, reason, selection)
@@ -207,9 +211,9 @@ def _judged(store: Store, done: Sequence[RunRecord]) -> dict[str, str]:
     """Names of the newcomers that nights have judged, by ids; who could not be judged has another night."""
     names: dict[str, str] = {}
     tries = Counter[str]()
+    not_judged: Any = store.fact_of_runs(NOT_JUDGED)
     for night in done:
-        summary: Any = store.facts(night.name).get("summary") or {}
-        missed = {one["entrant"] for one in summary.get("not_judged", ())}
+        missed = not_judged.get(night.name, ())
         for entrant in _field(night.config).newcomers:
             tries[entrant.id] += 1
             if entrant.id not in missed or tries[entrant.id] == TRIES:

@@ -1,8 +1,8 @@
 """Who rests where more entrants play for themselves than there are places: all meet about equally often.
 
-A cyclic design (John and Williams, Cyclic and Computer Generated Designs, 2nd edition, 1995): the entrants are
-numbered round a circle, and a unit has a race for each turn of the circle by one number. The first race of a
-unit decides the others, and how often two entrants meet depends on how far apart they are on the circle.
+A cyclic design (John and Williams, Cyclic and Computer Generated Designs, 2nd edition, 1995): the entrants
+are numbered round a circle, and a unit has a race for each turn of the circle by one number. Its first race
+decides the others, and how often two entrants meet depends on how far apart they are on the circle.
 """
 
 from __future__ import annotations

@@ -125,6 +125,13 @@ def facts(connection: sa.Connection, name: str) -> dict[str, schema.JsonValue]:
     return dict(sorted((row.key, schema.from_json(row.value)) for row in rows))
 
 
+def fact_of_runs(connection: sa.Connection, key: str) -> dict[str, schema.JsonValue]:
+    """One fact of all runs that have it, by their names."""
+    query = sa.select(schema.run.c.name, schema.fact.c.value).join(schema.fact)
+    rows = connection.execute(query.where(schema.fact.c.key == key).order_by(schema.run.c.id))
+    return {name: schema.from_json(value) for name, value in rows}
+
+
 def _hold(connection: sa.Connection, name: str) -> int:
     """The id of a run, on which others that write to it wait until the end of the transaction."""
     return _id(connection, name, sa.select(schema.run.c.id).with_for_update())

@@ -181,6 +181,10 @@ class Store:
         """Keep a fact about a run, in place of the one that had this key."""
         self._database.write(runs.put_fact, run, key, value)
 
+    def fact_of_runs(self, key: str) -> dict[str, JsonValue]:
+        """One fact of all runs that have it, by their names in the order in which they began."""
+        return self._database.read(runs.fact_of_runs, key)
+
     def facts(self, run: str) -> dict[str, JsonValue]:
         """All facts about a run, ordered by key."""
         return self._database.read(runs.facts, run)

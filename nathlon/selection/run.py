@@ -88,7 +88,8 @@ class Run:
 
     def __post_init__(self, other_engine: Engine | None) -> None:
         self.engine = other_engine or QueueEngine(self.store, self.pool)
-        self.store.forget(self.store.interrupted(self.name))
+        if interrupted := self.store.interrupted(self.name):
+            self.store.forget(interrupted)
 
     def seeds(self, stage: str) -> np.random.SeedSequence:
         """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
