@@ -43,10 +43,10 @@ def classify(
     return pl.DataFrame(rows, schema=RESULTS)
 
 
-def void(match: Match) -> pl.DataFrame:
-    """Results (RESULTS) of a match that the simulator could not run."""
+def void(match: Match, ending: str = "simulator_fault") -> pl.DataFrame:
+    """Results (RESULTS) of a match that could not be run, with one of VOID_ENDINGS."""
     shape = (len(match.races), len(match.races[0].seats))
-    return classify(match, np.full(shape, BLANK), np.full(shape, "simulator_fault"), np.zeros(shape))
+    return classify(match, np.full(shape, BLANK), np.full(shape, ending), np.zeros(shape))
 
 
 def _classify_race(

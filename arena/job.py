@@ -13,6 +13,7 @@ import polars as pl
 from nathlon.arena.classification import void
 from nathlon.arena.match import Match
 from nathlon.arena.recorder import Recorded
+from nathlon.arena.results import INTERRUPTED
 from nathlon.arena.watch import NOBODY, Asked, Taken
 from nathlon.sim.errors import InputError
 
@@ -101,12 +102,14 @@ class Loss(NamedTuple):
         late: whether it was ended for not getting on with it.
         memory: whether it ended for want of memory.
         taken: by whom it had been taken, as far as known.
+        hung: whether it slept while it was late: the machine may have been to blame.
     """
 
     asked: Asked
     late: bool = False
     memory: bool = False
     taken: Taken = Taken(NOBODY, 0.0)
+    hung: bool = False
 
 
 def again(jobs: Mapping[int, Job], loss: Loss) -> tuple[list[list[Job]], list[tuple[Job, Answer]]]:
@@ -120,7 +123,7 @@ def again(jobs: Mapping[int, Job], loss: Loss) -> tuple[list[list[Job]], list[tu
         groups to do again, and the jobs that are given up with their answers.
     """
     guilty = jobs.get(loss.asked.match)
-    if guilty is not None and (loss.late or guilty.alone):
+    if guilty is not None and (guilty.alone or (loss.late and not loss.hung)):
         others = [job for job in jobs.values() if job is not guilty]
         done_again, given_up = _convict(guilty, loss)
         return [group for group in (others, done_again) if group], given_up
@@ -146,7 +149,7 @@ def _convict(job: Job, loss: Loss) -> tuple[list[Job], list[tuple[Job, Answer]]]
     if isinstance(job, Opening):
         return [], [(job, InputError(f"{job.source}: {_why(loss)}, expected {job.expected}"))]
     if entrant == NOBODY:
-        return [], [(job, Recorded(void(job.match), []))]
+        return [], [(job, Recorded(void(job.match, INTERRUPTED if loss.hung else "simulator_fault"), []))]
     ending = "timed_out" if loss.late else "policy_raised"
     log.warning("%s: %s: its cars are out", job.match.sources[entrant], ending)
     return [replace(job, absent={**job.absent, entrant: ending}, alone=False)], []

@@ -19,9 +19,9 @@ from nathlon.arena.grouping import group
 from nathlon.arena.job import Answer, Job, Loss, Opening, again
 from nathlon.arena.match import Match
 from nathlon.arena.serving import do, serve
-from nathlon.arena.watch import LOOK_S, MATCH_S, Watch
+from nathlon.arena.watch import MATCH_S, Watch
 from nathlon.arena.workers import Worker, new_output_log
-from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
+from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S, LOOK_S
 from nathlon.policies.sources import OBJECT
 from nathlon.sim.errors import InputError
 
@@ -160,6 +160,7 @@ class Pool(Crew):
         connection.wait([sign for worker in self._processes for sign in worker.signs], self._look_s)
         for worker, jobs in list(self._processes.items()):
             killed = not worker.dead and worker.patience.over
+            hung = killed and worker.patience.asleep
             if killed:
                 worker.kill()
             lost = worker.dead
@@ -176,7 +177,7 @@ class Pool(Crew):
                     # It may have gone on in its last moment.
                     late = killed and worker.patience.over
                     memory = not killed and worker.out_of_memory
-                    loss = Loss(worker.watch.asked, late, memory, worker.watch.taken)
+                    loss = Loss(worker.watch.asked, late, memory, worker.watch.taken, hung)
                     groups, given_up = again(jobs, loss)
                     queue.extend(groups)
                     yield from given_up

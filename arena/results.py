@@ -21,7 +21,10 @@ POLICY_FAULTS = ("policy_raised", "illegal_action", "timed_out")
 another shape or type than the contract's; a policy that has not answered, or could not be loaded, within
 its time has timed out."""
 
-VOID_ENDINGS = ("simulator_fault", "interrupted")
+INTERRUPTED = "interrupted"
+"""Ending of what may have been stopped by the machine: the match is run again."""
+
+VOID_ENDINGS = ("simulator_fault", INTERRUPTED)
 """Endings that void the race, and with it the mirrored pair: nobody is to blame who raced."""
 
 RESULTS = pl.Schema(

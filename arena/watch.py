@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections import defaultdict
 from collections.abc import MutableSequence
 from typing import NamedTuple
 
-from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
+from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S, Waiting
 from nathlon.policies.sources.memory_limit import data_bytes
+from nathlon.sim.process import scheduled
 
 MATCH_S = 300.0
-"""All answers of a policy in a match may take so long together, the first one apart."""
+"""All answers of a policy in a match may take so long together, the first one apart: time in which it runs or
+sleeps, and not in which it waits for a processor that others have."""
+GAP_S = 1e-3
+"""An answer that takes so much longer than the processor was at it has slept, or waited for a processor."""
 WORK_S = 600.0
 """What the simulator may take for a tick; the first one may have to compile it."""
-LOOK_S = 1.0
-"""Between two looks at a watch, at most."""
 NOBODY = -1
 
 
@@ -71,7 +74,7 @@ class Watch:
         self._answer_s, self._first_answer_s, self._match_s = answer_s, first_answer_s, match_s
         self._told = [0.0] * TOLD if told is None else told
         self._begun = 0
-        self._clock: tuple[tuple[int, int], float] | None = None
+        self._clock: tuple[tuple[int, int], float, float] | None = None
         self.begin()
 
     def begin(self, weighs: bool = False) -> None:
@@ -80,6 +83,7 @@ class Watch:
         self._spent_s: defaultdict[tuple[int, int], float] = defaultdict(float)
         self._taken: defaultdict[int, int] = defaultdict(int)
         self._had = data_bytes() if weighs else 0
+        self._queued_s = self._queued_by_now()
         self._told[-2:] = NOBODY, 0.0
         self.rest()
 
@@ -87,7 +91,7 @@ class Watch:
         """A policy is asked now, perhaps for the first time."""
         self._tell(match, entrant, self._first_answer_s if first else self._answer_s)
         if not first:
-            self._clock = (match, entrant), time.perf_counter()
+            self._clock = (match, entrant), time.perf_counter(), time.process_time()
 
     def work(self, limit_s: float = WORK_S) -> None:
         """The simulator is at work, or a driver that is part of it; it hangs if that takes longer, s."""
@@ -103,14 +107,28 @@ class Watch:
 
     def _tell(self, match: int, entrant: int, limit_s: float) -> None:
         if self._clock is not None:
-            asked, since_s = self._clock
-            self._spent_s[asked] += time.perf_counter() - since_s
+            asked, clock_s, processor_s = self._clock
+            took_s = time.perf_counter() - clock_s
+            self._spent_s[asked] += took_s - self._waited(took_s - time.process_time() + processor_s)
             self._clock = None
         if self._weighs:
             self._weigh()
         self._begun += 1
         told = self._told
         told[0], told[1], told[2], told[3] = self._begun, match, entrant, limit_s
+
+    def _waited(self, gap_s: float) -> float:
+        """How much of the time in which an answer took no processor it may have waited for one, s."""
+        if gap_s < GAP_S:
+            return 0.0
+        queued_s, before_s = self._queued_by_now(), self._queued_s
+        self._queued_s = queued_s
+        # Where the system does not tell, nobody is blamed for it.
+        return gap_s if queued_s is None or before_s is None else min(gap_s, queued_s - before_s)
+
+    def _queued_by_now(self) -> float | None:
+        had = scheduled(os.getpid())
+        return None if had is None else had.queued_s
 
     def _weigh(self) -> None:
         """Lay what memory the process has more than before to whom was asked."""
@@ -135,23 +153,22 @@ class Watch:
 
 
 class Patience:
-    """How long the process behind a watch has been at the same thing.
+    """How long the process behind a watch has been at the same thing; see `Waiting`."""
 
-    Only time in which it is looked at counts: not that in which this process is stopped or busy, as the
-    other one may be too.
-    """
-
-    def __init__(self, watch: Watch) -> None:
-        self._watch = watch
-        self._asked, self._waited_s, self._looked = watch.asked, 0.0, time.monotonic()
+    def __init__(self, watch: Watch, process: int | None = None) -> None:
+        self._watch, self._waiting, self._asked = watch, Waiting(process), watch.asked
 
     @property
     def over(self) -> bool:
         """Whether it takes longer than it may; to be looked at every LOOK_S or more often."""
-        asked, now = self._watch.asked, time.monotonic()
-        if asked == self._asked:
-            self._waited_s += min(now - self._looked, LOOK_S)
-        else:
-            self._asked, self._waited_s = asked, 0.0
-        self._looked = now
-        return self._waited_s > asked.limit_s
+        asked = self._watch.asked
+        if asked != self._asked:
+            self._asked = asked
+            self._waiting.begin()
+            return False
+        return self._waiting.look() > asked.limit_s
+
+    @property
+    def asleep(self) -> bool:
+        """Whether the process has slept most of that time."""
+        return self._waiting.asleep

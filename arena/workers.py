@@ -63,12 +63,12 @@ class Worker:
     ) -> None:
         """Start a process that calls `serve`, printing into the sink of a log; see `Watch` for the times."""
         self.watch = Watch(answer_s, first_answer_s, match_s, _CONTEXT.RawArray("d", TOLD))
-        self.patience = Patience(self.watch)
         self.idle, self.fresh, self.began = False, True, False
         self._pipe, theirs = _CONTEXT.Pipe()
         self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch, sink), daemon=True)
         with starting_processes():
             self._process.start()
+        self.patience = Patience(self.watch, self._process.pid)
         theirs.close()
 
     @property

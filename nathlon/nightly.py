@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Container, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -40,6 +41,11 @@ EXCLUSION = "exclusion"
 
 ABANDONED = "abandoned"
 """Status of a night that cannot go on: its configuration, its files or the simulator have changed."""
+
+NOT_JUDGED = "not_judged"
+"""Fact of a night: ids of those that it could not judge."""
+TRIES = 2
+"""Nights that a newcomer has to be judged in: what makes most of its runs void may pass."""
 
 OK, GATE, BAD_INPUT, HEALTH = 0, 1, 2, 3
 """Exit codes. Nobody was fit to be sent; the input was bad; too many faults to trust the night."""
@@ -107,6 +113,8 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             if config.recordings == "all":
                 record_tournament(store, night.name, output, engine, on_match)
         code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
+        if missed := [one.entrant for one in selection.summary.not_judged]:
+            store.put_fact(night.name, NOT_JUDGED, missed)
         store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
         store.end_run(night.name, DONE)
         return Night(night.name, DONE, code, reason, selection)
@@ -125,7 +133,7 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
     done = [] if store is None else [night for night in _nights(store) if night.status == DONE]
     fields = [Field.from_plan(night.config) for night in done]
     anchors = {policy_id(anchor) for anchor in config.nightly.anchors}
-    judged = {entrant.id for field in fields for entrant in field.newcomers}
+    judged = set() if store is None else set(_judged(store, done))
     refused = set() if store is None else _refused(store, fields)
     new = watch(config.checkpoints).unjudged(judged | anchors, refused)
     pool = set() if store is None or not done else set(store.table(done[-1].name, "pool")["entrant"])
@@ -146,6 +154,8 @@ def told(config: Config, night: Night) -> None:
 
 def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, str]:
     """Exit code of a night that came to its end, and why."""
+    if summary.not_judged:
+        return HEALTH, summary.void_runs
     faulty = summary.faults + summary.void
     if faulty > max_fault_share * summary.car_runs:
         return HEALTH, f"{faulty:,} of {summary.car_runs:,} car runs ended by a fault."
@@ -197,7 +207,7 @@ def _open(store: Store, config: Config, pool: Pool, watched: Watched) -> tuple[R
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
     fields = [Field.from_plan(night.config) for night in done]
-    judged = {entrant.id: entrant.name for field in fields for entrant in field.newcomers}
+    judged = _judged(store, done)
     anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
     refused = _refused(store, fields)
@@ -246,6 +256,20 @@ def _there(field: Field, config: Config, watched: Watched) -> Field | None:
     if sum(map(len, found)) < sum(map(len, groups)):
         return None
     return replace(field, newcomers=found[0], incumbents=found[1])
+
+
+def _judged(store: Store, done: Sequence[RunRecord]) -> dict[str, str]:
+    """Names of the newcomers that nights have judged, by ids; who could not be judged has another night."""
+    names: dict[str, str] = {}
+    tries = Counter[str]()
+    not_judged: Any = store.fact_of_runs(NOT_JUDGED)
+    for night in done:
+        missed = not_judged.get(night.name, ())
+        for entrant in Field.from_plan(night.config).newcomers:
+            tries[entrant.id] += 1
+            if entrant.id not in missed or tries[entrant.id] == TRIES:
+                names[entrant.id] = entrant.name
+    return names
 
 
 def _world(config: Config) -> dict[str, str]:

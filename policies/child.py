@@ -14,15 +14,13 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 from nathlon.policies.child_processes import BLAS_THREADS
+from nathlon.policies.patience import LOOK_S, Waiting
 from nathlon.sim.wire import pack, unpack
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from nathlon.sim.wire import Arrays
-
-LOOK_S = 1.0
-"""Between two looks at a process that does not answer."""
 
 
 class ChildError(Exception):
@@ -74,11 +72,9 @@ class Child:
         """
         try:
             self._pipe.send_bytes(pack(message, arrays))
-            waited_s = 0.0
-            # Looks are counted, not seconds: both processes may have been stopped for a while.
+            waiting = Waiting(self.process.pid)
             while not self._pipe.poll(min(LOOK_S, limit_s)):
-                waited_s += LOOK_S
-                if waited_s >= limit_s:
+                if waiting.look() >= limit_s:
                     raise self.failed(f"has not answered in {limit_s:g} s")
             return unpack(self._pipe.recv_bytes())
         except (EOFError, OSError):

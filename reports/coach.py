@@ -11,6 +11,7 @@ from nathlon.reports.part import Part
 CauseKind = Literal[
     "braking_early",
     "braking_late",
+    "entry_speed",
     "minimum_speed",
     "speed",
     "line",
@@ -25,7 +26,9 @@ CauseKind = Literal[
     "wall",
     "penalty",
 ]
-AdviceKind = Literal["brake_later", "brake_earlier", "more_speed", "throttle_earlier", "line"]
+AdviceKind = Literal[
+    "brake_later", "brake_earlier", "more_speed", "throttle_earlier", "line", "full_throttle"
+]
 Fault = Literal["own", "other", "nobody"]
 
 
@@ -38,6 +41,7 @@ class Cause(Part):
         unit: of both.
         at_m, at_s: where, m from the line, and when, s since the start of the race.
         car: name of another car that has to do with it.
+        lost_s: what it explains of the time lost in the section, s; None where that is not known.
     """
 
     kind: CauseKind
@@ -47,6 +51,7 @@ class Cause(Part):
     at_m: float
     at_s: float
     car: str | None = None
+    lost_s: float | None = None
 
 
 class Section(Part):
@@ -82,7 +87,7 @@ class Advice(Part):
         section: its name.
         number: of the section, from 0.
         kind: what to do.
-        amount, unit: how much of it: m along the road, km/h in the bend, or m across the road.
+        amount, unit: how much of it: m along the road, km/h in the bend, m across the road, or % throttle.
         share: of a line, %: of the way from how the car drove it to how the other lap does.
         side: to which the line is moved.
         at_m, at_s: where, m from the line, and when in the recorded race, s.
@@ -113,7 +118,7 @@ class Advice(Part):
 
 
 class Attempt(Part):
-    """What was tried in a bend.
+    """What was tried in a bend, or on a straight that was driven with less than full throttle.
 
     Attributes:
         section: its name.
@@ -246,6 +251,18 @@ class Raced(Part):
     version: str
 
 
+class Pace(Part):
+    """A car that is slower everywhere.
+
+    Attributes:
+        speed_share: of the other's speed, the median over the lap.
+        slower_share: of the lap on which it is surely slower.
+    """
+
+    speed_share: float
+    slower_share: float
+
+
 class CoachFacts(Part):
     """All that the coach knows.
 
@@ -258,6 +275,7 @@ class CoachFacts(Part):
         other, other_kind, other_lap_s: whose lap it is compared with.
         limit_s: the limit lap time; None where it is not known.
         lost_s: in the lap.
+        pace: how much slower the car is everywhere; None where it is not.
         sections, consistency, craft: what was found.
         advice: what is fastest in a section, the greatest gain first.
         alternatives: what else gains in these sections.
@@ -285,3 +303,4 @@ class CoachFacts(Part):
     attempts: tuple[Attempt, ...]
     together_s: float | None
     starts: tuple[StartState, ...]
+    pace: Pace | None = None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +12,7 @@ from typing import Annotated, Any, Literal
 import polars as pl
 from pydantic import Field, ValidationError
 
+from nathlon.arena.voids import NotJudged
 from nathlon.arena.worlds.registry import RACING
 from nathlon.reports.forecast import Forecast
 from nathlon.reports.part import Part
@@ -21,6 +23,10 @@ from nathlon.sim.whole_file import whole_file
 
 VERSION = 1
 """Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
+STAGES = {"pareto": "filter", "battery": "n-athlon", "tournament": "round robin"}
+"""What readers call the stages that judge."""
+NAMED = 3
+"""Of those that could not be judged, in a sentence."""
 PACKAGES = ("nathlon", "numpy", "numba")
 
 
@@ -29,7 +35,8 @@ class Stage(Part):
 
     Attributes:
         entered, left: entrants that came in, and that went on.
-        races: that it rests on.
+        races: that it rests on, void ones included.
+        void: races that count for nobody.
         wall_s: how long it took, s.
         ran: races that it ran itself; the others were in the store already.
         core_s: processor time for which it held its workers, s.
@@ -42,6 +49,7 @@ class Stage(Part):
     wall_s: float
     ran: int = 0
     core_s: float = 0.0
+    void: int = 0
 
 
 class Ranked(Part):
@@ -150,6 +158,17 @@ class SetAside(Part):
     digest: str | None = None
 
 
+class Voided(Part):
+    """An entrant that could not be judged in a stage; see `nathlon.arena.voids.NotJudged`."""
+
+    name: str
+    entrant: str
+    stage: str
+    test: str
+    void: int
+    runs: int
+
+
 class Scene(Part):
     """A part of a race, s since its start; the car to follow, and why one should look at it."""
 
@@ -210,7 +229,8 @@ class Summary(Part):
         marks: by test.
         tests_set_aside: reasons by test.
         car_runs: cars times races.
-        faults, void: of them ended by a policy's fault, and by one of the simulator.
+        faults, void: of them ended by a policy's fault, and by one of the simulator or the machine.
+        not_judged: entrants that cannot be sent, as most of their runs are void.
         excluded: what was set aside before anything ran.
         gone: finalists that could not be sent, as their files had gone or changed when it was decided.
         notes: what else is to be said of the files, in sentences.
@@ -246,6 +266,7 @@ class Summary(Part):
     gone: tuple[SetAside, ...] = ()
     notes: tuple[str, ...] = ()
     also: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    not_judged: tuple[Voided, ...] = ()
     stages_set_aside: dict[str, str] = Field(default_factory=dict)
     unit_deviation: float | None = None
     effect: float | None = None
@@ -257,6 +278,11 @@ class Summary(Part):
     log: str | None = None
     report: str | None = None
     processors: dict[str, int] = Field(default_factory=dict)
+
+    @property
+    def void_runs(self) -> str:
+        """How many runs are void, and who could not be judged for them; '' where none are."""
+        return void_runs(self.void, self.car_runs, self.not_judged)
 
     @property
     def an_episode(self) -> str:
@@ -274,6 +300,19 @@ class Summary(Part):
         return episodes(self.episode)
 
 
+def void_runs(void: int, car_runs: int, not_judged: Sequence[Voided]) -> str:
+    """A sentence on how many car runs are void, and who could not be judged for them; '' where none are."""
+    if not void:
+        return ""
+    counted = f"{void:,} of {car_runs:,} car runs {'is' if void == 1 else 'are'} void and count for nobody"
+    if not not_judged:
+        return f"{counted}."
+    first = [f"{one.name} ({one.void:,} of {one.runs:,} in the {STAGES[one.stage]})" for one in not_judged]
+    more = len(first) - NAMED
+    shown = [*first[:NAMED], f"{more:,} more"] if more > 0 else first
+    return f"{counted}; could not be judged: {', '.join(shown)}."
+
+
 def ranked(
     ranking: pl.DataFrame, names: Mapping[str, str], records: pl.DataFrame | None = None
 ) -> tuple[Ranked, ...]:
@@ -281,6 +320,11 @@ def ranked(
     if records is not None:
         ranking = ranking.join(records, on="entrant", how="left", maintain_order="left")
     return tuple(Ranked(name=names[row["entrant"]], **row) for row in ranking.to_dicts())
+
+
+def voided(not_judged: Iterable[NotJudged], names: Mapping[str, str]) -> tuple[Voided, ...]:
+    """Who could not be judged, given the names of the entrants by their ids."""
+    return tuple(Voided(name=names[one.entrant], **asdict(one)) for one in not_judged)
 
 
 def write_summary(path: Path, summary: Summary) -> None:

@@ -19,7 +19,10 @@ REASONS_SHOWN = 2
 
 @dataclass(frozen=True)
 class Verdict:
-    """A headline and at most three sentences: the decision, what the races prove of it, how it drove."""
+    """A headline and at most three sentences: the decision, what the races prove of it, how it drove.
+
+    A last one follows where runs are void.
+    """
 
     headline: str
     sentences: tuple[str, ...]
@@ -27,6 +30,12 @@ class Verdict:
 
 def verdict(selection: Selection) -> Verdict:
     """What the committee decided, and how far the last stage that anybody reached bears it out."""
+    told = _judged(selection)
+    lost = selection.summary.void_runs
+    return Verdict(told.headline, (*told.sentences, lost)) if lost else told
+
+
+def _judged(selection: Selection) -> Verdict:
     decision = _decision(selection)
     if decision is None:
         return _unfinished(selection)
@@ -56,9 +65,10 @@ def verdict(selection: Selection) -> Verdict:
         confidence = f"{selection.summary.confidence:.0%} interval"
         proof = (_proof(own, ranking, candidates, confidence, selection.summary), *_conduct(selection, own))
     better = _better_anchors(selection, {standing.entrant for standing in decision.standings})
-    though = (
-        f", though {_listed(better, 'and')} {'is' if len(better) == 1 else 'are'} better" if better else ""
-    )
+    clauses = [f"{_listed(better, 'and')} {'is' if len(better) == 1 else 'are'} better"] if better else []
+    if missed := _not_judged(selection.summary):
+        clauses.append(f"{_listed(missed, 'and')} could not be judged")
+    though = f", though {' and '.join(clauses)}" if clauses else ""
     return Verdict(
         f"Send {name}{though}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof)
     )
@@ -76,6 +86,11 @@ def _better_anchors(selection: Selection, candidates: set[str]) -> list[str]:
         for one, than in worse.items()
         if one in names and one not in candidates and than == candidates
     ]
+
+
+def _not_judged(summary: Summary) -> list[str]:
+    """Names of those that could not be judged, each once."""
+    return list(dict.fromkeys(one.name for one in summary.not_judged))
 
 
 def _decision(selection: Selection) -> Decided | None:
@@ -183,7 +198,9 @@ def _nobody(selection: Selection, decision: Decided, ranking: Sequence[Row]) -> 
                 *_bars(selection, ranking),
             ),
         )
-    return Verdict("Send nobody", _stages_so_far(selection))
+    missed = _not_judged(selection.summary)
+    why = f": {_listed(missed, 'and')} could not be judged" if missed else ""
+    return Verdict(f"Send nobody{why}", _stages_so_far(selection))
 
 
 def _state_of(ranking: Sequence[Row], summary: Summary) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 from pathlib import Path
+from typing import NamedTuple
 
 HOST = socket.gethostname()
 
@@ -20,6 +21,30 @@ def has_ended(process: int) -> bool:
     except PermissionError:
         pass
     return False
+
+
+class Scheduled(NamedTuple):
+    """What a process has had of the processors.
+
+    Attributes:
+        ran_s: for which its main thread ran, s.
+        queued_s: for which that could have run and had to wait, as others did, s.
+    """
+
+    ran_s: float
+    queued_s: float
+
+
+def scheduled(process: int) -> Scheduled | None:
+    """What a process of this machine has had of the processors; None where the system does not tell.
+
+    See https://docs.kernel.org/scheduler/sched-stats.html, `/proc/<pid>/schedstat`.
+    """
+    try:
+        ran_ns, queued_ns, _ = Path(f"/proc/{process}/schedstat").read_text().split()
+        return Scheduled(int(ran_ns) / 1e9, int(queued_ns) / 1e9)
+    except (OSError, ValueError):
+        return None
 
 
 def start_of(process: int) -> int:

@@ -24,6 +24,9 @@ UNIT = ("test", "match", "unit")
 ORDER = ("test", "field", "seed", "match", "unit")
 """Of units, whatever the keys of their matches, which are hashes: what is resampled depends on the order."""
 
+POINTS = ("points", "points_", "difference")
+"""What two entrants scored in a unit, a race."""
+
 ENOUGH = 4
 """Units of a matchup that must be alike to show that they do not vary: points are coarse."""
 
@@ -76,6 +79,7 @@ def appearances(results: pl.DataFrame) -> pl.DataFrame:
 def differences(seen: pl.DataFrame) -> pl.DataFrame:
     """Points of every two entrants of every unit: `entrant` minus `opponent`, the first by id, a race.
 
+    Beside the `difference` stand the `points` of the first and the `points_` of the second.
     Ordered by test, field, entrant, opponent, and then as the units are.
     """
     theirs = seen.select(*UNIT, opponent="entrant", points_="points", first_="first", second_="second")
@@ -83,7 +87,7 @@ def differences(seen: pl.DataFrame) -> pl.DataFrame:
         seen.join(theirs, on=UNIT)
         .filter(pl.col("entrant") < pl.col("opponent"))
         .with_columns(first=_gap("first"), second=_gap("second"), difference=_gap("points"))
-        .select(*UNIT, *MATCHUP, "field", "seed", "difference", "first", "second")
+        .select(*UNIT, *MATCHUP, "field", "seed", *POINTS, "first", "second")
         .sort("test", "field", *MATCHUP, *ORDER[2:])
     )
 
@@ -96,6 +100,23 @@ def _gap(points: str) -> pl.Expr:
         lambda both: pl.Series(differing(both.struct["gap"].to_numpy(), both.struct["size"].to_numpy())),
         return_dtype=pl.Float64,
     )
+
+
+def in_common(results: pl.DataFrame, met: pl.DataFrame) -> pl.DataFrame:
+    """The `differences` of some RESULTS, of the races in which both took part; null where there are none.
+
+    They are others where some rest: who has met the weakest more often scores more without being better.
+    """
+    units = results.with_columns(unit=pl.col("race") // pl.col("entrant").n_unique().over("match"))
+    theirs = units.group_by(*UNIT, "race", "entrant").agg(pl.col("points").sum())
+    both = theirs.join(theirs, on=[*UNIT, "race"], suffix="_").filter(pl.col("entrant") < pl.col("entrant_"))
+    common = (
+        both.sort("race")
+        .group_by(*UNIT, "entrant", opponent="entrant_", maintain_order=True)
+        .agg(pl.col("points", "points_").mean())
+        .with_columns(difference=_gap("points"))
+    )
+    return met.drop(*POINTS).join(common, on=[*UNIT, *MATCHUP], how="left", maintain_order="left")
 
 
 class Cells(ABC):
@@ -172,17 +193,28 @@ class Evidence(Cells):
 
     Attributes:
         seen: `appearances`.
-        met: `differences`.
-        cells: as of `Cells`, with the `deviation` of the differences.
+        met: `differences`, or those `in_common`.
+        cells: as of `Cells`, with the `deviation` of the differences, and how many `rows` of `met` they have.
     """
 
-    def __init__(self, results: pl.DataFrame, weights: Mapping[str, float]) -> None:
-        """Read RESULTS; `weights` of the tests, 1 where a test is not named."""
+    def __init__(self, results: pl.DataFrame, weights: Mapping[str, float], common: bool = False) -> None:
+        """Read RESULTS.
+
+        Args:
+            results: RESULTS.
+            weights: of the tests, 1 where a test is not named.
+            common: whether two are compared in the races alone in which both took part.
+        """
         self.seen = appearances(results)
         self.met = differences(self.seen)
-        difference = pl.col("difference")
-        cells = self.met.group_by("test", "field", *MATCHUP, maintain_order=True).agg(
-            difference.mean(), deviation=difference.std(), units=pl.len().cast(pl.Int64)
+        difference, cell = pl.col("difference"), ("test", "field", *MATCHUP)
+        if common and (self.seen["started"] < self.seen["races"]).any():
+            self.met = in_common(results, self.met).filter(difference.is_not_null().any().over(cell))
+        cells = self.met.group_by(cell, maintain_order=True).agg(
+            difference.mean(),
+            deviation=difference.std(),
+            units=difference.count().cast(pl.Int64),
+            rows=pl.len(),
         )
         super().__init__(cells, self.seen["entrant"].unique().sort(), weights)
         self._weights = weights
@@ -217,12 +249,12 @@ class Evidence(Cells):
         The two sides of a pair differ by one number: its values are a group. A block of a free-for-all gives
         many that are not independent: what they add up to in each combination is a group of its own.
         """
-        cells, gaps = self.cells, self.met["difference"].to_numpy()
-        ends = np.cumsum(cells["units"].to_numpy())
+        cells, gaps = self.cells, self._dense()
+        ends = np.cumsum(cells["rows"].to_numpy())
         values, weights = [], []
         _, opens = np.unique(cells.select(pl.struct("test", "field").rle_id()).to_numpy(), return_index=True)
         for begin, end in zip(opens, [*opens[1:], cells.height], strict=True):
-            units = cells["units"][int(begin)]
+            units = cells["rows"][int(begin)]
             block = gaps[ends[begin] - units : ends[end - 1]].reshape(end - begin, units)
             inside = combinations[:, begin:end]
             if len(block) == 1:
@@ -234,3 +266,16 @@ class Evidence(Cells):
         sizes = np.array([len(row) for rows in values for row in rows], np.int64)
         flat = np.concatenate([rows.ravel() for rows in values])
         return flat, sizes, np.concatenate(weights).T
+
+    def _dense(self) -> Floats:
+        """The differences of all rows of `met`; of a unit in which two did not meet, their mean.
+
+        The others are spread out, so that the mean of them all has the standard error that it has of those.
+        """
+        if not self.met["difference"].has_nulls():
+            return self.met["difference"].to_numpy()
+        cells = self.cells.select("test", "field", *MATCHUP, "rows", "units", mean="difference")
+        rows = self.met.join(cells, on=["test", "field", *MATCHUP], maintain_order="left")
+        mean, gap = pl.col("mean"), pl.col("difference") - pl.col("mean")
+        spread_out = mean + gap * (pl.col("rows") / pl.col("units"))
+        return rows.select(pl.coalesce(spread_out, mean)).to_series().to_numpy()

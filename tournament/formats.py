@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from nathlon.tournament.block_design import first_race
+
 FormatName = Literal["4v4", "1v1", "2v2", "ffa8", "10v10", "gauntlet"]
 
 
@@ -42,23 +44,31 @@ class Format:
     teams: bool = True
     gauntlet: bool = False
 
-    def grids(self, sides: int) -> tuple[Grid, ...]:
+    def grids(self, sides: int, unit: int = 0) -> tuple[Grid, ...]:
         """The grids of a unit of so many sides, as many: every side starts equally often from every place.
 
         Two teams start from odd and from even places, then the other way round. In a free-for-all the
         sides move on by one from race to race. With fewer sides than cars some drive several; with more,
-        some rest. With as many, an even number, it is a Williams square (Williams, Aust. J. Sci. Res. 2,
-        1949): each starts once right behind each other one, and the second half of the grids are the first
-        turned round.
+        some rest, and who does changes from unit to unit; see `nathlon.tournament.block_design`. With as
+        many, an even number, it is a Williams square (Williams, Aust. J. Sci. Res. 2, 1949): each starts
+        once right behind each other one, and the second half of the grids are the first turned round.
         """
         if self.teams:
             plain, mirror = (0, 1) * (self.cars // 2), (1, 0) * (self.cars // 2)
             return Grid(False, plain), Grid(True, mirror)
+        if sides > self.cars:
+            return resting(sides, self.cars, unit)
         zigzag = [place // 2 if place % 2 == 0 else -(place // 2 + 1) for place in range(self.cars)]
         return tuple(
             Grid(sides == self.cars and 2 * shift >= sides, tuple((step + shift) % sides for step in zigzag))
             for shift in range(sides)
         )
+
+
+def resting(sides: int, places: int, unit: int) -> tuple[Grid, ...]:
+    """The grids of a unit of more sides than places, in which all rest equally often."""
+    first = first_race(sides, places, unit)
+    return tuple(Grid(False, tuple((side + shift) % sides for side in first)) for shift in range(sides))
 
 
 FORMATS: dict[str, Format] = {

@@ -92,10 +92,11 @@ def matchups(
 ) -> pl.DataFrame:
     """Turn the RESULTS of a tournament into MATCHUPS, seen from both sides, by entrant and opponent.
 
+    Differences are those of the races in which both took part, units those that have such races.
     Intervals resample the units of the matchup; one of few units that are all alike borrows the spread of
     the others, and its bounds are null where there is none to borrow.
     """
-    evidence = Evidence(results, weights)
+    evidence = Evidence(results, weights, common=True)
     if evidence.seen.is_empty():
         return pl.DataFrame(schema=MATCHUPS)
     difference = evidence.estimates(evidence.shares)
@@ -105,7 +106,7 @@ def matchups(
     sides = [(first, second, difference, low, high), (second, first, 0.0 - difference, 0.0 - high, 0.0 - low)]
     told = pl.concat(pl.DataFrame(dict(zip(columns, side, strict=True))) for side in sides)
     return (
-        _together(evidence.seen, weights)
+        _together(evidence, weights)
         .join(told, on=MATCHUP, maintain_order="left")
         .with_columns(pl.col(pl.Float64).fill_nan(None))
         .select(MATCHUPS.names())
@@ -130,13 +131,14 @@ def pair_correlation(results: pl.DataFrame) -> float | None:
     return float(first @ second / scale) if scale > 0 else None
 
 
-def _together(seen: pl.DataFrame, weights: Mapping[str, float]) -> pl.DataFrame:
+def _together(evidence: Evidence, weights: Mapping[str, float]) -> pl.DataFrame:
     """Units, points and contacts of every entrant in its units with every other, by entrant and opponent."""
     weight = pl.col("test").replace_strict(dict(weights), default=1.0, return_dtype=pl.Float64)
-    opponents = seen.select(*UNIT, opponent="entrant")
+    met = evidence.met.drop_nulls("difference").select(*ORDER, *MATCHUP, "points", "points_")
+    turned = {"entrant": "opponent", "opponent": "entrant", "points": "points_", "points_": "points"}
     return (
-        seen.join(opponents, on=UNIT)
-        .filter(pl.col("entrant") != pl.col("opponent"))
+        pl.concat([met, met.rename(turned).select(met.columns)])
+        .join(evidence.seen.select(*UNIT, "entrant", "contacts", "km"), on=[*UNIT, "entrant"])
         .sort(*MATCHUP, *ORDER)
         .group_by(*MATCHUP, "test", maintain_order=True)
         .agg(pl.col("points").mean(), pl.col("contacts", "km").sum(), pairs=pl.len())

@@ -87,10 +87,16 @@ def _plackett_luce(results: pl.DataFrame, evidence: Evidence, units: pl.DataFram
         .sort(*race, "place", "car", descending=[False, False, True, True])
     )
     own = np.stack([cars["entrant"] == entrant for entrant in evidence.entrants], 1).astype(np.float64)
-    # From the last car to the first: how many of each entrant are still to come in, this one among them.
-    to_come = cars.select(
-        (pl.col("entrant") == entrant).cum_sum().over(race).alias(entrant) for entrant in evidence.entrants
-    ).to_numpy()
+    # From the last car to the first: how many of each entrant are still to come in, this one among them, and
+    # those that share its place (Breslow, Biometrics 30, 1974).
+    left = cars.select(
+        pl.struct(*race, "place").alias("tied"),
+        *(
+            (pl.col("entrant") == entrant).cum_sum().over(race).alias(f"{number} left")
+            for number, entrant in enumerate(evidence.entrants)
+        ),
+    )
+    to_come = left.select(pl.exclude("tied").max().over("tied")).to_numpy()
     weight = cars["weight"].to_numpy()
 
     def cost(strength: Floats) -> tuple[float, Floats]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nathlon.tournament.formats import Grid
+from nathlon.tournament.formats import Grid, resting
 
 
 @dataclass(frozen=True)
@@ -12,7 +12,8 @@ class Sides:
     """The format of a scenario with so many sides, each of some seats.
 
     Two sides make a match of two, played twice with sides changed. With more it is a free-for-all, in which
-    everybody takes every side once; see `nathlon.tournament.formats.Format`.
+    everybody takes every side once a unit; with more entrants than sides some rest, see
+    `nathlon.tournament.block_design`.
 
     Attributes:
         sides: how many.
@@ -27,10 +28,12 @@ class Sides:
         """Whether two play against each other, or everybody for themselves."""
         return self.sides == 2
 
-    def grids(self, entrants: int) -> tuple[Grid, ...]:
+    def grids(self, entrants: int, unit: int = 0) -> tuple[Grid, ...]:
         """Who of so many entrants takes each side, in every episode of a unit."""
         if self.teams:
             return Grid(False, (0, 1)), Grid(True, (1, 0))
+        if entrants > self.sides:
+            return resting(entrants, self.sides, unit)
         return tuple(
             Grid(False, tuple((side + shift) % entrants for side in range(self.sides)))
             for shift in range(entrants)

@@ -103,6 +103,13 @@ def add(connection: sa.Connection, finished: Sequence[Finished]) -> set[str]:
     return new
 
 
+def forget(connection: sa.Connection, keys: Iterable[str]) -> None:
+    """Take matches out of the store, and out of the runs that used them."""
+    for chunk in schema.chunks(keys):
+        for column in (schema.result.c.match, schema.run_match.c.match, schema.match.c.key):
+            connection.execute(column.table.delete().where(column.in_(chunk)))
+
+
 def _row(match: Finished, results: pl.DataFrame) -> dict[str, Any]:
     spec = schema.to_json(match.spec)
     found = digest(match.key, match.stage, spec, results.to_dict(as_series=False))

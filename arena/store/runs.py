@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 import sqlalchemy as sa
 
-from nathlon.arena.results import RESULTS, TABLES
+from nathlon.arena.results import INTERRUPTED, RESULTS, TABLES
 from nathlon.arena.store import matches, schema
 from nathlon.arena.store.database import StoreFault, clock, insert_new, stamp
 
@@ -88,6 +88,14 @@ def results(connection: sa.Connection, name: str, stage: str | None) -> pl.DataF
     return frame.join(order, on="match").sort("position", "match", "race", "car").select(RESULTS.names())
 
 
+def interrupted(connection: sa.Connection, name: str) -> set[str]:
+    """Keys of the matches that a run used and that the machine has interrupted."""
+    run, used, result = schema.run, schema.run_match, schema.result
+    query = sa.select(used.c.match).join(run).join(result, result.c.match == used.c.match)
+    query = query.where(run.c.name == name, result.c.ending == INTERRUPTED)
+    return set(connection.scalars(query.distinct()))
+
+
 def put_table(connection: sa.Connection, name: str, table_name: str, frame: pl.DataFrame) -> None:
     """Replace a stage table of a run."""
     table, run = schema.stage_tables[table_name], _hold(connection, name)
@@ -115,6 +123,13 @@ def facts(connection: sa.Connection, name: str) -> dict[str, schema.JsonValue]:
     query = sa.select(schema.fact).where(schema.fact.c.run == find(connection, name))
     rows = connection.execute(query)
     return dict(sorted((row.key, schema.from_json(row.value)) for row in rows))
+
+
+def fact_of_runs(connection: sa.Connection, key: str) -> dict[str, schema.JsonValue]:
+    """One fact of all runs that have it, by their names."""
+    query = sa.select(schema.run.c.name, schema.fact.c.value).join(schema.fact)
+    rows = connection.execute(query.where(schema.fact.c.key == key).order_by(schema.run.c.id))
+    return {name: schema.from_json(value) for name, value in rows}
 
 
 def _hold(connection: sa.Connection, name: str) -> int:

@@ -111,6 +111,10 @@ class Store:
             matches.check(match)
         return self._database.write(matches.add, finished)
 
+    def forget(self, keys: Iterable[str]) -> None:
+        """Take matches out, also out of the runs that used them, so that they are run again."""
+        self._database.write(matches.forget, list(keys))
+
     def spec(self, key: str) -> dict[str, Any]:
         """What decides the outcome of a match."""
         return self._database.read(matches.spec, key)
@@ -160,6 +164,10 @@ class Store:
         """RESULTS of the matches that a run used, or of one stage's, in the order in which it used them."""
         return self._database.read(runs.results, run, stage)
 
+    def interrupted(self, run: str) -> set[str]:
+        """Keys of the matches that a run used and that the machine has interrupted."""
+        return self._database.read(runs.interrupted, run)
+
     def put_table(self, run: str, name: str, frame: pl.DataFrame) -> None:
         """Replace a stage table of a run, one of `nathlon.arena.results.TABLES`."""
         schema.check(name, frame, TABLES[name])
@@ -172,6 +180,10 @@ class Store:
     def put_fact(self, run: str, key: str, value: JsonValue) -> None:
         """Keep a fact about a run, in place of the one that had this key."""
         self._database.write(runs.put_fact, run, key, value)
+
+    def fact_of_runs(self, key: str) -> dict[str, JsonValue]:
+        """One fact of all runs that have it, by their names in the order in which they began."""
+        return self._database.read(runs.fact_of_runs, key)
 
     def facts(self, run: str) -> dict[str, JsonValue]:
         """All facts about a run, ordered by key."""

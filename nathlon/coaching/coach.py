@@ -12,7 +12,7 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.coaching.craft import craft_of, traffic
 from nathlon.coaching.diagnosis import MIN_LOSS_S, Compared, causes_of
 from nathlon.coaching.driving import HANDS, Driven, Jolt, Plan, Rider
-from nathlon.coaching.edits import Edit, edits_of
+from nathlon.coaching.edits import Edit, edits_of, full_throttle
 from nathlon.coaching.lap import STEP_M, Lap, laps_of
 from nathlon.coaching.parts import Part, marks, parts_of
 from nathlon.coaching.proof import LEAST_GAIN_S, STARTS, TRUE_S, Proved, Trial, Window, try_edits, window_of
@@ -25,12 +25,15 @@ from nathlon.reports.coach import (
     CoachFacts,
     Consistency,
     DrivenLap,
+    Pace,
     Raced,
     Section,
     StartState,
 )
 from nathlon.sim.errors import InputError
 
+SLOWER, EVERYWHERE = 0.98, 0.9
+"""Whoever is slower than so much of the other's speed on so much of the lap is slower everywhere."""
 BEFORE_M = 60.0
 """Before a section, where a start state is taken."""
 MOST_STARTS = 8
@@ -40,7 +43,7 @@ OnDrives = Callable[[int, int], None]
 
 
 class _Ways(NamedTuple):
-    """Other ways to drive a bend.
+    """Other ways to drive a part.
 
     Attributes:
         window: that is driven.
@@ -77,6 +80,9 @@ class Coach:
         car: index of the car.
         reference: with what its best lap is compared.
 
+    Attributes:
+        pace: how much slower the car is everywhere; None where it is not.
+
     Raises:
         InputError: if the car has completed no lap.
     """
@@ -89,12 +95,13 @@ class Coach:
         self._lap = min(self._laps, key=lambda lap: lap.lap_s)
         self._length_m = (len(self._lap.time_s) - 1) * STEP_M
         self._parts = parts_of(log.sections, (self._lap, reference.lap))
+        self.pace = self._pace()
         self._compared = [self._compare(part) for part in self._parts]
 
     def work(self, on_drives: OnDrives) -> Coached:
         """Find out all there is, and prove the advice."""
         rider = Rider(self._log, self._lap)
-        bends = {each.part.number: self._ways(each) for each in self._compared if each.part.bend}
+        bends = {each.part.number: self._ways(each) for each in self._compared if each.improvable}
         drives = np.cumsum([0, *(len(STARTS) * len(ways.edits) for ways in bends.values())]).tolist()
         trials: dict[int, Trial] = {}
         on_drives(0, drives[-1])
@@ -120,7 +127,8 @@ class Coach:
             other_lap_s=round(self._reference.lap.lap_s, 3),
             limit_s=self._reference.limit_s,
             lost_s=round(self._lap.lap_s - self._reference.lap.lap_s, 3),
-            sections=tuple(self._section(each) for each in self._compared),
+            sections=self.sections(),
+            pace=self.pace,
             consistency=self._consistency(),
             craft=craft_of(self._log, self._car),
             advice=tuple(one for one, _ in advice),
@@ -150,18 +158,32 @@ class Coach:
             return Compared(self._lap, self._reference.lap, part, None)
         after = self._parts[part.number + 1].end_m if part.number + 1 < len(self._parts) else part.end_m
         does, shows = (marks(lap, part.start_m, part, after) for lap in (self._lap, self._reference.lap))
-        return Compared(self._lap, self._reference.lap, part, (does, shows))
+        return Compared(self._lap, self._reference.lap, part, (does, shows), self.pace is not None)
 
     def _ways(self, compared: Compared) -> _Ways:
-        """What is to be tried in a bend: nothing where another car is near."""
+        """What is to be tried in a part: nothing where another car is near."""
         part, lap = compared.part, self._lap
         window = window_of(self._parts, part, self._length_m)
         began, ended = (lap.start_s + lap.time_s[lap.at(at)] for at in (window.start_m, window.end_m))
         near = traffic(self._log, self._car, began, ended)
         if near is not None:
             return _Ways(window, [], Trial(window, 0, (), f"{near[1]} is near"))
-        assert compared.marks is not None, "a bend has its marks"
+        if compared.marks is None:
+            return _Ways(window, list(full_throttle(part, lap)), None)
         return _Ways(window, list(edits_of(part, lap, compared.other, *compared.marks)), None)
+
+    def sections(self) -> tuple[Section, ...]:
+        """The parts of the lap, with what is lost in each and why."""
+        return tuple(self._section(each) for each in self._compared)
+
+    def _pace(self) -> Pace | None:
+        own, other = self._lap.speed, self._reference.lap.speed
+        places = min(len(own), len(other))
+        ratio = own[:places] / np.maximum(other[:places], 1.0)
+        slower = float((ratio < SLOWER).mean())
+        if self._lap.standing or slower < EVERYWHERE:
+            return None
+        return Pace(speed_share=round(float(np.median(ratio)), 3), slower_share=round(slower, 3))
 
     def _section(self, compared: Compared) -> Section:
         part, own, other = compared.part, compared.own, compared.other
@@ -230,11 +252,12 @@ class Coach:
 
     def _advice(self, part: Part, trial: Trial, proved: Proved) -> Advice:
         compared, lap, edit = self._compared[part.number], self._lap, proved.edit
-        assert compared.marks is not None, "an advice is of a bend"
-        does = compared.marks[0]
-        amount, unit, at_m = edit.amount, "m", does.brake_m or part.start_m
+        does = compared.marks[0] if compared.marks else None
+        amount, unit, at_m = edit.amount, "m", (does and does.brake_m) or part.start_m
         side: Literal["left", "right"] | None = None
-        if edit.kind == "more_speed":
+        if does is None:
+            amount, unit = 100.0 * edit.amount, "%"
+        elif edit.kind == "more_speed":
             (gained, at_m), unit = _faster(proved, part, does.apex_m), "km/h"
             amount = 3.6 * gained
         elif edit.kind == "throttle_earlier":

@@ -19,6 +19,8 @@ FASTER = (0.005, 0.01, 0.02, 0.035, 0.05, 0.08, 0.12, 0.18)
 SOONER_M = (4.0, 8.0, 14.0, 22.0, 35.0, 55.0)
 CLOSER = (0.25, 0.5, 0.75, 1.0)
 """Shares of the way from the own line to the other one."""
+LIFTS_M = (0.0, 25.0, 60.0, 120.0)
+"""Before the end of a straight, where full throttle ends."""
 BLEND_M = 60.0
 """Before and after a bend, over which one line becomes the other."""
 LEAST_M = 8.0
@@ -31,7 +33,7 @@ class Edit:
 
     Attributes:
         kind: what is done.
-        amount: m, share of the speed, or share of the way to the other line.
+        amount: m, share of the speed, of the way to the other line, or of the throttle.
         plan: with the edit.
     """
 
@@ -71,6 +73,18 @@ def edits_of(part: Part, own: Lap, other: Lap, does: Marks, shows: Marks) -> Ite
     leaves_m = max(ends_m, shows.full_m or part.end_m)
     for share in CLOSER:
         yield Edit("line", share, _towards(plan, Plan.of(other), part.start_m, leaves_m, share))
+
+
+def full_throttle(part: Part, own: Lap) -> Iterator[Edit]:
+    """The edits that are tried on a straight: the throttle is full until somewhere before its end."""
+    plan = Plan.of(own)
+    at = _places(plan)
+    for metres in LIFTS_M:
+        inside = (at >= part.start_m) & (at <= part.end_m - metres)
+        more = np.where(inside, np.maximum(1.0 - plan.pedal, 0.0), 0.0)
+        if more.any():
+            share = float(more[(at >= part.start_m) & (at <= part.end_m)].mean())
+            yield Edit("full_throttle", share, plan.with_traces(pedal=plan.pedal + more))
 
 
 def _places(plan: Plan) -> Trace:

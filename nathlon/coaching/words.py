@@ -49,6 +49,8 @@ def told_advice(advice: Advice, other: str) -> str:
             return f"carry {amount} km/h more at {place}"
         case "throttle_earlier":
             return f"be at full throttle {amount} m earlier than at {place}"
+        case "full_throttle":
+            return f"stay at full throttle from {place} on, {amount} % more in the mean"
     whole = advice.share == 100.0
     how = (
         f"drive as {other} does"
@@ -96,6 +98,10 @@ def _lap(facts: CoachFacts) -> str:
     apart = f"{abs(facts.lost_s):.3f} s {'more' if facts.lost_s > 0.0 else 'less'}"
     line = f"The best lap of {facts.name} on {facts.raced.circuit} takes {facts.lap.lap_s:.3f} s. "
     line += f"That is {apart} than the lap of {who}: {facts.other_lap_s:.3f} s."
+    if facts.pace is not None:
+        line += (
+            f" It is slower everywhere: at {facts.pace.speed_share:.0%} of that one's speed in the median."
+        )
     if facts.limit_s is not None:
         line += f" The limit of circuit and car is {facts.limit_s:.3f} s."
     return line
@@ -184,6 +190,8 @@ def _cause(cause: Cause) -> str:
             return f"braking {apart} m earlier"
         case "braking_late":
             return f"braking {apart} m later"
+        case "entry_speed":
+            return f"{apart} km/h too fast on the way in, at {cause.at_m:.0f} m"
         case "minimum_speed":
             return f"{apart} km/h slower at the slowest place"
         case "speed":

@@ -29,12 +29,18 @@ def battery(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Put entrants through the n-athlon: skill tests with points."""
+    """Put entrants through the n-athlon: skill tests with points.
+
+    Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
+    """
     sources = find_sources(entrants)
     from nathlon.api.selection import configured, entered
     from nathlon.arena.pool import Pool
+    from nathlon.arena.results import VOID_ENDINGS
     from nathlon.n_athlon import run_battery
+    from nathlon.nightly import HEALTH
     from nathlon.progress import stage_progress, worker_count
+    from nathlon.reports.summary import void_runs, voided
     from nathlon.selection.single_run import single_run
 
     settings = configured(config, seed, workers=workers)
@@ -49,10 +55,16 @@ def battery(
             answer = run_battery(run, tested, settings.battery)
             run.keep(answer.tables)
     names = {entrant.id: entrant.name for entrant in tested}
+    not_judged = voided(answer.not_judged, names)
     if as_json:
-        print_json(_as_json(answer, names))
+        told = [one.model_dump() for one in not_judged]
+        print_json(_as_json(answer, names) | {"not_judged": told})
     else:
         _print(answer, names)
+        if void := int(answer.results["ending"].is_in(VOID_ENDINGS).sum()):
+            say(void_runs(void, answer.results.height, not_judged))
+    if not_judged:
+        raise SystemExit(HEALTH)
 
 
 def _named(table: pl.DataFrame, names: dict[str, str]) -> list[dict[str, Any]]:
@@ -84,7 +96,10 @@ def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
         tests.add_column(column, justify="left" if column in ("Test", "Best") else "right")
     rows = _named(answer.tables["skills"], names)
     for test, marks in answer.marks.items():
-        best = max((row for row in rows if row["test"] == test), key=lambda row: row["points"])
+        own = [row for row in rows if row["test"] == test]
+        if not own:
+            continue  # all its runs are void
+        best = max(own, key=lambda row: row["points"])
         mean = "–" if best["measure"] is None else f"{best['measure']:.2f}"
         worth = [f"{mark:.2f} {best['unit']}" for mark in (marks.base, marks.reference)]
         tests.add_row(test, *worth, best["name"], mean, f"{best['points']:.0f}")

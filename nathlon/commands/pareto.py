@@ -28,13 +28,19 @@ def pareto(
     workers: Workers = None,
     as_json: AsJson = False,
 ) -> None:
-    """Keep the checkpoints that may be on the Pareto front."""
+    """Keep the checkpoints that may be on the Pareto front.
+
+    Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
+    """
     sources = find_sources(checkpoints)
     from nathlon.api.selection import configured, entered
     from nathlon.arena.entrant import entrants_table
     from nathlon.arena.pool import Pool
+    from nathlon.arena.results import VOID_ENDINGS
+    from nathlon.nightly import HEALTH
     from nathlon.pareto.filter import run_filter
     from nathlon.progress import stage_progress, worker_count
+    from nathlon.reports.summary import void_runs, voided
     from nathlon.reports.tables import as_texts
     from nathlon.selection.single_run import single_run
 
@@ -55,17 +61,23 @@ def pareto(
         as_texts(table).write_csv(csv)
         table.write_parquet(parquet)
     front = table.filter("survives")
+    not_judged = voided(answer.not_judged, {entrant.id: entrant.name for entrant in entrants})
     if as_json:
         summary = {
             **run.stages[-1].model_dump(),
             "front": front.to_dicts(),
+            "not_judged": [one.model_dump() for one in not_judged],
             "files": {kind: str(path) for kind, path in files.items()},
         }
         print_json(summary)
-        return
-    _print_front(front, table.height, settings.pareto.objective)
-    for file in files.values():
-        say(str(file))
+    else:
+        _print_front(front, table.height, settings.pareto.objective)
+        if void := int(answer.results["ending"].is_in(VOID_ENDINGS).sum()):
+            say(void_runs(void, answer.results.height, not_judged))
+        for file in files.values():
+            say(str(file))
+    if not_judged:
+        raise SystemExit(HEALTH)
 
 
 def pareto_table(entrants: Sequence[Entrant], answer: Answer) -> pl.DataFrame:

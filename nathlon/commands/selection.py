@@ -66,12 +66,16 @@ def evaluate(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Select the best of your own checkpoints, the same way as the demo."""
+    """Select the best of your own checkpoints, the same way as the demo.
+
+    Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
+    """
     sources = find_sources(checkpoints)
     from nathlon.arena.workers import start_server
 
     start_server()
     from nathlon import select
+    from nathlon.nightly import HEALTH
 
     with stoppable(f"The same command goes on from {store or out / 'store.sqlite'}."):
         result = select(
@@ -95,6 +99,8 @@ def evaluate(
             print_json(result.summary.model_dump(mode="json"))
         else:
             print_places(result)
+    if result.selection is not None and result.summary.not_judged:
+        raise SystemExit(HEALTH)
 
 
 def _print_now(summary: Summary) -> None:
@@ -164,7 +170,10 @@ def print_verdict(summary: Summary) -> None:
     """Print the ranking and who is sent."""
     _print_ranking(summary)
     sent = summary.sent
-    say(f"Sent         {sent[0].name if sent else 'nobody: no finalist passed the gates'}")
+    lacking = "that could be judged passed the gates" if summary.not_judged else "passed the gates"
+    say(f"Sent         {sent[0].name if sent else f'nobody: no finalist {lacking}'}")
+    if summary.void:
+        say(f"Void         {summary.void_runs}")
     for item in summary.gone:
         say(f"Gone         {item.source} {item.reason}")
     for name, others in summary.also.items():

@@ -17,6 +17,7 @@ from nathlon.arena.entrance import check_opponents
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
+from nathlon.arena.voids import not_judged_by_tests
 from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.registry import home
 from nathlon.n_athlon.battery import MARKS, rank_battery, skills
@@ -88,7 +89,7 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     began = time.perf_counter()
     if not entrants:
         run.note("battery", 0, 0, pl.DataFrame(schema=RESULTS), began)
-        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), {}, {})
+        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), [], {}, {})
     world = home(entrants[0])
     tests = load_skills(settings.tests, world) or standing_tests(world)
     set_aside = _without_room(tests, world)
@@ -104,20 +105,27 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
 
     marks: dict[str, Marks] = {}
     scored: list[pl.DataFrame] = []
+    tested: list[pl.DataFrame] = []
     for skill in held:
         how = measured(skill.measure, world)
-        found = skill.marks(skill.runs_of(frames[own[skill.name].key], how), how)
+        setting = frames[own[skill.name].key]
+        if not_judged_by_tests(setting):
+            set_aside[skill.name] = f"most runs of {_called(skill, world)} are void"
+            continue
+        found = skill.marks(skill.runs_of(setting, how), how)
         if found is None:
             set_aside[skill.name] = f"{_called(skill, world)} fails in too many of its runs"
             continue
         marks[skill.name] = found
         own_frames = {entrant.id: frames[planned[skill.name, entrant.id].key] for entrant in entrants}
         scored.append(marked(skill, own_frames, found, how))
+        tested += [frame.with_columns(test=pl.lit(skill.name)) for frame in own_frames.values()]
     tables = _tables(run, scored)
     by_id = {entrant.id: entrant for entrant in entrants}
     ordered = [by_id[entrant] for entrant in tables["battery"]["entrant"]]
     run.note("battery", len(entrants), len(ordered), results, began)
-    return BatteryAnswer(tables, ordered, results, marks, set_aside)
+    not_judged = not_judged_by_tests(pl.concat([pl.DataFrame(schema=RESULTS), *tested]))
+    return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside)
 
 
 def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: Measure) -> pl.DataFrame:

@@ -12,6 +12,7 @@ from scipy.special import ndtri
 
 from nathlon.arena.results import PARETO, POLICY_FAULTS
 from nathlon.arena.statistics import Floats, group_sums
+from nathlon.arena.voids import not_judged_by_tests
 from nathlon.pareto.objective import (
     CONTACTS,
     LAP,
@@ -46,12 +47,13 @@ def pareto(
     An entrant survives if it is non-dominated in at least
     `keep_probability` of the draws of what everybody's objectives may truly be; see
     `nondominated_probability`. Equal objectives do not dominate each other. An entrant that has no
-    value in an objective, or came through none of the runs of a test, neither survives nor
-    dominates. A race with a simulator fault is void.
+    value in an objective, came through none of the runs of a test, or cannot be judged since most of
+    them are void, neither survives nor dominates.
     """
     runs = own_runs(results)
     measured = [measure(runs, objective) for objective in objectives]
-    contenders = _contenders(runs, objectives, measured)
+    not_judged = {one.entrant for one in not_judged_by_tests(results)}
+    contenders = _contenders(runs, objectives, measured, not_judged)
     probability = nondominated_probability([m.of(contenders) for m in measured], resamples, rng)
     columns = [
         *(value_column(measure(runs, objective), objective, objective.name) for objective in STANDARD),
@@ -66,7 +68,10 @@ def pareto(
         table = table.join(column, on="entrant", how="left", maintain_order="left")
     return (
         table.with_columns(pl.col("nondominated_probability", "races").fill_null(0))
-        .with_columns(survives=pl.col("nondominated_probability") >= keep_probability)
+        .with_columns(
+            survives=(pl.col("nondominated_probability") >= keep_probability)
+            & ~pl.col("entrant").is_in(not_judged)
+        )
         .select(PARETO.names())
         .cast(PARETO)
     )
@@ -83,10 +88,10 @@ def came_through(runs: pl.DataFrame, test: str) -> set[str]:
 
 
 def _contenders(
-    runs: pl.DataFrame, objectives: Sequence[Objective], measured: Sequence[Measured]
+    runs: pl.DataFrame, objectives: Sequence[Objective], measured: Sequence[Measured], not_judged: set[str]
 ) -> list[str]:
     through = [came_through(runs, test) for test in {objective.source for objective in objectives}]
-    return sorted(set.intersection(*through, *(set(m.entrants) for m in measured)))
+    return sorted(set.intersection(*through, *(set(m.entrants) for m in measured)) - not_judged)
 
 
 def nondominated_probability(

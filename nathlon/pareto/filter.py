@@ -16,6 +16,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
 from nathlon.arena.statistics import Floats
+from nathlon.arena.voids import not_judged_by_tests
 from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.registry import home
 from nathlon.pareto import STANDARD, came_through, in_contention, pareto
@@ -156,7 +157,7 @@ def run_filter(run: Run, entrants: Sequence[Entrant], settings: FilterSettings) 
     survivors = [entrant for entrant in entrants if entrant.id in kept]
     run.note("pareto", len(entrants), len(survivors), known, began)
     tables = {"pareto": table, "objectives": objectives_table(known, settings.objective, world.measures)}
-    return Answer(tables, survivors, known)
+    return Answer(tables, survivors, known, not_judged_by_tests(known))
 
 
 def undecided(probability: Floats) -> NDArray[np.bool_]:

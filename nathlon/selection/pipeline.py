@@ -15,6 +15,7 @@ import polars as pl
 
 from nathlon.arena.entrant import Entrant, entrants_table
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.voids import NotJudged
 from nathlon.arena.worlds.registry import load_world
 from nathlon.committee import ask
 from nathlon.committee.decision import Decision
@@ -25,7 +26,7 @@ from nathlon.pareto.filter import run_filter
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import is_still
 from nathlon.reports.forecast import Forecast
-from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions
+from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions, voided
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
 from nathlon.selection.forecasting import earlier, effect, forecast, habits_of
@@ -63,7 +64,8 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     tables |= filtered.tables | tested.tables
     tables["incidents"] = hold_incidents(run, tested.entrants, config.battery.incidents)
     began = time.perf_counter()
-    listed = ask(event_log, "shortlist", survivors, tested.tables, tested.results, config.committee)
+    fit = _without(survivors, tested.not_judged)
+    listed = ask(event_log, "shortlist", fit, tested.tables, tested.results, config.committee)
     tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
     run.keep(tables)
     if listed.result is None:
@@ -82,14 +84,17 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     else:
         set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
         ranking = ranked_by_tests(tables["battery"], finalists)
-        raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results)
+        raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results, tested.not_judged)
     tables |= raced.tables
     run.keep(tables)
-    candidates = [entrant for entrant in finalists if entrant.id not in anchors]
+    candidates = [e for e in _without(finalists, raced.not_judged) if e.id not in anchors]
     gone = [one for one in candidates if is_path(one.source) and not is_still(one.source, one.id)]
     candidates = [entrant for entrant in candidates if entrant not in gone]
     sent = ask(event_log, "selection", candidates, raced.tables, raced.results, config.committee)
-    summary = _summary(run, field, config, tables, tested, raced, told, sent, set_aside, expected, gone)
+    not_judged = list(dict.fromkeys([*filtered.not_judged, *tested.not_judged, *raced.not_judged]))
+    summary = _summary(
+        run, field, config, tables, tested, raced, told, sent, set_aside, expected, gone, not_judged
+    )
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary
 
@@ -110,6 +115,11 @@ def _together(*groups: Sequence[Entrant]) -> list[Entrant]:
     return list({entrant.id: entrant for group in groups for entrant in group}.values())
 
 
+def _without(entrants: Sequence[Entrant], not_judged: Sequence[NotJudged]) -> list[Entrant]:
+    left_out = {one.entrant for one in not_judged}
+    return [entrant for entrant in entrants if entrant.id not in left_out]
+
+
 def _chosen(decision: Decision) -> list[str]:
     return [] if decision.result is None else list(decision.result.chosen)
 
@@ -126,6 +136,7 @@ def _summary(
     stages_set_aside: dict[str, str],
     expected: Forecast,
     gone: Sequence[Entrant],
+    not_judged: Sequence[NotJudged],
 ) -> Summary:
     deviation = None if "tournament" in stages_set_aside else unit_deviation(raced.results)
     references = len(field.anchors)
@@ -158,6 +169,7 @@ def _summary(
         car_runs=len(endings),
         faults=int(endings.is_in(POLICY_FAULTS).sum()),
         void=int(endings.is_in(VOID_ENDINGS).sum()),
+        not_judged=voided(not_judged, names),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
         gone=tuple(SetAside(source=each.source, reason=GONE, digest=each.id) for each in gone),
         notes=field.notes,

@@ -18,6 +18,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import BACKGROUND, NO_TEAM, Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING, RECORDS, RESULTS
+from nathlon.arena.voids import not_judged_by_meetings
 from nathlon.arena.worlds.contract import Setup
 from nathlon.arena.worlds.registry import RACING, home, load_world
 from nathlon.bounds import MOST_PAIRS
@@ -101,7 +102,8 @@ class Fixture:
 
     def match(self, units: slice, stage: str = "tournament") -> Match:
         """The match of some of its units, for a stage."""
-        race, races = self.race, [r for seed in self.meeting.seeds[units] for r in self._unit(seed)]
+        numbered = list(enumerate(self.meeting.seeds))[units]
+        race, races = self.race, [each for number, seed in numbered for each in self._unit(number, seed)]
         ids, sources = zip(*((entrant.id, entrant.source) for entrant in self.entrants), strict=True)
         if self._setup.free:
             world = home(self.entrants[0])
@@ -122,14 +124,18 @@ class Fixture:
     def _setup(self) -> Setup:
         return home(self.entrants[0]).setup(self.race.raced)
 
-    def _unit(self, seed: int) -> list[Race]:
-        """The races of a unit; in a free-for-all the entrants are on its grids in an order of its own."""
+    def _unit(self, number: int, seed: int) -> list[Race]:
+        """The races of a unit; in a free-for-all the entrants are on its grids in an order of its own.
+
+        With more entrants than places it is the order of all units: who meets whom follows from the design.
+        """
         made, order = self.race.made, np.arange(len(self.entrants))
         if not made.teams:
-            order = np.random.default_rng(seed).permutation(order)
+            design = len(order) > len(self._setup.sides)
+            order = np.random.default_rng(self.meeting.seeds[0] if design else seed).permutation(order)
         return [
             Race(seed, self._seats([int(order[side]) for side in grid.sides], grid.sides), grid.mirrored)
-            for grid in made.grids(len(order))
+            for grid in made.grids(len(order), number)
         ]
 
     def _seats(self, entrants: Sequence[int], teams: Sequence[int]) -> tuple[Seat, ...]:
@@ -174,7 +180,7 @@ def run_round_robin(
     told = pl.DataFrame(schema=RECORDS)
     if not of_teams:
         told = records(results, run.rng("tournament"), confidence=confidence, weights=event.weights)
-    return RoundRobinAnswer(tables, first, results, told), matches
+    return RoundRobinAnswer(tables, first, results, not_judged_by_meetings(results), told), matches
 
 
 def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]:

@@ -18,8 +18,9 @@ from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue_engine import QueueEngine
-from nathlon.arena.results import RESULTS
+from nathlon.arena.results import INTERRUPTED, RESULTS
 from nathlon.arena.store import Store
+from nathlon.arena.voids import NotJudged, void_races
 from nathlon.reports.summary import Stage, Summary
 
 STAGES = ("pareto", "battery", "tournament")
@@ -48,11 +49,13 @@ class Answer:
         tables: by their names in `nathlon.arena.results.TABLES`.
         entrants: those that go on.
         results: RESULTS of the matches that it had run.
+        not_judged: who could not be judged, as most of its runs are void.
     """
 
     tables: dict[str, pl.DataFrame]
     entrants: list[Entrant]
     results: pl.DataFrame
+    not_judged: list[NotJudged]
 
 
 @dataclass
@@ -81,9 +84,12 @@ class Run:
     engine: Engine = field(init=False)
     _noted: float = field(default=-math.inf, init=False)
     _ran: int = field(default=0, init=False)
+    _run_again: set[str] = field(default_factory=set, init=False)
 
     def __post_init__(self, other_engine: Engine | None) -> None:
         self.engine = other_engine or QueueEngine(self.store, self.pool)
+        if interrupted := self.store.interrupted(self.name):
+            self.store.forget(interrupted)
 
     def seeds(self, stage: str) -> np.random.SeedSequence:
         """Seeds of a stage's races; no two stages share any, or the winner would be the luckiest."""
@@ -98,10 +104,28 @@ class Run:
         compile_kernels(self.pool, world, circuit, car, partial(self.on_match, KERNELS))
 
     def results(self, stage: str, matches: Sequence[Match]) -> pl.DataFrame:
-        """RESULTS of all matches in their order, having those run that the store does not hold."""
+        """RESULTS of all matches in their order, having those run that the store does not hold.
+
+        What the machine interrupts is run again, once; what it had when the run began, too.
+        """
         if not matches:
             return pl.DataFrame(schema=RESULTS)
         wanted = {match.key: match for match in matches}
+        while True:
+            self._have_run(stage, wanted)
+            try:
+                self.store.use(self.name, wanted)
+                results = self.store.results_of(wanted)
+            except KeyError:
+                continue  # another process runs again what was interrupted
+            interrupted = set(results.filter(pl.col("ending") == INTERRUPTED)["match"]) - self._run_again
+            if not interrupted:
+                return results
+            self._run_again |= interrupted
+            self.store.forget(interrupted)
+
+    def _have_run(self, stage: str, wanted: Mapping[str, Match]) -> None:
+        """Have those matches run that the store does not hold."""
         stored = self.store.stored(wanted)
         done = len(stored)
         self._say(stage, done, len(wanted))
@@ -111,8 +135,6 @@ class Run:
                 self._ran += len(wanted[key].races) if here else 0
                 done += 1
                 self._say(stage, done, len(wanted))
-        self.store.use(self.name, wanted)
-        return self.store.results_of(wanted)
 
     def _say(self, stage: str, done: int, total: int) -> None:
         """Tell whoever looks on, and note it in the store once a second for those who look from elsewhere."""
@@ -140,6 +162,7 @@ class Run:
                 entered=came,
                 left=left,
                 races=races,
+                void=void_races(results),
                 wall_s=round(wall_s + before.wall_s, 2),
                 ran=self._ran + before.ran,
                 core_s=round(wall_s * self.engine.workers + before.core_s, 2),

@@ -14,16 +14,17 @@ import numpy as np
 import polars as pl
 import pytest
 
-from nathlon.arena.entrant import enter
+from nathlon.arena.entrant import Entrant, enter
 from nathlon.arena.recording import recording_name
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
-from nathlon.nightly import GATE, HEALTH, OK, Night, judge, nightly, told
+from nathlon.nightly import GATE, HEALTH, NOT_JUDGED, OK, Night, awaited, judge, nightly, told
 from nathlon.policies.checkpoint import read_checkpoint, save_checkpoint
+from nathlon.policies.sources.identity import policy_id
 from nathlon.reports.summary import Sent, SetAside, read_summary
 from nathlon.selection.config import TEMPLATE, Config, read_config
 from nathlon.selection.field import Field
-from nathlon.selection.run import KERNELS, RECORDINGS, STAGES
+from nathlon.selection.run import DONE, KERNELS, RECORDINGS, STAGES
 from nathlon.sim.errors import InputError
 from tests import forked
 from tests.checkpoints import BUNDLED
@@ -432,3 +433,18 @@ def test_bad_configurations_are_one_sentence(tmp_path: Path) -> None:
     refused(nathlon("nightly", cwd=tmp_path), "nathlon.toml", "tournament.formats")
     (tmp_path / "nathlon.toml").write_text('checkpoints = ["nowhere"]\n')
     refused(nathlon("nightly", cwd=tmp_path), "nowhere: no such file or folder")
+
+
+def test_a_newcomer_that_could_not_be_judged_has_one_more_night(tmp_path: Path) -> None:
+    (tmp_path / "checkpoints").mkdir()
+    source = shutil.copy(WEAK, tmp_path / "checkpoints")
+    config = Config(checkpoints=(str(tmp_path / "checkpoints"),))
+    entrant = Entrant(policy_id(source), "weak", source, "qr-sac", "lindenring", "gt3", 1, 1)
+    plan = {"world": {}, "field": asdict(Field((entrant,)))}
+    with Store(tmp_path / "store.sqlite") as store:
+        for night, waiting in (("night-0001", 1), ("night-0002", 0)):
+            assert awaited(config, store)[0] == 1
+            store.begin_run(night, plan)
+            store.put_fact(night, NOT_JUDGED, [entrant.id])
+            store.end_run(night, DONE)
+            assert awaited(config, store)[0] == waiting

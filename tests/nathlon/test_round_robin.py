@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +126,21 @@ def test_a_tournament_that_goes_on_from_its_store_runs_nothing_and_says_the_same
     longer = settings.model_copy(update={"pairs": 10})
     _, more = run_round_robin(stage(folder, pool), DRIVERS, longer)
     assert [match.key for match in more[: len(matches)]] == [match.key for match in matches]
+
+
+def test_more_finalists_than_places_meet_each_other_about_equally_often() -> None:
+    """Over the rounds in which their races are given out, and in every unit from each place once."""
+    field = [replace(DRIVERS[0], id=str(number)) for number in range(12)]
+    event = Event(race=(EventRace(name="all", circuit="lindenring", car="gt3", format="ffa8"),))
+    [fixture] = plan(event, [field], 4, np.random.SeedSequence(3))
+    races = [*fixture.match(slice(0, 2)).races, *fixture.match(slice(2, 4)).races]
+    met = Counter(two for race in races for two in combinations(sorted(s.entrant for s in race.seats), 2))
+    assert set(met) == set(combinations(range(12), 2))
+    assert max(met.values()) - min(met.values()) <= 1
+    for unit in range(4):
+        for place in range(8):
+            taken = [race.seats[place].entrant for race in races[12 * unit : 12 * unit + 12]]
+            assert sorted(taken) == list(range(12))
 
 
 def test_without_stopping_every_matchup_is_one_match_with_all_its_pairs() -> None:

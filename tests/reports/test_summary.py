@@ -21,7 +21,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     assert read_summary(tmp_path / "summary.json") == summary
     plain = json.loads((tmp_path / "summary.json").read_text())
     assert plain["version"] == VERSION
-    assert set(plain["stages"][0]) == {"name", "in", "out", "races", "wall_s", "ran", "core_s"}
+    assert set(plain["stages"][0]) == {"name", "in", "out", "races", "wall_s", "ran", "core_s", "void"}
     assert plain["ranking"][0]["name"] == summary.ranking[0].name
 
 

@@ -1,12 +1,15 @@
 """Formats: the grids of a unit of evidence favour nobody."""
 
 from collections import Counter
+from itertools import combinations
 from typing import get_args
 
 import pytest
 
 from nathlon.sim.scenario import load_scenario
+from nathlon.tournament.block_design import CYCLE
 from nathlon.tournament.formats import FORMATS, Format, FormatName
+from nathlon.tournament.sides import Sides
 
 EVERY = pytest.mark.parametrize("made", FORMATS.values(), ids=FORMATS)
 
@@ -64,3 +67,35 @@ def test_in_a_free_for_all_of_eight_everybody_starts_once_right_behind_everybody
 def test_with_more_sides_than_cars_nobody_drives_two_and_some_rest() -> None:
     for grid in FORMATS["ffa8"].grids(11):
         assert len(set(grid.sides)) == 8
+
+
+@pytest.mark.parametrize("sides", [9, 10, 12, 15, 20])
+def test_with_more_sides_than_cars_every_two_meet_about_as_often_as_any_others(sides: int) -> None:
+    """After every unit, so that the schedule may end at any of them."""
+    met = Counter[frozenset[int]]()
+    for unit in range(6):
+        for grid in FORMATS["ffa8"].grids(sides, unit):
+            met.update(frozenset(two) for two in combinations(grid.sides, 2))
+        counts = [met[frozenset(two)] for two in combinations(range(sides), 2)]
+        assert max(counts) - min(counts) <= 3
+
+
+def test_in_a_world_of_three_seats_every_two_of_five_meet_equally_often_in_two_units() -> None:
+    met = Counter(
+        frozenset(two)
+        for unit in range(2)
+        for grid in Sides(3).grids(5, unit)
+        for two in combinations(grid.sides, 2)
+    )
+    assert set(met.values()) == {3}
+
+
+def test_whoever_starts_ahead_of_another_also_starts_behind_it() -> None:
+    ahead = Counter(
+        two
+        for unit in range(2 * CYCLE)
+        for grid in FORMATS["ffa8"].grids(12, unit)
+        for two in combinations(grid.sides, 2)
+    )
+    assert ahead
+    assert all(ahead[two] == ahead[two[::-1]] for two in ahead)

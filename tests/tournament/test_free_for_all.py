@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import polars as pl
 import pytest
@@ -11,6 +13,7 @@ from nathlon.arena.statistics import interval, spread
 from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.formats import FORMATS
 from nathlon.tournament.points import EQUAL, better, matchups, rank
+from nathlon.tournament.ratings import rate
 from tests.race_results import rows
 
 
@@ -88,3 +91,35 @@ def test_in_a_free_for_all_equals_are_seldom_told_apart() -> None:
 def test_a_block_that_lacks_a_race_is_set_aside() -> None:
     results = free_for_all(dict.fromkeys("abcdefgh", 0.0), 4, seeded())
     assert set(rank(results.filter(pl.col("race") != 9), seeded())["pairs"]) == {3}
+
+
+def table(race: int, *places: str) -> pl.DataFrame:
+    """A race of those named, the first first, with points as in a world of three seats."""
+    cars = range(len(places))
+    points = [float(PLACE_POINTS[car]) for car in cars]
+    columns = {"race": race, "car": cars, "entrant": places, "place": [car + 1 for car in cars]}
+    return rows({**columns, "points": points}, len(places))
+
+
+def test_two_are_compared_in_the_races_that_both_took_part_in() -> None:
+    """b beats a whenever they meet, but a rests where the strong race, and has more points in all."""
+    unit = [("b", "a", "c"), ("a", "c", "d"), ("d", "e", "b"), ("d", "e", "c"), ("e", "a", "b")]
+    results = pl.concat(table(5 * block + race, *unit[race]) for block in range(4) for race in range(5))
+    overall = results.group_by("entrant").agg(pl.col("points").sum())
+    assert dict(overall.iter_rows())["a"] > dict(overall.iter_rows())["b"]
+    told = matchups(results, seeded())
+    row = told.row(by_predicate=(pl.col("entrant") == "a") & (pl.col("opponent") == "b"), named=True)
+    assert row["difference"] == pytest.approx((8 - 10 + 8 - 6) / 2)
+    assert (row["points_per_race"], row["pairs"]) == (8.0, 4)
+    met = {frozenset(two) for two in told.select("entrant", "opponent").iter_rows()}
+    together = {frozenset(two) for race in unit for two in itertools.combinations(race, 2)}
+    assert met == together, "who never met is in no matchup"
+
+
+def test_who_shares_all_places_is_rated_alike() -> None:
+    """Whichever of them has the first seat."""
+    races = [table(race, *"abc") for race in range(12)]
+    tied = pl.concat(races).with_columns(place=pl.when(pl.col("entrant") == "c").then(3).otherwise(1))
+    strengths = dict(rate(tied).select("entrant", "plackett_luce").iter_rows())
+    assert strengths["a"] == pytest.approx(strengths["b"], abs=1e-6)
+    assert strengths["a"] > strengths["c"]

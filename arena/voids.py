@@ -1,0 +1,75 @@
+"""Void runs, which count for nobody, and who cannot be judged for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import polars as pl
+
+from nathlon.arena.match import BACKGROUND, TESTED
+from nathlon.arena.results import VOID_ENDINGS
+
+MOST = 0.5
+"""Whoever has a greater share of void runs in a test is not judged by the rest: it may void what it loses."""
+
+RUN = ("match", "run")
+
+
+@dataclass(frozen=True)
+class NotJudged:
+    """An entrant that most of its runs in a test tell nothing of.
+
+    Attributes:
+        entrant: its id.
+        stage, test: where, as in RESULTS.
+        void: runs that count for nobody.
+        runs: in all; mirrored pairs and blocks of a free-for-all are one each.
+    """
+
+    entrant: str
+    stage: str
+    test: str
+    void: int
+    runs: int
+
+
+def is_void() -> pl.Expr:
+    """Whether the race of a row of RESULTS is void."""
+    return pl.col("ending").is_in(VOID_ENDINGS).any().over("match", "race")
+
+
+def void_races(results: pl.DataFrame) -> int:
+    """How many races of some RESULTS are void."""
+    return int(results.filter(is_void()).select(pl.struct("match", "race").n_unique()).item())
+
+
+def not_judged_by_tests(results: pl.DataFrame) -> list[NotJudged]:
+    """Who under test cannot be judged by RESULTS of the filter or the n-athlon; ordered by entrant."""
+    runs = results.with_columns(void=is_void(), run=pl.col("race"))
+    return _not_judged(runs.filter(pl.col("team") == TESTED))
+
+
+def not_judged_by_meetings(results: pl.DataFrame) -> list[NotJudged]:
+    """Who cannot be judged by RESULTS of a tournament; ordered by entrant.
+
+    Its runs are units of evidence: mirrored pairs, or blocks of a free-for-all.
+    """
+    met = results.filter(pl.col("team") != BACKGROUND)
+    units = met.with_columns(run=pl.col("race") // pl.col("entrant").n_unique().over("match"))
+    return _not_judged(units.with_columns(void=pl.col("ending").is_in(VOID_ENDINGS).any().over(RUN)))
+
+
+def _not_judged(rows: pl.DataFrame) -> list[NotJudged]:
+    """Those with the greatest share of void runs first: whoever met them is not blamed for these runs."""
+    runs = rows.group_by("stage", "test", *RUN, "entrant").agg(pl.col("void").any())
+    found: list[NotJudged] = []
+    while True:
+        shares = runs.group_by("entrant", "stage", "test").agg(pl.col("void").sum(), runs=pl.len())
+        shares = shares.with_columns(share=pl.col("void") / pl.col("runs")).filter(pl.col("share") > MOST)
+        worst = shares.filter(pl.col("share") == pl.col("share").max()).sort("entrant", "stage", "test")
+        if worst.is_empty():
+            return sorted(found, key=lambda one: one.entrant)
+        once = worst.unique("entrant", keep="first", maintain_order=True)
+        found += [NotJudged(**row) for row in once.drop("share").to_dicts()]
+        theirs = pl.col("entrant").is_in(once["entrant"].to_list())
+        runs = runs.filter(~theirs, ~(pl.col("void") & theirs.any().over(RUN)))
