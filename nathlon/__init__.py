@@ -11,12 +11,12 @@ What is here loads what it needs when it is first used. Importing the package ma
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
 from nathlon.policies.registration import register_with_gymnasium
 
+TYPE_CHECKING = False  # so named, type checkers take it for true; `typing` takes longer to load than all this
 if TYPE_CHECKING:
+    from typing import Any
+
     from nathlon.api.coaching import CoachResult, coach
     from nathlon.api.gating import GateResult, gate
     from nathlon.api.league import LeagueResult, league
@@ -127,6 +127,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
     return getattr(import_module(_FROM[name]), name)
 
 

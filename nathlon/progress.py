@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.progress import (
     BarColumn,
@@ -16,8 +17,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from nathlon.selection.run import INCIDENT_RUNS, KERNELS, RECORDINGS, STAGES, OnMatch
 from nathlon.terminal import console, warn
+
+if TYPE_CHECKING:
+    from nathlon.selection.run import OnMatch
 
 
 def worker_count(asked: int | None) -> int:
@@ -40,14 +43,17 @@ def progress_bars(shown: bool = True) -> Progress:
 
 
 @contextmanager
-def stage_progress(
-    shown: bool, stages: Sequence[str] = (KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
-) -> Iterator[OnMatch]:
+def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator[OnMatch]:
     """Show the stages that have begun, unless told not to.
+
+    Args:
+        shown: whether to.
+        stages: that there may be; those of a selection by default.
 
     Yields:
         what is to be told of matches that have ended.
     """
+
     if shown and not (console(stderr=True).is_terminal or console(stderr=True).is_jupyter):
         lines = _Lines()
         try:
@@ -92,4 +98,6 @@ class _Lines:
 
 def _counted(stage: str) -> str:
     """What is counted in a stage; one that is called as it counts says so once."""
+    from nathlon.selection.run import KERNELS
+
     return {KERNELS: "compiled", "drives": "", "races": ""}.get(stage, "matches")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from importlib.util import find_spec
-from types import ModuleType
-from typing import Any
+
+TYPE_CHECKING = False  # every program that imports nathlon loads this module, and `typing` takes longer
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from importlib.machinery import ModuleSpec
+    from types import ModuleType
+    from typing import Any
 
 GYMNASIUM = "gymnasium"
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
@@ -18,7 +19,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 """Names, and the arguments in which they differ from `RaceGymEnv`."""
 
 
-class _AfterGymnasium(MetaPathFinder):
+class _AfterGymnasium:
     """Registers the environments once Gymnasium has been loaded."""
 
     def find_spec(
@@ -26,6 +27,8 @@ class _AfterGymnasium(MetaPathFinder):
     ) -> ModuleSpec | None:
         if fullname != GYMNASIUM:
             return None
+        from importlib.util import find_spec
+
         sys.meta_path.remove(self)
         spec = find_spec(GYMNASIUM)
         if spec is not None and spec.loader is not None:

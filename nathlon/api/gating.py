@@ -7,7 +7,8 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.api.selection import Candidate, Candidates, configured, entered, named_sources
+from nathlon.api.candidates import Candidate, Candidates, named_sources
+from nathlon.api.selection import configured, entered
 from nathlon.arena.decision import Decision
 from nathlon.arena.pool import Pool
 from nathlon.gating.gate import run_gate

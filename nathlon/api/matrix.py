@@ -7,7 +7,8 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.api.selection import Candidate, at_home, configured, named_sources
+from nathlon.api.candidates import Candidate, named_sources
+from nathlon.api.selection import at_home, configured
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import load_world
 from nathlon.progress import stage_progress, worker_count

@@ -5,7 +5,8 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
-from nathlon.api.selection import Candidates, configured, named_sources
+from nathlon.api.candidates import Candidates, named_sources
+from nathlon.api.selection import configured
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.rehearsal import PATIENCE_S, episode_times

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.api.selection import Candidates, named_sources
+from nathlon.api.candidates import Candidates, named_sources
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant
 from nathlon.arena.job import Wanted

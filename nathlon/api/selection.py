@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
 import polars as pl
 
+from nathlon.api.candidates import Candidates, named_sources
 from nathlon.arena.entrance import check_world, enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import load_world
-from nathlon.policies.policy import Policy
-from nathlon.policies.sources.finding import find_sources
-from nathlon.policies.sources.handed_over import hand_over
 from nathlon.progress import stage_progress, worker_count
 from nathlon.publishing.output import OutputFolder
 from nathlon.reports.picture import ranking_picture
@@ -25,12 +22,6 @@ from nathlon.reports.verdict import Verdict, verdict
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.evaluation import OnVerdict, evaluate
 from nathlon.sim.errors import InputError
-
-Candidate = str | Path | Policy
-"""A checkpoint or a folder of them, `plugin:NAME`, or a policy as an object."""
-Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
-"""One, some, or some by the names that their objects shall have."""
-
 
 POINTS = ("points_per_race", "points_low", "points_high")
 
@@ -195,31 +186,6 @@ def select(
 
 def _ignored(_: Summary) -> None:
     """Nobody wants to be told."""
-
-
-def named_sources(candidates: Candidates, people: bool = False) -> list[str]:
-    """The sources of candidates; objects are handed over, under the names given or those of their classes.
-
-    Args:
-        candidates: what a program has given.
-        people: whether what a person did is one of them.
-
-    Raises:
-        InputError: if one is no policy.
-    """
-    if isinstance(candidates, Mapping):
-        named = list(candidates.items())
-    else:
-        alone = isinstance(candidates, str) or not isinstance(candidates, Iterable)
-        together: Iterable[Candidate] = [candidates] if alone else candidates  # type: ignore[list-item,assignment]
-        named = [(f"{type(one).__name__}-{number}", one) for number, one in enumerate(together, 1)]
-    sources: list[str] = []
-    for name, candidate in named:
-        if isinstance(candidate, str | Path):
-            sources += find_sources([candidate], people)
-        else:
-            sources.append(hand_over(candidate, name))
-    return sources
 
 
 def configured(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import polars as pl
 
-from nathlon.api.selection import Candidate, named_sources
+from nathlon.api.candidates import Candidate, named_sources
 from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool

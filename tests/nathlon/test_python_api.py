@@ -12,7 +12,8 @@ import polars as pl
 import pytest
 
 import nathlon
-from nathlon.api.selection import SelectionResult, named_sources
+from nathlon.api.candidates import named_sources
+from nathlon.api.selection import SelectionResult
 from nathlon.sim.errors import InputError
 from tests.trainings import CHECKPOINTS, TOML
 

@@ -1,0 +1,40 @@
+"""Who takes part, as a program gives it: paths, names and objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from nathlon.policies.policy import Policy
+from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.handed_over import hand_over
+
+Candidate = str | Path | Policy
+"""A checkpoint or a folder of them, `plugin:NAME`, or a policy as an object."""
+Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
+"""One, some, or some by the names that their objects shall have."""
+
+
+def named_sources(candidates: Candidates, people: bool = False) -> list[str]:
+    """The sources of candidates; objects are handed over, under the names given or those of their classes.
+
+    Args:
+        candidates: what a program has given.
+        people: whether what a person did is one of them.
+
+    Raises:
+        InputError: if one is no policy.
+    """
+    if isinstance(candidates, Mapping):
+        named = list(candidates.items())
+    else:
+        alone = isinstance(candidates, str) or not isinstance(candidates, Iterable)
+        together: Iterable[Candidate] = [candidates] if alone else candidates  # type: ignore[list-item,assignment]
+        named = [(f"{type(one).__name__}-{number}", one) for number, one in enumerate(together, 1)]
+    sources: list[str] = []
+    for name, candidate in named:
+        if isinstance(candidate, str | Path):
+            sources += find_sources([candidate], people)
+        else:
+            sources.append(hand_over(candidate, name))
+    return sources
