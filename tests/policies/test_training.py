@@ -300,7 +300,7 @@ class InThisProcess:
         def terminate(self) -> None:
             pass
 
-        def join(self) -> None:
+        def join(self, timeout: float | None = None) -> None:
             pass
 
 
