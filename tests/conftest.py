@@ -33,9 +33,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="module")
 def uncompiled() -> Iterator[None]:
     """Updates of QR-SAC as they are written: compiling one for each test takes longer than all of it."""
-    import torch  # most modules do without
+    from tests.trainings import as_written  # imports torch, and most modules do without
 
-    with torch.compiler.set_stance("force_eager"):
+    with as_written():
+        yield
+
+
+@pytest.fixture(scope="module")
+def brief_laps() -> Iterator[None]:
+    """Laps of checkpoints are given up early."""
+    from tests.trainings import given_up_early
+
+    with given_up_early():
         yield
 
 

@@ -10,12 +10,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import linear
+from torch.optim.adam import adam
 
 from nathlon.policies.checkpoint import ENCODER
 from nathlon.policies.mlp import EncodedMlp, Mlp
 
 LEAST_SLOPE, UTMOST = 0.1, 0.9993
 """Of the tangent, and the action beyond which it has its own."""
+MOMENTS = ("exp_avg", "exp_avg_sq")
+"""Adam's, by PyTorch's names."""
 
 
 class Saturating(torch.autograd.Function):
@@ -55,10 +58,10 @@ class Actor:
         self._facts = network.facts if isinstance(network, EncodedMlp) else 0
         self._all = [tensor for layer in (*self.layers, *self.encoder) for tensor in layer]
         self._averages = [tensor.detach().clone() for tensor in self._all]
-        self._adam = torch.optim.Adam(self._all)
-        for tensor in self._all:  # which it makes at its first step, and a state may be kept before that
-            moments = {name: torch.zeros_like(tensor.detach()) for name in ("exp_avg", "exp_avg_sq")}
-            self._adam.state[tensor] = {"step": torch.tensor(0.0), **moments}
+        self._adam = [
+            {"step": torch.tensor(0.0)} | {name: torch.zeros_like(tensor.detach()) for name in MOMENTS}
+            for tensor in self._all
+        ]
 
     @property
     def network(self) -> Mlp | EncodedMlp:
@@ -84,11 +87,14 @@ class Actor:
 
     def step(self, loss: Tensor, rate: float) -> None:
         """Move the layers down the gradient of a loss, by Adam."""
-        for group in self._adam.param_groups:
-            group["lr"] = rate
-        self._adam.zero_grad()
-        torch.autograd.backward(loss)
-        self._adam.step()
+        gradients = torch.autograd.grad(loss, self._all)
+        step, mean, square = ([state[name] for state in self._adam] for name in ("step", *MOMENTS))
+        # As a function: `torch.optim.Adam` reads PyTorch's compiler, which takes seconds.
+        with torch.no_grad():
+            adam(
+                self._all, list(gradients), mean, square, [], step, foreach=False, amsgrad=False,
+                beta1=0.9, beta2=0.999, lr=rate, weight_decay=0.0, eps=1e-8, maximize=False,
+            )  # fmt: skip
 
     def average(self, share: float) -> None:
         """Move the average of the layers towards them as they are.
@@ -113,7 +119,7 @@ class Actor:
         for index, tensor in enumerate(self._all):
             tensors[f"parameter.{index}"] = tensor.detach().clone()
             tensors[f"average.{index}"] = self._averages[index].clone()
-            for name, value in self._adam.state[tensor].items():
+            for name, value in self._adam[index].items():
                 tensors[f"adam.{index}.{name}"] = value.clone()
         return tensors
 
@@ -126,13 +132,13 @@ class Actor:
         """
         for index, tensor in enumerate(self._all):
             found, average = tensors[f"parameter.{index}"], tensors[f"average.{index}"]
-            moments = {name: tensors[f"adam.{index}.{name}"] for name in ("step", "exp_avg", "exp_avg_sq")}
-            shapes = {each.shape for each in (found, average, moments["exp_avg"], moments["exp_avg_sq"])}
+            state = {name: tensors[f"adam.{index}.{name}"] for name in ("step", *MOMENTS)}
+            shapes = {each.shape for each in (found, average, *(state[name] for name in MOMENTS))}
             if shapes != {tensor.shape}:
                 raise ValueError(f"parameter.{index}")
             tensor.data.copy_(found)
             self._averages[index].copy_(average)
-            self._adam.state[tensor] = moments
+            self._adam[index] = state
 
 
 def _parameters(network: Mlp) -> list[tuple[Tensor, Tensor]]:

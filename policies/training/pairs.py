@@ -131,7 +131,8 @@ def prepare(
     if variety.home:
         wanted += [("home", i) for i in range(len(HOME) * len(PARENTS))]
     notes = [folder / f"{kind}-{number}.json" for kind, number in wanted]
-    missing = [place for place, note in enumerate(notes) if not note.exists()]
+    pairs = {note: _known(note) for note in notes if note.exists()}
+    missing = [place for place, note in enumerate(notes) if note not in pairs]
     ready = len(wanted) - len(missing)
     on_pair(ready, len(wanted))
     if missing:
@@ -143,10 +144,12 @@ def prepare(
                     on_pair(count, len(wanted))
             finally:
                 processes.shutdown(cancel_futures=True)
-    pairs = [_known(note) for note in notes]
-    held_out = range(variety.pairs, variety.pairs + variety.held_out)
-    trained = [pair for place, pair in enumerate(pairs) if place not in held_out and pair is not None]
-    return trained, [pair for pair in (pairs[place] for place in held_out) if pair is not None]
+        pairs |= {notes[place]: _known(notes[place]) for place in missing}
+    held_out = notes[variety.pairs : variety.pairs + variety.held_out]
+    return (
+        [pair for note in notes if note not in held_out and (pair := pairs[note])],
+        [pair for note in held_out if (pair := pairs[note])],
+    )
 
 
 def _known(note: Path) -> Pair | None:

@@ -9,28 +9,34 @@ import pytest
 
 from benchmarks.learning import Learning, Outcome, configurations, learn, measure, outcome, read, write
 from benchmarks.result import write_result
+from nathlon.policies.training import trainer
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.log import CURVE, CURVE_FILE
 from nathlon.policies.training.trainer import Trainer
 from nathlon.sim.errors import InputError
 
-pytestmark = pytest.mark.usefixtures("uncompiled")
+pytestmark = pytest.mark.usefixtures("uncompiled", "brief_laps")
 
 TINY = TrainingConfig.model_validate(
     {
         "circuit": "lindenring",
         "car": "gt3",
-        "updates": 1000,
-        "updates_per_step": 50,
+        "updates": 40,
+        "updates_per_step": 5,
         "warm_up": 60,
         "replay": 500,
-        "checkpoint_every": 250,
+        "checkpoint_every": 10,
         "rollouts": [{"scenario": "1v0", "races": 3, "learners": 1}],
         "observation": {"course_points": 3, "cars_ahead": 0, "cars_behind": 0},
         "qrsac": {"hidden": [8, 8], "quantiles": 4, "batch": 16, "n_step": 3},
     }
 )
-NEVER_S, SHORT_S = 0.0, 1e-9
+NEVER_S, SHORT_S = 0.0, 0.0
+
+
+@pytest.fixture(autouse=True)
+def told_at_every_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trainer, "LOG_EVERY", 10)
 
 
 def curve(folder: Path, *rows: tuple[int, int, str, float]) -> Path:
@@ -68,11 +74,11 @@ def test_a_run_without_any_lap_has_not_arrived(tmp_path: Path) -> None:
 def test_a_run_ends_with_its_configuration_or_at_the_time_limit(tmp_path: Path) -> None:
     limited = learn(tmp_path / "limited", TINY, 1, NEVER_S, SHORT_S)
     assert not limited.reached
-    assert limited.updates == 250
+    assert limited.updates == 10
     # The same folder with more time: it goes on to the end.
     whole = learn(tmp_path / "limited", TINY, 1, NEVER_S, 3600.0)
     assert not whole.reached
-    assert whole.updates == 1000
+    assert whole.updates == 40
     assert whole.wall_s >= limited.wall_s
 
 
@@ -89,7 +95,7 @@ def test_seeds_that_are_done_are_kept(tmp_path: Path) -> None:
     write(path, {"lindenring": so_far})
     measured = measure(path, {"lindenring": TINY}, 2, SHORT_S)["lindenring"]
     assert measured.seeds[1] == done
-    assert measured.seeds[2].updates == 250
+    assert measured.seeds[2].updates == 10
     assert read(path)["lindenring"] == measured
     shutil.rmtree(tmp_path / "learning")
     assert measure(path, {"lindenring": TINY}, 2, SHORT_S)["lindenring"] == measured

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from nathlon.sim.world import DYNAMICS_HZ
 from tests.drives import CIRCUITS
 from tests.driving import GT3, circle, world_with
 
+alone, best_alone = cache(drive_alone), cache(built_in_driver_alone)
 OFF = Aids(steering=False, pedals=False)
 
 
@@ -20,14 +23,14 @@ OFF = Aids(steering=False, pedals=False)
 def test_who_sees_late_laps_within_its_share_and_stays_on_the_course(
     circuit: str, style: Style, share: float
 ) -> None:
-    lap, best = drive_alone(circuit, "gt3", style), built_in_driver_alone(circuit, "gt3")
+    lap, best = alone(circuit, "gt3", style), best_alone(circuit, "gt3")
     assert lap["ending"] == "finished"
     assert lap["off_course_s"] == 0.0
     assert lap["race_time_s"] < share * best["race_time_s"]
 
 
 def test_without_aids_it_is_harder_but_not_impossible() -> None:
-    lap, aided = drive_alone("lindenring", "gt3", UNAIDED), drive_alone("lindenring", "gt3", WHEEL)
+    lap, aided = alone("lindenring", "gt3", UNAIDED), alone("lindenring", "gt3", WHEEL)
     assert (lap["ending"], lap["off_course_s"]) == ("finished", 0.0)
     assert lap["race_time_s"] > aided["race_time_s"]
     assert drive_alone("lindenring", "gt3", WHEEL._replace(aids=False))["off_course_s"] > 0.0

@@ -141,7 +141,7 @@ def test_the_policy_moves_to_what_the_teacher_does_and_stays_elsewhere() -> None
     driven.lesson[:100] = 0.5
     driven.seen[:100] += 10.0
     for _ in range(100):
-        study(work, origin, [driven], 1e-3, 64, np.random.default_rng(0))
+        study(work, origin, [driven], 2e-3, 256, np.random.default_rng(0))
     before, after = origin(driven.seen), work.network(driven.seen)
     assert np.abs(after - 0.5)[:100].mean() < 0.1 * np.abs(before - 0.5)[:100].mean()
     assert np.abs(after - before)[100:].mean() < 0.1 * np.abs(after - before)[:100].mean()
@@ -154,7 +154,7 @@ def test_who_has_moved_goes_back_to_where_it_was_before_its_lessons() -> None:
         improve(work, [driven], DEVIATION, 1e-3, 64, np.random.default_rng(0))
     apart = np.abs(work.network(driven.seen) - origin(driven.seen)).mean()
     driven.lesson[:50] = origin(driven.seen[:50])
-    for _ in range(100):
+    for _ in range(25):
         study(work, origin, [driven], 1e-3, 64, np.random.default_rng(0))
     assert np.abs(work.network(driven.seen) - origin(driven.seen)).mean() < 0.2 * apart
 

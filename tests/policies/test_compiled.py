@@ -20,6 +20,7 @@ from tests.qrsac import batches, learner
 
 pytestmark = [
     pytest.mark.takes_long,
+    pytest.mark.usefixtures("brief_laps"),
     pytest.mark.skipif(not any(map(shutil.which, ("g++", "c++", "clang++"))), reason="needs a C++ compiler"),
 ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +14,18 @@ from nathlon.arena.entrance import home
 from nathlon.arena.entrant import enter
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
 from nathlon.policies.sources.onnx import OnnxPolicy, export_onnx
-from nathlon.policies.training import polish, trial
+from nathlon.policies.training import pairs, polish, trial
 from nathlon.policies.training.config import TrainingConfig, Variety
 from nathlon.policies.training.pairs import Pair, PairDraw, prepare
 from nathlon.policies.training.polish import Polish, Round
+from nathlon.policies.training.processes import start_processes
 from nathlon.policies.training.rollout import tells_pace
 from nathlon.policies.training.trainer import Trainer
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 
-pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
+pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled", "brief_laps")]
 
 CONFIG = TrainingConfig.model_validate(
     {
@@ -50,7 +52,10 @@ CONFIG = TrainingConfig.model_validate(
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("variety") / "run"
-    Trainer.start(folder, CONFIG, 1).run(lambda _: None)
+    with pytest.MonkeyPatch.context() as patch:
+        # Each takes longer to start than to make a pair.
+        patch.setattr(pairs, "start_processes", partial(start_processes, 1))
+        Trainer.start(folder, CONFIG, 1).run(lambda _: None)
     return folder
 
 
@@ -61,13 +66,13 @@ def checkpoint(run: Path) -> Path:
 
 
 def test_what_goes_badly_is_drawn_more_often() -> None:
-    pairs = [Pair("lindenring", car, lap_s=100.0) for car in ("gt3", "coupe", "prototype")]
-    draw = PairDraw(pairs)
+    cars = [Pair("lindenring", car, lap_s=100.0) for car in ("gt3", "coupe", "prototype")]
+    draw = PairDraw(cars)
     rng = np.random.default_rng(0)
     full = load_track("lindenring").length / 100.0
     for _ in range(20):
-        draw.note(pairs[0], full)
-        draw.note(pairs[1], 0.85 * full)
+        draw.note(cars[0], full)
+        draw.note(cars[1], 0.85 * full)
     drawn = Counter(draw.draw(rng).car for _ in range(2000))
     # Weights 0.05, 0.2 and 1, of which 1 stands for what was never driven.
     expected = {"gt3": 80, "coupe": 320, "prototype": 1600}

@@ -101,15 +101,15 @@ def huber_quantile(level: float, chance: float) -> float:
 
 def test_a_bandit_is_learnt() -> None:
     """The return is 10 with chance 0.3 on the left and 0.8 on the right, else 0."""
-    settings = QRSACConfig(hidden=(32, 32), quantiles=8, critic_rate=3e-3, policy_rate=1e-3)
+    settings = QRSACConfig(hidden=(32,), quantiles=8, critic_rate=1e-2, policy_rate=3e-3)
     qrsac = QRSAC(1, 1, settings, torch.Generator().manual_seed(0), compiled=False)
     random = torch.Generator().manual_seed(1)
-    blank = torch.zeros(256, 1)
-    for _ in range(1500):
-        action = torch.randint(2, (256, 1), generator=random) - 0.5
+    blank = torch.zeros(1024, 1)
+    for _ in range(300):
+        action = torch.randint(2, (1024, 1), generator=random) - 0.5
         chance = torch.where(action[:, 0] < 0.0, 0.3, 0.8)
-        reward = 10.0 * (torch.rand(256, generator=random) < chance)
-        qrsac.update(Batch(blank, action, reward, torch.zeros(256), blank))
+        reward = 10.0 * (torch.rand(1024, generator=random) < chance)
+        qrsac.update(Batch(blank, action, reward, torch.zeros(1024), blank))
     critic = qrsac.state_dict()["critic"]
     for side, chance_of_ten in ((-0.5, 0.3), (0.5, 0.8)):
         found = Update(1, 1, settings).returns(critic, torch.zeros(1, 1), torch.full((1, 1), side))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,25 +16,28 @@ from nathlon.api.training import train
 from nathlon.arena.on_ray.cluster import joined
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training.ablation import Run, configurations, train_in_turn
-from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.training.config import TrainingConfig, read_config
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.on_ray import runs
-from nathlon.policies.training.on_ray.run_actor import RunActor, Start
+from nathlon.policies.training.on_ray import workers as workers_module
+from nathlon.policies.training.on_ray.actor import Begin, RolloutActor
+from nathlon.policies.training.on_ray.run_actor import Report, RunActor, Start
 from nathlon.policies.training.on_ray.runs import train_on_cluster
 from nathlon.policies.training.on_ray.travel import Arrived, needed, pack
 from nathlon.policies.training.on_ray.workers import RayWorkers
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.trainer import Trainer
 from nathlon.policies.training.worker import News, RolloutWorker
-from nathlon.policies.training.worker_pool import STEPS_AHEAD
+from nathlon.policies.training.worker_pool import STEPS_AHEAD, LocalWorkers
+from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED
-from tests.trainings import TOML
+from tests.trainings import TOML, as_written, given_up_early
 
 if TYPE_CHECKING:
     from ray.cluster_utils import Cluster
 
-pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
+pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled", "brief_laps")]
 
 PAIR = Pair("lindenring", "gt3")
 ONE = {
@@ -42,6 +45,7 @@ ONE = {
     "car": "gt3",
     "updates": 8,
     "updates_per_step": 2,
+    "refresh_every": 2,
     "warm_up": 60,
     "replay": 600,
     "checkpoint_every": 2,
@@ -56,7 +60,7 @@ NETWORK = Perceptron((CONFIG.observation.spec().size, 8, 4))
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
-    """A head without processors and two nodes with one each."""
+    """A head without processors and a node with two."""
     from ray.cluster_utils import Cluster
 
     with pytest.MonkeyPatch.context() as patch:
@@ -67,9 +71,7 @@ def cluster() -> Iterator[Cluster]:
         head = {"num_cpus": 0, "include_dashboard": False, "object_store_memory": 100 << 20}
         cluster = Cluster(initialize_head=True, head_node_args=head)
         try:
-            for place in (2, 3):
-                address = f"127.0.1.{place}"
-                cluster.add_node(num_cpus=1, object_store_memory=100 << 20, node_ip_address=address)
+            cluster.add_node(num_cpus=2, object_store_memory=100 << 20, node_ip_address="127.0.1.2")
             yield cluster
         finally:
             cluster.shutdown()
@@ -96,10 +98,14 @@ def workers_of(config: TrainingConfig = CONFIG) -> RayWorkers:
 def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_it_may_be_ahead(
     member: None,
 ) -> None:
+    """And one that is lost is replaced by another, with races of its own."""
+    import ray
+
     [seed] = np.random.SeedSequence(1).spawn(1)
     here = RolloutWorker(CONFIG, [PAIR], NETWORK, news_of(3.0), seed)
     workers = workers_of()
     throttle: list[float] = []
+    starts: list[np.ndarray] = []
     try:
         for number in range(20):
             if number == 10:
@@ -108,6 +114,7 @@ def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_i
             assert index == 0
             assert there is not None
             [(seen, step)] = there.experience
+            starts.append(seen)
             throttle.append(float(step.action[0, 0]))
             if number >= 10:
                 continue
@@ -117,6 +124,16 @@ def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_i
             own = own._replace(next_observation=own.next_observation.astype(np.float16))
             for name, values in own._asdict().items():
                 np.testing.assert_array_equal(getattr(step, name), values, name)
+        ray.kill(workers._hands[0].actor)
+        while workers.take(wait_for_one=True) != [(0, None)]:
+            pass
+        [(index, another)] = workers.take(wait_for_one=True)
+        assert index == 0
+        assert another is not None
+        [(seen, step)] = another.experience
+        assert seen.shape == starts[0].shape
+        assert not np.array_equal(seen, starts[0])
+        assert step.action[0, 0] < 0
     finally:
         workers.close()
     first = next(number for number, value in enumerate(throttle) if value < 0)
@@ -124,49 +141,49 @@ def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_i
     assert all(value < 0 for value in throttle[first:])
 
 
-def test_a_worker_that_is_lost_is_replaced_and_its_episodes_do_not_go_on(
-    member: None, tmp_path: Path
-) -> None:
-    import ray
+CROWDED = CONFIG.model_copy(update={"rollouts": (CONFIG.rollouts[0].model_copy(update={"learners": 2}),)})
+"""More cars of the learner's than there are."""
+REFUSAL = "rollouts 1v0: learners is 2, expected"
 
-    made: list[RayWorkers] = []
 
-    def make(*arguments: Any) -> RayWorkers:
-        made.append(RayWorkers(*arguments))
-        return made[0]
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Actors may be made in this process, which keeps its caches where they are."""
+    monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache"))
 
-    # However long the other one takes to begin: updates go on until it has made steps.
-    config = TrainingConfig.model_validate(
-        ONE | {"workers": 2, "updates": 200_000, "checkpoint_every": 200_000}
+
+@pytest.mark.usefixtures("here")
+def test_actors_refuse_what_they_cannot_do() -> None:
+    begin = Begin(fingerprint(), CROWDED, [PAIR], NETWORK, [])
+    rollouts, run = RolloutActor("rollout worker 1"), RunActor("training of base")
+    with pytest.raises(InputError, match=f"^{REFUSAL}"):
+        rollouts.begin(begin, np.random.SeedSequence(1), news_of(3.0))
+    with pytest.raises(InputError, match=r"^rollout worker 1 on .* has another nathlon"):
+        rollouts.begin(begin._replace(code="other"), np.random.SeedSequence(1), news_of(3.0))
+    with pytest.raises(InputError, match=r"^training of base on .* has another nathlon"):
+        run.train(Start("other", CROWDED, 1, [], {}))
+    with pytest.raises(InputError, match=f"^{REFUSAL}"):
+        run.train(Start(fingerprint(), CROWDED, 1, [], {}))
+
+
+@pytest.mark.usefixtures("here")
+def test_an_actor_whose_run_diverges_says_so() -> None:
+    steep = CONFIG.model_copy(
+        update={"workers": 0, "reward": CONFIG.reward.model_copy(update={"progress": 1e300})}
     )
-    trainer = Trainer.start(tmp_path, config, 1)
-    dropped: Counter[int] = Counter()
-    gathered: list[int] = []
-    for index, table in enumerate(trainer.replay.tables):
-        drop = table.drop_open
-
-        def counted(index: int = index, drop: Any = drop) -> None:
-            dropped[index] += 1
-            gathered.append(trainer.replay.tables[index].gathered)
-            drop()
-
-        table.drop_open = counted  # type: ignore[method-assign]
-
-    def on_status(status: Status) -> None:
-        if not dropped:
-            ray.kill(made[0]._hands[1].actor)
-        elif trainer.replay.tables[1].gathered > gathered[0] + 30:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        trainer.run(on_status, make_workers=make)
-    assert dropped == {1: 1}
+    actor = RunActor("training of base")
+    assert "training diverged" in actor.train(Start(fingerprint(), steep, 1, [], {}))
+    assert not [name for name in actor.report().files if "checkpoints" in name]
 
 
-def test_a_worker_says_what_it_cannot_do(member: None) -> None:
-    rollouts = [{"scenario": "1v0", "races": 1, "learners": 2}]
-    workers = workers_of(TrainingConfig.model_validate(ONE | {"rollouts": rollouts}))
-    with pytest.raises(InputError, match=r"^rollouts 1v0: learners is 2, expected"):
+def test_a_worker_says_what_it_cannot_do(member: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Refusing(RolloutActor):  # travels by value from here
+        def ready(self) -> None:
+            raise InputError(REFUSAL)
+
+    monkeypatch.setattr(workers_module, "RolloutActor", Refusing)
+    workers = workers_of()
+    with pytest.raises(InputError, match=f"^{REFUSAL}$"):
         workers.take(wait_for_one=True)
     workers.close()
 
@@ -199,15 +216,25 @@ def test_files_are_found_where_they_have_come_to(tmp_path: Path) -> None:
 
 
 def test_a_run_goes_on_against_its_own_checkpoints(cluster: Cluster, tmp_path: Path) -> None:
-    config, run = tmp_path / "run.toml", tmp_path / "run"
     text = TOML.replace('opponents = ["driver"]', 'opponents = ["driver", "past"]')
-    config.write_text(text.replace("updates = 4", "workers = 1\nupdates = 4"))
-    first = train(config, run, engine="ray", engine_address=cluster.address, progress=False)
-    assert (first.updates, len(first.checkpoints)) == (4, 2)
+    file, run = tmp_path / "run.toml", tmp_path / "run"
+    file.write_text(text.replace("updates = 4", "workers = 1\nupdates = 4"))
+    Trainer.start(run, read_config(file), 1).run(lambda _: None, make_workers=in_this_process)
     facts = run / "run.json"
-    facts.write_text(facts.read_text().replace('"updates": 4', '"updates": 6'))
+    facts.write_text(facts.read_text().replace('"updates": 4', '"updates": 8'))
     last = train(out=run, resume=True, engine="ray", engine_address=cluster.address, progress=False)
-    assert (last.updates, len(last.checkpoints)) == (6, 3)
+    assert (last.updates, len(last.checkpoints)) == (8, 4)
+
+
+def in_this_process(
+    config: TrainingConfig,
+    pairs: Sequence[Pair],
+    network: Perceptron,
+    news: News,
+    seed: np.random.SeedSequence,
+) -> LocalWorkers:
+    """One worker, whatever the configuration says."""
+    return LocalWorkers(RolloutWorker(config, pairs, network, news, seed))
 
 
 def test_a_cluster_needs_to_know_how_many_workers(cluster: Cluster, tmp_path: Path) -> None:
@@ -226,18 +253,6 @@ def run_of(folder: Path, which: int = 0, **changes: object) -> Run:
     return Run(name, 1, folder / name, config.model_copy(update=changes))
 
 
-@pytest.fixture
-def uncompiled_there(member: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What `uncompiled` is here, for actors that train."""
-
-    class Uncompiled(RunActor):  # travels by value from here
-        def train(self, start: Start) -> str:
-            with torch.compiler.set_stance("force_eager"):
-                return super().train(start)
-
-    monkeypatch.setattr(runs, "RunActor", Uncompiled)
-
-
 def contents(folder: Path) -> dict[str, bytes]:
     """Checkpoints of a run, and its curve but for how long it took."""
     files = {path.name: path.read_bytes() for path in folder.rglob("*.safetensors") if "step" in path.name}
@@ -245,13 +260,48 @@ def contents(folder: Path) -> dict[str, bytes]:
     return files | {"curve": repr([row[:2] + row[3:] for row in rows]).encode()}
 
 
-def test_whole_runs_come_to_what_they_come_to_here(uncompiled_there: None, tmp_path: Path) -> None:
+def test_whole_runs_come_to_what_they_come_to_here(
+    member: None, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One whose process is lost, too: it goes on from its last checkpoint, as one that was stopped here."""
+    import ray
+
+    class Brief(RunActor):  # travels by value from here
+        """Halts at its first status, which comes after a checkpoint, if it is the first of the base."""
+
+        def train(self, start: Start) -> str:
+            self._halts = self._name == "training of base, seed 1" and not start.files
+            with as_written(), given_up_early():
+                return super().train(start)
+
+        def _note(self, status: Status) -> None:
+            super()._note(status)
+            while self._halts:
+                time.sleep(1.0)
+
+    def stop(status: Status) -> None:
+        raise KeyboardInterrupt
+
+    def on_status(run: Run, status: Status) -> None:
+        told.add(str(run))
+        if run.variant == "base" and run.updates and not lost:
+            lost.append(run.updates)
+            [name] = [name for name in ray.util.list_named_actors() if name.endswith(str(run))]
+            ray.kill(ray.get_actor(name))
+
+    monkeypatch.setattr(runs, "RunActor", Brief)
     torch.set_num_threads(1)
     here, there = ([run_of(tmp_path / name, which) for which in (0, 1)] for name in ("here", "there"))
+    with pytest.raises(KeyboardInterrupt):
+        here[0].trainer().run(stop)
+    assert here[0].updates == 2
     assert list(train_in_turn(here, lambda *_: None)) == ["", ""]
     told: set[str] = set()
-    assert list(train_on_cluster(there, lambda run, status: told.add(str(run)))) == ["", ""]
+    lost: list[int] = []
+    assert list(train_on_cluster(there, on_status)) == ["", ""]
     assert told == {"base, seed 1", "n-step-1, seed 1"}
+    assert lost == [2]
+    assert "base, seed 1 is lost" in caplog.text
     for mine, others in zip(here, there, strict=True):
         assert others.finished
         assert len(contents(mine.folder)) == 5
@@ -260,36 +310,23 @@ def test_whole_runs_come_to_what_they_come_to_here(uncompiled_there: None, tmp_p
         assert others.trainer().config == mine.config
 
 
-def test_a_run_whose_process_is_lost_goes_on_from_its_last_checkpoint(
-    uncompiled_there: None, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    import ray
+def test_how_a_run_ends_is_told(member: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Ending(RunActor):  # travels by value from here
+        def train(self, start: Start) -> str:
+            if start.seed == 1:
+                return "training diverged"
+            raise InputError(REFUSAL)
 
-    run = run_of(tmp_path, updates=3_000, checkpoint_every=500)
-    lost: list[int] = []
+        def report(self) -> Report:
+            return Report(None, {})
 
-    def on_status(run: Run, status: Status) -> None:
-        if run.updates and not lost:
-            lost.append(run.updates)
-            [name] = [name for name in ray.util.list_named_actors() if "nathlon training" in name]
-            ray.kill(ray.get_actor(name))
-
-    assert list(train_on_cluster([run], on_status)) == [""]
-    assert "base, seed 1 is lost" in caplog.text
-    assert lost[0] >= 500
-    assert run.finished
-    curve = (run.folder / "curve.csv").read_text().splitlines()[1:]
-    assert [int(row.split(",")[0]) for row in curve] == [500, 1000, 1500, 2000, 2500, 3000]
-
-
-def test_a_run_that_diverges_there_says_so(uncompiled_there: None, tmp_path: Path) -> None:
-    reward = CONFIG.reward.model_copy(update={"progress": 1e300})
-    [why] = train_on_cluster([run_of(tmp_path, reward=reward)], lambda *_: None)
-    assert "training diverged" in why
-    assert not run_of(tmp_path).finished
-
-
-def test_an_ablation_says_what_is_wrong_with_a_run(uncompiled_there: None, tmp_path: Path) -> None:
-    rollouts = (CONFIG.rollouts[0].model_copy(update={"learners": 2}),)
-    with pytest.raises(InputError, match=r"^rollouts 1v0: learners is 2, expected"):
-        list(train_on_cluster([run_of(tmp_path, rollouts=rollouts)], lambda *_: None))
+    monkeypatch.setattr(runs, "RunActor", Ending)
+    config = run_of(tmp_path).config
+    for seed in (1, 2):
+        run = Run("base", seed, tmp_path / str(seed), config)
+        if seed == 1:
+            assert list(train_on_cluster([run], lambda *_: None)) == ["training diverged"]
+        else:
+            with pytest.raises(InputError, match=f"^{REFUSAL}$"):
+                list(train_on_cluster([run], lambda *_: None))
+        assert not run.finished

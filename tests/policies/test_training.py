@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import resource
+import signal
+from collections.abc import Callable, Sequence
+from functools import partial
+from multiprocessing import Pipe
 from pathlib import Path
 from threading import Thread
 
@@ -11,7 +15,7 @@ import pytest
 import torch
 
 from nathlon.policies.qrsac.networks import Perceptron
-from nathlon.policies.training import rewards
+from nathlon.policies.training import rewards, worker_pool
 from nathlon.policies.training import trainer as training
 from nathlon.policies.training.config import Rollouts, TrainingConfig, read_config
 from nathlon.policies.training.log import Status
@@ -19,12 +23,12 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
 from nathlon.policies.training.state import RunState, load_state, save_state
 from nathlon.policies.training.trainer import Trainer
-from nathlon.policies.training.worker import News
-from nathlon.policies.training.worker_pool import ProcessWorkers
+from nathlon.policies.training.worker import News, RolloutWorker
+from nathlon.policies.training.worker_pool import ProcessWorkers, Take
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
 
-pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled")]
+pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled", "brief_laps")]
 
 PAIR = Pair("lindenring", "gt3")
 SMALL = TrainingConfig.model_validate(
@@ -205,35 +209,104 @@ def test_a_run_that_diverges_stops_and_keeps_its_last_checkpoint(tmp_path: Path)
     assert (tmp_path / "state.safetensors").read_bytes() == state
 
 
-def test_workers_in_processes_of_their_own_gather_for_all_tables(tmp_path: Path) -> None:
+class TwoWorkers:
+    """Two workers in this process, of which the second is another one from the tenth step on."""
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        pairs: Sequence[Pair],
+        network: Perceptron,
+        news: News,
+        seed: np.random.SeedSequence,
+    ) -> None:
+        self._workers = [RolloutWorker(config, pairs, network, news, each) for each in seed.spawn(2)]
+        self._steps = 0
+
+    def take(self, wait_for_one: bool) -> Take:
+        if not wait_for_one:
+            return []
+        self._steps += 1
+        if self._steps == 10:
+            return [(1, None)]
+        return [(index, worker.step()) for index, worker in enumerate(self._workers)]
+
+    def tell(self, news: News) -> None:
+        for worker in self._workers:
+            worker.hear(news)
+
+    def close(self) -> None:
+        pass
+
+
+def test_workers_gather_for_all_tables_and_episodes_of_a_lost_one_do_not_go_on(tmp_path: Path) -> None:
     trainer = Trainer.start(tmp_path, changed(workers=2, refresh_every=2), seed=1)
-    train(trainer)
+    dropped: list[tuple[int, bool]] = []
+    for index, table in enumerate(trainer.replay.tables):
+        drop = table.drop_open
+
+        def noted(index: int = index, drop: Callable[[], None] = drop) -> None:
+            dropped.append((index, trainer.replay.tables[index].gathered > 0))
+            drop()
+
+        table.drop_open = noted  # type: ignore[method-assign]
+    trainer.run(lambda _: None, make_workers=TwoWorkers)
     assert trainer.updates == SMALL.updates
     assert [table.gathered > 0 for table in trainer.replay.tables] == [True] * 4
     assert len(list((tmp_path / "checkpoints").iterdir())) == 1
+    assert dropped == [(1, True), (3, True)]  # a table for each rollout and worker
 
 
-def test_messages_that_no_pipe_holds_pass_both_ways() -> None:
+def test_processes_pass_messages_both_ways_that_no_pipe_holds() -> None:
     rollouts = [{"scenario": "1v0", "races": 1000, "learners": 1}]
-    config = changed(workers=1, rollouts=rollouts)
+    config = changed(workers=2, rollouts=rollouts)
     network = Perceptron((config.observation.spec().size, 512, 512, 4))
     news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
     workers = ProcessWorkers(config, [PAIR], network, news, np.random.SeedSequence(1))
-    taken: list[int] = []
+    taken: dict[int, list[np.ndarray]] = {0: [], 1: []}
 
     def exchange() -> None:
-        for _ in range(5):
+        while min(map(len, taken.values())) < 5:
             workers.tell(news)
-            taken.extend(worker for worker, _ in workers.take(wait_for_one=True))
+            for worker, gathered in workers.take(wait_for_one=True):
+                assert gathered is not None
+                taken[worker].append(gathered.experience[0].observation)
 
     exchanging = Thread(target=exchange, daemon=True)
     exchanging.start()
     exchanging.join(120)
     workers.close()
-    assert taken == [0] * 5
+    assert min(map(len, taken.values())) >= 5
+    seeds = np.random.SeedSequence(1).spawn(2)
+    for seen, seed in zip(taken.values(), seeds, strict=True):
+        here = RolloutWorker(config, [PAIR], network, news, seed).step()
+        np.testing.assert_array_equal(seen[0], here.experience[0].observation)
 
 
-def test_a_worker_says_what_it_cannot_do(tmp_path: Path) -> None:
+class InThisProcess:
+    """What makes processes, but they come to their end here as soon as they are started."""
+
+    Pipe = staticmethod(Pipe)
+
+    class Process:
+        exitcode = 0
+
+        def __init__(self, target: Callable[..., None], args: tuple, daemon: bool) -> None:
+            self._do = partial(target, *args)
+
+        def start(self) -> None:
+            self._do()
+
+        def terminate(self) -> None:
+            pass
+
+        def join(self, timeout: float | None = None) -> None:
+            pass
+
+
+def test_a_worker_says_what_it_cannot_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_pool, "FreshProcesses", InThisProcess)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
     rollouts = [{"scenario": "1v0", "races": 1, "learners": 2}]
     trainer = Trainer.start(tmp_path, changed(workers=1, rollouts=rollouts), seed=1)
     with pytest.raises(InputError, match="rollouts 1v0: learners is 2"):
