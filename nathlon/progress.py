@@ -53,6 +53,7 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
     Yields:
         what is to be told of matches that have ended.
     """
+    from nathlon.selection.run import INCIDENT_RUNS, KERNELS, RECORDINGS, STAGES  # loads the store
 
     if shown and not (console(stderr=True).is_terminal or console(stderr=True).is_jupyter):
         lines = _Lines()
@@ -63,7 +64,8 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
         return
     with progress_bars(shown) as bars:
         tasks = {
-            stage: bars.add_task(stage, total=None, note=_counted(stage), visible=False) for stage in stages
+            stage: bars.add_task(stage, total=None, note=_counted(stage), visible=False)
+            for stage in stages or (KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
         }
 
         def on_match(stage: str, done: int, total: int) -> None:
