@@ -163,13 +163,21 @@ def named_apart(
         else e.name
         for e in entrants
     ]
-    for with_more in (lambda e, name: longer(e.source, name), lambda e, name: f"{name}-{e.id[:6]}"):
+    for with_more in (_with_folder, _with_id):
         shared = Counter(names)
         names = [
             proper_name(with_more(e, name)) if shared[name] > 1 or name in taken else name
             for e, name in zip(entrants, names, strict=True)
         ]
     return [replace(entrant, name=name) for entrant, name in zip(entrants, names, strict=True)]
+
+
+def _with_folder(entrant: Entrant, name: str) -> str:
+    return longer(entrant.source, name)
+
+
+def _with_id(entrant: Entrant, name: str) -> str:
+    return f"{name}-{entrant.id[:6]}"
 
 
 def entrants_table(entrants: Iterable[Entrant]) -> pl.DataFrame:

@@ -68,7 +68,7 @@ def round_robin(pace: dict[str, float], night: int, rng: np.random.Generator) ->
     same = {"seed": night, "laps": 2, "contacts_at_fault": 0}
     frame = pl.DataFrame({name: values.tolist() for name, values in columns.items()})
     missing = [pl.lit((plain | same).get(name)).alias(name) for name in RESULTS if name not in columns]
-    return frame.with_columns(missing).select(RESULTS.names()).cast(dict(RESULTS))
+    return frame.with_columns(missing).select(RESULTS.names()).cast(RESULTS)
 
 
 def make_up(path: Path, nights: int) -> int:

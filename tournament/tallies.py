@@ -98,7 +98,7 @@ class Tally(NamedTuple):
 
 
 def _as(frame: pl.DataFrame, schema: pl.Schema, order: tuple[str, ...]) -> pl.DataFrame:
-    return frame.select(schema.names()).cast(dict(schema)).sort(order)
+    return frame.select(schema.names()).cast(schema).sort(order)
 
 
 class Tallied(Cells):
@@ -189,7 +189,7 @@ def rank_tally(tally: Tally, confidence: float = 0.95) -> pl.DataFrame:
         .with_columns(pl.col(pl.Float64).fill_nan(None))
         .sort("points_per_race", "entrant", descending=[True, False], nulls_last=True)
         .select(RANKING.names())
-        .cast(dict(RANKING))
+        .cast(RANKING)
     )
 
 

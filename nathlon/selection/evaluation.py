@@ -52,8 +52,7 @@ def evaluate(
             run.status = WAITING
             return None
         # At once: what is kept can be sent whatever becomes of the file.
-        keep_sent(run.store, run.name, output)
-        on_verdict(verdict)
+        on_verdict(verdict.model_copy(update={"sent": keep_sent(run.store, run.name, output)}))
         selection = publish(run.store, run.name, output, run.pool, on_match)
         if config.recordings == "all":
             record_tournament(run.store, run.name, output, run.engine, on_match)

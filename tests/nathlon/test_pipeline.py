@@ -60,7 +60,9 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
     def on_verdict(verdict: Summary) -> None:
         there = {path.name.partition("-")[0] for path in folder.rglob("*") if path.is_file()}
-        assert there - {"policies.log"} == {"store.sqlite"}, "what policies print may come at any time"
+        kept = {Path(str(sent.path)).name.partition("-")[0] for sent in verdict.sent}
+        assert len(kept) == 1, "a copy of what is sent is there as soon as anybody is told"
+        assert there - {"policies.log"} == {"store.sqlite"} | kept, "what policies print may come at any time"
         told.append(verdict)
 
     with Pool(2) as pool:
