@@ -64,7 +64,8 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
         return
     with progress_bars(shown) as bars:
         tasks = {
-            stage: bars.add_task(stage, total=None, note=_counted(stage), visible=False) for stage in stages
+            stage: bars.add_task(stage, total=None, note=_counted(stage), visible=False)
+            for stage in stages or (KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
         }
 
         def on_match(stage: str, done: int, total: int) -> None:

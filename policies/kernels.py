@@ -1,4 +1,4 @@
-"""The kernels that races need: each called once, so that it is compiled, or loaded where it is on the disk."""
+"""The kernels that races need: each called once, so that it is compiled, or loaded where the disk has it."""
 
 from __future__ import annotations
 

@@ -23,6 +23,7 @@ from nathlon.selection.config import Config, read_config
 from nathlon.selection.evaluation import OnVerdict, evaluate
 from nathlon.sim.errors import InputError
 
+
 class SelectionResult:
     """What a selection came to, and where it has left everything.
 
