@@ -14,7 +14,6 @@ import polars as pl
 import torch
 
 from nathlon.arena.on_ray.cluster import AUTO, joined
-from nathlon.policies.training.coached import read_coach
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.run_folder import read_run_folder
@@ -142,7 +141,11 @@ def _check_workers(config: TrainingConfig, engine: str) -> None:
 
 def _with_coach(config: TrainingConfig, files: Sequence[str | Path]) -> TrainingConfig:
     """A configuration with the start states of a coach's files besides its own."""
-    if files and all(load_scenario(rollouts.scenario).cars > 1 for rollouts in config.rollouts):
+    if not files:
+        return config
+    from nathlon.policies.training.coached import read_coach
+
+    if all(load_scenario(rollouts.scenario).cars > 1 for rollouts in config.rollouts):
         raise InputError("coach: no rollouts of the configuration have one car, expected some that do")
     found = [start for file in files for start in read_coach(Path(file), config.circuit, config.car)]
     return config.model_copy(update={"coached": (*config.coached, *found)})

@@ -37,14 +37,17 @@ def race(
 
     What policies print goes to standard error.
     """
+    from nathlon.arena.workers import start_server
     from nathlon.sim.data_file import DATA, find_data
-    from nathlon.sim.scenario import load_scenario
 
     sources = find_sources(entrants, people=True)
-    load_scenario(scenario)
     for kind, name in (("circuit", circuit), ("car", car)):
         find_data(name, kind, DATA / f"{kind}s")
+    start_server()
     import nathlon
+    from nathlon.sim.scenario import load_scenario
+
+    load_scenario(scenario)
 
     result = nathlon.race(
         sources,

@@ -98,7 +98,36 @@ def test_gymnasium_knows_the_environments_whichever_is_imported_first(order: str
     assert subprocess.check_output([sys.executable, "-c", script], text=True).split() == ["nathlon/Race-v0"]
 
 
-def test_the_package_loads_little_until_it_is_used() -> None:
-    script = "import sys, nathlon, nathlon.cli\nprint(*sys.modules)"
-    loaded = subprocess.check_output([sys.executable, "-c", script], text=True).split()
-    assert not {"numpy", "numba", "torch", "polars", "pydantic", "gymnasium"} & set(loaded)
+LOADING = """
+import sys, nathlon
+print(*sys.modules)
+
+from contextlib import redirect_stdout
+from os import devnull
+with open(devnull, "w") as nowhere, redirect_stdout(nowhere):
+    from nathlon.cli import app
+    app(["--help"], standalone_mode=False)
+print(*sys.modules)
+
+import nathlon.commands.racing, nathlon.api.racing
+print(*sys.modules)
+
+import nathlon.policies.preloaded
+from nathlon.arena.job import Opening
+from nathlon.arena.serving import do
+from nathlon.arena.watch import Watch
+from nathlon.policies.load import load_policy
+list(do([Opening("driver", load_policy, ("driver", "lindenring", "gt3"))], Watch()))
+print(*sys.modules)
+"""
+"""Prints what is loaded once the package is imported, for the help, for a race, and in a worker."""
+
+
+def test_everything_is_loaded_where_it_is_used() -> None:
+    printed = subprocess.check_output([sys.executable, "-c", LOADING], text=True).splitlines()
+    package, command_line, race, worker = (set(line.split()) for line in printed)
+    assert not {"typing", "importlib.abc", "importlib.resources", "typer"} & package
+    assert not {"numpy", "numba", "torch", "polars", "pydantic", "gymnasium"} & command_line
+    unused = {"torch", "ray", "matplotlib", "rerun", "tensorboard", "sqlalchemy", "jinja2", "xlsxwriter"}
+    assert not unused & race
+    assert not unused & worker
