@@ -55,20 +55,22 @@ class _Case:
     Attributes:
         asked: what is asked of it.
         results: RESULTS by series.
-        said: verdicts by measure, as far as there are any.
+        failed: whether more runs ended by its fault than may.
+        decided: by measure, what the units came to when they decided it.
     """
 
     pair: Pair
     asked: list[Question]
     results: dict[int, pl.DataFrame] = field(default_factory=dict)
-    said: dict[str, Decision] = field(default_factory=dict)
+    failed: bool = False
+    decided: dict[str, Judged] = field(default_factory=dict)
 
     @property
     def open(self) -> list[Question]:
         """What is not decided yet; nothing once the candidate has failed."""
-        if Decision.FAIL in self.said.values():
+        if self.failed or any(judged.verdict == Decision.FAIL for judged in self.decided.values()):
             return []
-        return [question for question in self.asked if question.name not in self.said]
+        return [question for question in self.asked if question.name not in self.decided]
 
     def faults(self) -> tuple[int, int]:
         """How many runs of cars ended by the candidate's fault, and how many there were."""
@@ -148,9 +150,8 @@ def _judge(case: _Case, settings: GateSettings) -> None:
     for question in case.open:
         judged = _judged(case, question)
         if judged is not None and judged.verdict != Decision.CANNOT_TELL:
-            case.said[question.name] = judged.verdict
-    if case.faults()[0] > settings.max_faults:
-        case.said["faults"] = Decision.FAIL
+            case.decided[question.name] = judged
+    case.failed = case.faults()[0] > settings.max_faults
 
 
 def _judged(case: _Case, question: Question) -> Judged | None:
@@ -182,11 +183,10 @@ def _finding(case: _Case, question: Question) -> Finding:
     plain = Finding(
         measure=question.name, unit=question.unit, margin=question.margin, most=question.series.most
     )
-    judged = _judged(case, question)
+    judged = case.decided.get(question.name) or _judged(case, question)
     if judged is None:
         return plain.model_copy(update={"set_aside": "nothing of the kind is measured"})
-    said = case.said.get(question.name, Decision.CANNOT_TELL)
-    return plain.model_copy(update=judged._asdict() | {"verdict": said})
+    return plain.model_copy(update=judged._asdict())
 
 
 def _questions(

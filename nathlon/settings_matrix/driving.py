@@ -178,12 +178,12 @@ def _marks(
         others[row["race"]].append(row)
     void = set(results.filter(pl.col("ending").is_in(VOID_ENDINGS))["race"])
     found: dict[int, tuple[dict[str, float | None], bool]] = {}
-    for race, row in own.items():
+    for race, tested in own.items():
         if race in void:
             continue
-        broke = row["ending"] in BREAKDOWNS
+        broke = tested["ending"] in BREAKDOWNS
         marks = {
-            name: how.mark(row, others[race]) if name == STOPPED or not broke else None
+            name: how.mark(tested, others[race]) if name == STOPPED or not broke else None
             for name, how in measures.items()
         }
         found[race] = marks, broke
