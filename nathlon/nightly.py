@@ -217,7 +217,8 @@ def _open(store: Store, config: Config, pool: Pool, watched: Watched) -> tuple[R
         if not excluded:
             _check_full(watched, fields)
         return None, Field((), anchors=anchors, excluded=tuple(excluded), notes=notes)
-    best, missing = [], ()
+    best: list[Entrant] = []
+    missing: tuple[str, ...] = ()
     if done:
         ranked = _ranked(store.table(done[-1].name, "pool"), fields, {anchor.id for anchor in anchors})
         best, missing = incumbents(pool, ranked, config.nightly.incumbents, watched, Path(config.out))
