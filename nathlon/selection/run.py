@@ -117,7 +117,10 @@ class Run:
                 self.store.use(self.name, wanted)
                 results = self.store.results_of(wanted)
             except KeyError:
-                continue  # another process runs again what was interrupted
+                # Another process may run again what was interrupted.
+                if self.store.stored(wanted) == wanted.keys():
+                    raise
+                continue
             interrupted = set(results.filter(pl.col("ending") == INTERRUPTED)["match"]) - self._run_again
             if not interrupted:
                 return results

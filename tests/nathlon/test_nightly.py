@@ -437,7 +437,7 @@ def test_bad_configurations_are_one_sentence(tmp_path: Path) -> None:
 
 def test_a_newcomer_that_could_not_be_judged_has_one_more_night(tmp_path: Path) -> None:
     (tmp_path / "checkpoints").mkdir()
-    source = shutil.copy(WEAK, tmp_path / "checkpoints")
+    source = str(shutil.copy(WEAK, tmp_path / "checkpoints"))
     config = Config(checkpoints=(str(tmp_path / "checkpoints"),))
     entrant = Entrant(policy_id(source), "weak", source, "qr-sac", "lindenring", "gt3", 1, 1)
     plan = {"world": {}, "field": asdict(Field((entrant,)))}
