@@ -110,7 +110,7 @@ def _serve(asked: socket.socket) -> None:
         enter(driver, "lindenring", "gt3")
     start_server()
     # It is no child of those that are forked.
-    forkserver.ensure_running = forkserver._forkserver.ensure_running = lambda: None  # type: ignore[attr-defined]
+    forkserver.ensure_running = forkserver._forkserver.ensure_running = lambda: None  # type: ignore[method-assign]
     ended, awake = socket.socketpair()
     awake.setblocking(False)
     signal.set_wakeup_fd(awake.fileno())

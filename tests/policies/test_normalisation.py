@@ -24,6 +24,7 @@ from nathlon.policies.normalisation import check_as_it_is, statistics_of
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
 from nathlon.policies.sources.sb3_file import was_normalised
 from nathlon.selection.field import newcomers
+from nathlon.selection.watching import watch
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from tests.games import player, refused, world_of
@@ -185,7 +186,7 @@ def test_a_selection_sets_it_aside_and_says_why(tmp_path: Path, trained: Trained
     good = player(folder / "good.onnx", 3)
     player(folder / "other.onnx", 2)
     (folder / "other_vecnormalize.pkl").write_bytes(trained.observations.read_bytes())
-    entrants, [aside] = newcomers(pool, [str(folder)], "", "", {}, world=name)
+    entrants, [aside] = newcomers(pool, watch([str(folder)]), "", "", {}, world=name)
     assert [entrant.source for entrant in entrants] == [good]
     assert "other.onnx: 'other_vecnormalize.pkl' says that observations were normalised" in aside.reason
     roles = tmp_path / "both.roles.toml"
