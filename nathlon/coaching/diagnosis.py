@@ -152,7 +152,7 @@ def _in_bend(compared: Compared, does: Marks, shows: Marks) -> Iterator[Cause]:
     slows_early = middle is not None and shows.apex_m - does.apex_m > SOONER_M
     early = (ahead > EARLY_M or slows_early) and compared.lost(part.start_m, shows.apex_m) > 0.0
     if early:
-        # Whoever brakes too early is slower than its way asks for; who trusts its grip less is slow everywhere.
+        # Who brakes too early is slower than its way asks for; who trusts its grip less is slow everywhere.
         hasty = turns.tighter and not (compared.everywhere or narrower)
         begins = (does.brake_m, shows.brake_m) if ahead > EARLY_M else (does.apex_m, shows.apex_m)
         at_m = does.brake_m or part.start_m

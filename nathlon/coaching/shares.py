@@ -65,8 +65,8 @@ class Turn(NamedTuple):
 
     Attributes:
         pull: acceleration to the side, as a share of the other's.
-        tightness: how many times the acceleration that its speed at the slowest place would give it on the way
-            of the other; above 1 where its way is narrower, or where it is slower there than elsewhere.
+        tightness: how many times the acceleration that its speed at the slowest place would give it on the
+            way of the other; above 1 where its way is narrower, or where it is slower there than elsewhere.
     """
 
     pull: float
