@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from nathlon.coaching.lap import STEP_M, Lap
-from nathlon.coaching.parts import BRAKING, FULL, Marks, Part, smooth
-from nathlon.coaching.shares import grips_alike, shares
+from nathlon.coaching.parts import FULL, Marks, Part, smooth
+from nathlon.coaching.shares import shares, turn
 from nathlon.reports.coach import Cause, CauseKind
 
 EARLY_M = 5.0
@@ -17,7 +17,9 @@ EARLY_M = 5.0
 SLOWER_M_S = 0.4
 """So is a speed,"""
 ASIDE_M = 1.0
-"""and so is a line."""
+"""and so is a line, """
+BEGINS_ASIDE_M = 0.5
+"""and one before the braking."""
 SOONER_M = 10.0
 """Whose slowest place lies so much before that of the other has slowed down early."""
 PUSHING = 0.85
@@ -138,20 +140,20 @@ def _in_bend(compared: Compared, does: Marks, shows: Marks) -> Iterator[Cause]:
     ahead = 0.0
     if does.brake_m is not None and shows.brake_m is not None and middle is not None:
         ahead = shows.brake_m - does.brake_m
-    begins_m = min([part.start_m if mark.brake_m is None else mark.brake_m for mark in (does, shows)])
+    begins_m = min((mark.brake_m for mark in (does, shows) if mark.brake_m is not None), default=part.start_m)
     # Who begins the bend elsewhere on the road drives another line; later that may follow from the speed.
     way_in = slice(own.at(part.start_m), own.at(begins_m) + 1)
-    begins_aside = bool((np.abs(own.lateral[way_in] - other.lateral[way_in]) > ASIDE_M).any())
-    narrower = begins_aside and grips_alike(own, other, part.start_m, part.end_m)
+    begins_aside = bool((np.abs(own.lateral[way_in] - other.lateral[way_in]) > BEGINS_ASIDE_M).any())
+    turns = turn(own, other, part.start_m, part.end_m)
+    narrower = begins_aside and turns.narrower
     faster_m = None if narrower else _too_fast(compared, shows.apex_m)
     too_fast = faster_m is not None
     # Who has slowed down long before the slowest place of the other has braked early, wherever it began.
     slows_early = middle is not None and shows.apex_m - does.apex_m > SOONER_M
     early = (ahead > EARLY_M or slows_early) and compared.lost(part.start_m, shows.apex_m) > 0.0
     if early:
-        # Whoever brakes too early rolls until the slowest place; whoever trusts its grip less brakes.
-        hasty = slows_early or _rolls(own, does) - _rolls(other, shows) > EARLY_M
-        hasty = hasty and not (compared.everywhere or narrower)
+        # Who brakes too early is slower than its way asks for; who trusts its grip less is slow everywhere.
+        hasty = turns.tighter and not (compared.everywhere or narrower)
         begins = (does.brake_m, shows.brake_m) if ahead > EARLY_M else (does.apex_m, shows.apex_m)
         at_m = does.brake_m or part.start_m
         explains = lost.before + (lost.carried if hasty else 0.0)
@@ -177,14 +179,6 @@ def _in_bend(compared: Compared, does: Marks, shows: Marks) -> Iterator[Cause]:
         if does.full_m is not None and shows.full_m is not None and does.full_m - shows.full_m > EARLY_M:
             yield compared.cause("throttle", does.full_m, does.full_m, shows.full_m, "m", after)
         yield from _traction(compared, middle, after)
-
-
-def _rolls(lap: Lap, mark: Marks) -> float:
-    """Metres from the braking for a bend to its slowest place in which a driver does not brake."""
-    if mark.brake_m is None:
-        return 0.0
-    pedal = smooth(lap.pedal)[lap.at(mark.brake_m) : lap.at(mark.apex_m)]
-    return float((pedal > -BRAKING).sum()) * STEP_M
 
 
 def _too_fast(compared: Compared, slowest_m: float) -> float | None:

@@ -16,9 +16,9 @@ from nathlon.coaching.lap import STEP_M, Lap, Trace
 from nathlon.coaching.parts import smooth
 
 ALIKE = 0.93
-"""Share of the other's acceleration to the side with which its grip is used as well: slower, a car has less
-downforce.
-"""
+"""Share of the other's acceleration to the side with which its grip is used as well."""
+TIGHTER = 1.08
+"""How many times more a way turns than one that is only driven slower."""
 
 
 class Shares(NamedTuple):
@@ -60,11 +60,36 @@ def shares(own: Lap, other: Lap, start_m: float, from_m: float, end_m: float) ->
     return Shares(way, float(carried.sum()), float(beyond[:split].sum()), float(beyond[split:].sum()))
 
 
-def grips_alike(own: Lap, other: Lap, start_m: float, end_m: float) -> bool:
-    """Whether a driver has as much acceleration to the side in a bend as the other."""
+class Turn(NamedTuple):
+    """How a driver turns in a bend, beside the other one.
+
+    Attributes:
+        pull: acceleration to the side, as a share of the other's.
+        tightness: how many times the acceleration that its speed at the slowest place would give it on the
+            way of the other; above 1 where its way is narrower, or where it is slower there than elsewhere.
+    """
+
+    pull: float
+    tightness: float
+
+    @property
+    def tighter(self) -> bool:
+        """Whether it turns more than its speed tells."""
+        return self.tightness > TIGHTER
+
+    @property
+    def narrower(self) -> bool:
+        """Whether it has as much grip to use, or turns more: it is not slower for want of courage."""
+        return self.pull >= ALIKE or self.tighter
+
+
+def turn(own: Lap, other: Lap, start_m: float, end_m: float) -> Turn:
+    """How a driver turns in a bend from one place to another."""
     inside = slice(own.at(start_m), own.at(end_m) + 1)
     pulls = [float(np.abs(smooth(lap.side_acceleration)[inside]).max()) for lap in (own, other)]
-    return pulls[0] >= ALIKE * pulls[1]
+    speeds = [max(float(lap.speed[inside].min()), 1.0) for lap in (own, other)]
+    pull = pulls[0] / max(pulls[1], 1e-3)
+    return Turn(pull, pull * (speeds[1] / speeds[0]) ** 2)
 
 
 def _steps(lap: Lap, inside: slice) -> tuple[Trace, Trace]:
