@@ -13,7 +13,7 @@ import pytest
 from nathlon.arena.entrance import check_world, enter_all
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
-from nathlon.arena.results import RESULTS
+from nathlon.arena.results import INTERRUPTED, RESULTS
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import Outcome, World
@@ -227,7 +227,7 @@ def test_a_world_that_hangs_is_stopped_in_the_time_that_it_says(tmp_path: Path, 
     identity = load_world(name).enter(source).id
     races = (Race(1, (Seat(0), Seat(0))),)
     [(_, rows)] = pool.run([Match("test", "duel", "duel", "", "", (identity,), (source,), races, name)])
-    assert set(rows["ending"]) == {"simulator_fault"}
+    assert set(rows["ending"]) == {INTERRUPTED}  # it sleeps: the machine may have been to blame
 
 
 def test_policies_that_do_not_fit_are_refused(tmp_path: Path, pool: Pool) -> None:

@@ -84,5 +84,5 @@ def test_the_page_that_plays_the_race_is_there(followed: tuple[Path, str]) -> No
 def test_what_the_tutorial_lists_is_there(followed: tuple[Path, str]) -> None:
     folder, _ = followed
     listed = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text("utf-8"), re.MULTILINE)
-    assert len(listed) == 5
+    assert len(listed) == 6
     assert not [name for name in listed if not (folder / "runs" / "first" / name).exists()]
