@@ -60,7 +60,7 @@ def chromium() -> str:
     """The browser's executable."""
     executable = shutil.which("chromium")
     if executable is None:
-        pytest.skip("chromium is not installed")
+        pytest.skip("needs Chromium: apt-get install chromium")
     return executable
 
 

@@ -53,7 +53,7 @@ def server() -> Iterator[Server]:
     """A server; skips the test where PostgreSQL is not installed."""
     programs = _programs()
     if programs is None:
-        pytest.skip("PostgreSQL is not installed: no initdb")
+        pytest.skip("needs PostgreSQL: apt-get install postgresql")
     folder = Path(tempfile.mkdtemp(prefix="nathlon-postgres-"))
     user = UNPRIVILEGED if os.geteuid() == 0 else None
     if user:

@@ -52,7 +52,7 @@ def built(language: str, folder: Path) -> list[str | Path]:
         build = ["node", "--check", "read.mjs"]
         command = ["node", folder / "read.mjs"]
     if shutil.which(tool) is None:
-        pytest.skip(f"{tool} is not installed")
+        pytest.skip(f"needs {tool}: see your system's packages or the tool's own installer")
     shutil.copytree(SOURCES / language, folder, dirs_exist_ok=True)
     fetched = run(*fetch, folder=folder)
     if fetched.returncode != 0:

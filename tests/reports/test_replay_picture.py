@@ -62,7 +62,7 @@ def viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewerClient]:
                     "No graphics adapter was found|Failed to get render context", said.read_text()
                 )
                 assert reason, said.read_text()
-                pytest.skip(f"{reason[0]}: there is no Vulkan driver, not even mesa-vulkan-drivers")
+                pytest.skip(f"needs a Vulkan driver: apt-get install mesa-vulkan-drivers ({reason[0]})")
             assert time.monotonic() < until, "the viewer does not answer"
             time.sleep(0.2)
         client.set_time(TIMELINE, duration=MOMENT_S, play_state="paused")

@@ -94,7 +94,7 @@ def test_sums_and_places_are_formulas_with_their_values(selection: Selection, tm
 def test_weights_move_the_order(selection: Selection, tmp_path: Path, weights: tuple[float, ...]) -> None:
     """LibreOffice computes the order that follows from other weights as polars does."""
     if SOFFICE is None:
-        pytest.skip("LibreOffice (soffice) is not installed")
+        pytest.skip("needs LibreOffice: apt-get install libreoffice-calc-nogui")
     path = write_spreadsheet(selection, tmp_path / "ranking.xlsx")
     book = openpyxl.load_workbook(path)
     for column, weight in enumerate(weights, start=2):
