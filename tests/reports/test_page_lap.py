@@ -91,7 +91,7 @@ def test_another_entrants_lap_is_kept_in_the_address(
     opened.page.get_by_label("Against").select_option(key(full, 1))
     assert opened.page.evaluate("location.hash").endswith(f"?against={key(full, 1)}")
     assert "Difference\n−0.700 s" in opened.page.locator("main").inner_text()
-    assert opened.page.locator("figure .driven path").count() == 2 * ROWS
+    opened.until(f"document.querySelectorAll('figure .driven path').length === {2 * ROWS}")
     opened.assert_quiet()
 
 
