@@ -54,7 +54,7 @@ def after(
     Args:
         tally: that the night before has left.
         results: RESULTS of the night's round robin.
-        anchors: ids of who is kept besides the best.
+        anchors: ids of those kept besides the best.
         kept: of the best.
         looks: nights so far, with this one.
     """

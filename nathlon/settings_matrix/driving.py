@@ -167,7 +167,7 @@ def _seeds(run: Run, setting: Setting, place: int, phase: int, runs: slice) -> l
 def _marks(
     results: pl.DataFrame, measures: Mapping[str, Measure]
 ) -> dict[int, tuple[dict[str, float | None], bool]]:
-    """By race, the marks of who was tested and whether it broke down; void races are left out.
+    """By race, the marks of the entrant tested and whether it broke down; void races are left out.
 
     Who breaks down sets no mark but in that: a run that ends early is compared with no other, and how often
     there is one is a measure of its own.

@@ -21,7 +21,7 @@ def names(*sources: str) -> list[str]:
 
 
 def test_runs_are_told_apart_by_their_folders() -> None:
-    """In place of `step-0010000`, `checkpoints/step-0010000` and `checkpoints/step-0010000-387666`."""
+    """Instead of `step-0010000`, `checkpoints/step-0010000` and `checkpoints/step-0010000-387666`."""
     assert names(*RUNS) == [f"run{letter}/checkpoints/step-0010000" for letter in "ABC"]
     entered = [entrant(source, source[9] * 64, "step-0010000") for source in RUNS]
     assert [one.name for one in only_once(entered)] == names(*RUNS)
