@@ -90,7 +90,9 @@ function newInputs(onChange) {
   const down = new Set();
   let device = kept.read("device", "keys");
   addEventListener("keydown", (event) => {
-    if (!(event.code in KEYS) || event.target.closest?.("input, select, button, dialog")) return;
+    // What has just been hidden keeps the focus until the page is drawn again.
+    const elsewhere = event.target.closest?.("input, select, button, dialog")?.checkVisibility();
+    if (!(event.code in KEYS) || elsewhere) return;
     event.preventDefault();
     if (down.has(event.code)) return;
     down.add(event.code);
