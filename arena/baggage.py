@@ -38,7 +38,10 @@ def _label(source: str, shared: bool) -> str | None:
         return None
     if kind == MPPI:
         return PlannedSource.read(source).absolute
-    return suffix_of(source) if shared else str(Path(source).absolute())
+    if not shared:
+        return str(Path(source).absolute())
+    # Others are read by a world's own code, which may want what lies beside them.
+    return suffix if (suffix := suffix_of(source)) in SUFFIXES else None
 
 
 class Files(Protocol):

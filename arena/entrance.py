@@ -8,6 +8,7 @@ from pathlib import Path
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, only_once, weights
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
+from nathlon.arena.worlds.loaded import loader_of
 from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file
@@ -25,10 +26,13 @@ def enter_each(
 
 
 def _enter(source: str, world: str, circuit: str, car: str) -> Entrant:
-    entrant = load_world(world, circuit, car).enter(source)
+    home = load_world(world, circuit, car)
+    entrant = home.enter(source)
     parts = RolesSource.read(Path(source)).sources.values() if source.endswith(ROLES) else [source]
     for path in weights(parts):
-        check_as_it_is(path)
+        # A loader knows what its files were trained on.
+        if loader_of(getattr(home, "loaders", {}), str(path)) is None:
+            check_as_it_is(path)
     return entrant
 
 

@@ -28,7 +28,9 @@ from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.policies.sources.onnx import OnnxPolicy
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import load_plugin
+from nathlon.policies.sources.recognised import EXPORT, recognised
 from nathlon.policies.sources.sb3 import Sb3Policy
+from nathlon.sim.errors import InputError
 
 FilePolicy = NetworkPolicy | Sb3Policy | OnnxPolicy
 
@@ -77,6 +79,8 @@ def load_file(path: Path) -> FilePolicy:
                 return Sb3Policy.load(path)
             case ".onnx":
                 return OnnxPolicy.load(path)
+        if what := recognised(path):
+            raise InputError(f"{path}: is {what}, which only the code that trained it can read, {EXPORT}")
         return load_checkpoint(path)
 
 

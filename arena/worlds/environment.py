@@ -29,6 +29,7 @@ from nathlon.arena.worlds.contract import (
 from nathlon.arena.worlds.episodes import EpisodeWorld
 from nathlon.arena.worlds.foreign import Foreign
 from nathlon.arena.worlds.host import Alone
+from nathlon.arena.worlds.loaded import Loader, by_ending
 from nathlon.arena.worlds.player import Space
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
@@ -89,6 +90,7 @@ class PettingZooWorld(EpisodeWorld):
         score: Source = lambda seat: seat.total,
         measures: Mapping[str, Declared] | None = None,
         baseline: str = "random",
+        load: Loader | Mapping[str, Loader] | None = None,
         episode: str = "episode",
         packages: Sequence[str] = (),
         most_steps: int = 10_000,
@@ -110,6 +112,8 @@ class PettingZooWorld(EpisodeWorld):
             score: of a seat in an episode, the sum of its rewards by default.
             measures: what else is measured of a seat, by name.
             baseline: source of the policy that takes the other seats and sets the marks of tests.
+            load: a function that makes policies of files which nathlon cannot read, see
+                `nathlon.arena.worlds.loaded`; of those with the endings `WEIGHTS`, or of others by ending.
             episode: what its users call one, for reports: `"game"`.
             packages: whose versions decide how episodes go, besides this module's file.
             most_steps: of an episode; then it is cut off.
@@ -118,7 +122,8 @@ class PettingZooWorld(EpisodeWorld):
             answer_s: time that an environment has for a step, s; one that takes longer hangs.
 
         Raises:
-            ValueError: if a scenario is a name where there is no other interpreter, or none where there is.
+            ValueError: if a scenario is a name where there is no other interpreter, or none where there is;
+                or if `load` is no function.
         """
         for name, make in scenarios.items():
             if isinstance(make, str) != (python is not None):
@@ -129,7 +134,7 @@ class PettingZooWorld(EpisodeWorld):
             name: KNOWN.get(name, Measure(declared.unit, declared.goal))
             for name, declared in (measures or {}).items()
         }
-        self.baseline, self.episode = baseline, episode
+        self.baseline, self.episode, self.loaders = baseline, episode, by_ending(load)
         self._make, self._sides, self._points = dict(scenarios), sides, points
         self._roles = {seat: role for role, named in (roles or {}).items() for seat in named}
         self._score, self._declared = score, dict(measures or {})
@@ -171,7 +176,7 @@ class PettingZooWorld(EpisodeWorld):
 
     @cached_property
     def _identity(self) -> dict[str, Any]:
-        own = {self.file, *map(_source, self._make.values())} - {None}
+        own = {self.file, *map(_source, (*self._make.values(), *self.loaders.values()))} - {None}
         files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in own if path}
         if self._python is None:
             packages = {name: version(name) for name in (*self._packages, "numpy")}

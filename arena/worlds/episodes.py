@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,13 +29,14 @@ from nathlon.arena.worlds.contract import (
     Setup,
     WorldError,
 )
+from nathlon.arena.worlds.loaded import LoadedPolicy, Loader, loader_of
 from nathlon.arena.worlds.player import Asking, Space
 from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.general.roles import RolePolicies, Spaces
 from nathlon.policies.isolation import Apart
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
-from nathlon.policies.sources import PLUGIN, ROLES
+from nathlon.policies.sources import PLUGIN, ROLES, is_path
 from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
 
@@ -48,6 +50,7 @@ class EpisodeWorld(ABC):
         name: by which it is loaded, see `nathlon.arena.worlds.registry`.
         scenarios, measures, baseline, episode, circuits: as of `nathlon.arena.worlds.contract.World`.
         file: of the module that it is found in; None where there is none.
+        loaders: of files of policies, by the endings of their names.
         fault: why the last episode that was void was so; '' while none was.
         answer_s: what a step may take; where one takes longer, the world hangs, and the match is void.
     """
@@ -59,6 +62,7 @@ class EpisodeWorld(ABC):
     episode: str = "episode"
     circuits: bool = False
     file: Path | None = None
+    loaders: Mapping[str, Loader] = {}
     fault: str = ""
     answer_s: float = WORLD_ANSWER_S
 
@@ -104,7 +108,7 @@ class EpisodeWorld(ABC):
         name = name.removeprefix(f"{PLUGIN}:")
         return Entrant(policy.id, name, source, algorithm, "", "", policy.step, policy.seed, self.name)
 
-    def policy(self, source: str) -> GeneralPolicy | RolePolicies:
+    def policy(self, source: str) -> GeneralPolicy | LoadedPolicy | RolePolicies:
         """As of `nathlon.arena.worlds.contract.World`.
 
         Raises:
@@ -112,16 +116,25 @@ class EpisodeWorld(ABC):
         """
         seats = self._seats()
         if source.endswith(ROLES):
-            return RolePolicies.load(source, seats if "" not in seats else {})
-        first, *others = (spaces for role in seats.values() for spaces in role)
+            return RolePolicies.load(source, seats if "" not in seats else {}, self._opened)
+        all_spaces = [spaces for role in seats.values() for spaces in role]
         try:
-            policy = load_general(source, *first)
-            for spaces in others:
-                policy.check(*spaces)
+            return self._opened(source, all_spaces)
         except InputError as error:
             hint = "" if "" in seats else f"; or a file NAME{ROLES} with a policy for each role"
             raise InputError(f"{error}{hint}") from None
-        return policy
+
+    def _opened(self, source: str, seats: Sequence[Spaces]) -> GeneralPolicy | LoadedPolicy:
+        """The policy of a source for seats of these spaces.
+
+        Raises:
+            InputError: if it cannot be loaded, or does not fit one of them.
+        """
+        load = loader_of(self.loaders, source) if is_path(source) else None
+        read = load_general(source, *seats[0]) if load is None else LoadedPolicy.read(source, load, *seats[0])
+        for spaces in seats[1:]:
+            read.check(*spaces)
+        return read
 
     def _seats(self) -> dict[str, tuple[Spaces, ...]]:
         """Spaces of the seats that entrants take in the first scenario, by role; all by '' without roles."""
@@ -161,14 +174,15 @@ class EpisodeWorld(ABC):
     ) -> list[dict[str, Any]]:
         setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
         roles = setup.roles or [""] * len(setup.seats)
-        players = [
-            Asking(
-                _in_role(policies[seat.entrant], role), name, *spaces, rng, race.seed % 2**32, self.answer_s
-            ).watched(watch, number, seat.entrant)
-            for seat, name, role, spaces, rng in zip(
-                race.seats, setup.seats, roles, self.spaces(match.scenario), rngs, strict=True
-            )
-        ]
+        taken: Counter[int] = Counter()
+        players = []
+        for seat, name, role, spaces, rng in zip(
+            race.seats, setup.seats, roles, self.spaces(match.scenario), rngs, strict=True
+        ):
+            policy, seed = _in_role(policies[seat.entrant], role), race.seed % 2**32
+            asking = Asking(policy, name, *spaces, rng, seed, self.answer_s, taken[id(policy)])
+            players.append(asking.watched(watch, number, seat.entrant))
+            taken[id(policy)] += 1
         watch.work(max(WORLD_OPENS_S, self.answer_s))
         try:
             # Environments older than generators that are passed in draw from those of the process.

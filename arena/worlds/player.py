@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from gymnasium import spaces
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import WorldError
+from nathlon.arena.worlds.loaded import LoadedPolicy, Seated
 from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.isolation import Apart
 from nathlon.policies.policy import Batch
@@ -36,21 +38,25 @@ class Asking:
         rng: np.random.Generator,
         seed: int,
         step_limit_s: float,
+        before: int = 0,
     ) -> None:
         """A seat that is taken.
 
         Args:
-            policy: a `nathlon.policies.general.GeneralPolicy`, or `Absent`.
+            policy: a `nathlon.policies.general.GeneralPolicy`, a `LoadedPolicy`, or `Absent`.
             seat: its name, for errors.
             seen, done: spaces of its observations and actions.
             rng: for a policy that draws its actions.
             seed: of the global generators that a policy finds which is code.
             step_limit_s: what the world may take until it asks somebody again.
+            before: seats of the episode that the policy has taken before this one.
         """
         self.fault = policy.ending if isinstance(policy, Absent) else ""
         self._policy, self._seat, self._seen, self._done, self._rng = policy, seat, seen, done, rng
-        self._step_limit_s = step_limit_s
+        self._step_limit_s, self._seed, self._before = step_limit_s, seed, before
         self._memory: Any = None
+        self._seated: Seated | None = None
+        self._asked = False
         self._apart = Apart(seed)
         self._who: tuple[Watch, int, int] | None = None
 
@@ -67,10 +73,11 @@ class Asking:
         """
         if self.fault:
             return idle(self._done)
-        seen = self._flat(observation)
+        seen = deepcopy(observation) if isinstance(self._policy, LoadedPolicy) else self._flat(observation)
         assert self._who is not None
         watch, match, entrant = self._who
-        watch.ask(match, entrant, self._memory is None)
+        watch.ask(match, entrant, not self._asked)
+        self._asked = True
         if watch.used_up(match, entrant):
             self.fault = "timed_out"
             return idle(self._done)
@@ -111,8 +118,13 @@ class Asking:
             raise WorldError(f"seat {self._seat!r}: observation with NaN, expected numbers")
         return seen
 
-    def _decide(self, seen: Batch) -> Any:
+    def _decide(self, seen: Any) -> Any:
         with self._apart.entered():
+            if isinstance(self._policy, LoadedPolicy):
+                if self._seated is None:
+                    self._seated = self._policy.of_seat(self._before)
+                    self._seated.reset(self._seed)
+                return self._seated.act(seen, self._done, self._rng)
             if self._memory is None:
                 self._memory = self._policy.initial_memory(1)
             outputs, self._memory = self._policy.act(seen, self._memory)

@@ -16,6 +16,7 @@ from nathlon.policies.general.policy import GeneralPolicy, Memoryless
 from nathlon.policies.general.sb3 import load_sb3
 from nathlon.policies.sources import PLUGIN, RANDOM, suffix_of
 from nathlon.policies.sources.memory_limit import memory_limit
+from nathlon.policies.sources.recognised import LOADER, recognised
 from nathlon.sim.errors import InputError
 
 
@@ -58,4 +59,6 @@ def _load(
                 return load_sb3(path)
             case ".onnx":
                 return load_onnx(path)
+        if what := recognised(path):
+            raise InputError(f"{path}: is {what}, which only the code that trained it can read, {LOADER}")
         return load_general_checkpoint(path)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gymnasium.spaces import Space
 
-from nathlon.policies.general import load_general
-from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.sources.roles import RolesSource
 from nathlon.sim.errors import InputError
 
@@ -30,15 +28,21 @@ class RolePolicies:
 
     source: str
     id: str
-    by_role: Mapping[str, GeneralPolicy]
+    by_role: Mapping[str, Any]
 
     @classmethod
-    def load(cls, source: str, seats: Mapping[str, tuple[Spaces, ...]]) -> RolePolicies:
+    def load(
+        cls,
+        source: str,
+        seats: Mapping[str, tuple[Spaces, ...]],
+        load: Callable[[str, Sequence[Spaces]], Any],
+    ) -> RolePolicies:
         """The policies that a file of roles names.
 
         Args:
             source: path of the file.
             seats: by role, spaces of all its seats.
+            load: opens the policy of a source for seats of some spaces.
 
         Raises:
             InputError: if the file is wrong or has other roles, or a policy cannot be loaded or does not fit.
@@ -47,12 +51,10 @@ class RolePolicies:
         for role in sorted(seats.keys() ^ file.sources.keys()):
             said = "is missing" if role in seats else "is unknown"
             raise InputError(f"{source}: role {role!r} {said}, expected {', '.join(sorted(seats)) or 'none'}")
-        by_role: dict[str, GeneralPolicy] = {}
+        by_role: dict[str, Any] = {}
         for role, named in file.sources.items():
             try:
-                by_role[role] = load_general(named, *seats[role][0])
-                for spaces in seats[role][1:]:
-                    by_role[role].check(*spaces)
+                by_role[role] = load(named, seats[role])
             except InputError as error:
                 raise InputError(f"{source}: role {role!r}: {error}") from None
         return cls(source, file.identity([policy.id for policy in by_role.values()]), by_role)
