@@ -31,7 +31,7 @@ def _enter(source: str, world: str, circuit: str, car: str) -> Entrant:
     parts = RolesSource.read(Path(source)).sources.values() if source.endswith(ROLES) else [source]
     for path in weights(parts):
         # A loader knows what its files were trained on.
-        if loader_of(getattr(home, "loaders", {}), str(path)) is None:
+        if loader_of(home.loaders, str(path)) is None:
             check_as_it_is(path)
     return entrant
 
@@ -54,6 +54,16 @@ def enter_all(
             raise answer
         entrants.append(answer)
     return only_once(entrants)
+
+
+def endings_of(pool: Pool, world: str) -> tuple[str, ...]:
+    """Endings of the files that a world's own code reads.
+
+    Raises:
+        InputError: if the world cannot be loaded.
+    """
+    check_world(pool, world)
+    return tuple(load_world(world).loaders)
 
 
 def check_world(pool: Pool, name: str) -> None:

@@ -14,6 +14,7 @@ from nathlon.arena.entrance import check_world, enter_all, intact
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import RunRecord, Store
+from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.output import POLICY_LOG, OutputFolder
@@ -95,7 +96,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             name, outcome = untold
             selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
             return Night(name, DONE, outcome["code"], outcome["reason"], selection)
-        night, field = _open(store, config, pool, watch(config.checkpoints))
+        night, field = _open(store, config, pool, watch(config.checkpoints, load_world(config.world).loaders))
         if night is None:
             return _quiet(field)
         number = [record.name for record in _nights(store)].index(night.name)
@@ -135,7 +136,7 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
     anchors = {policy_id(anchor) for anchor in config.nightly.anchors}
     judged = set() if store is None else set(_judged(store, done))
     refused = set() if store is None else _refused(store, fields)
-    new = watch(config.checkpoints).unjudged(judged | anchors, refused)
+    new = watch(config.checkpoints, load_world(config.world).loaders).unjudged(judged | anchors, refused)
     pool = set() if store is None or not done else set(store.table(done[-1].name, "pool")["entrant"])
     return len(set(new.values())), min(config.nightly.incumbents, len(pool - anchors)), len(anchors)
 

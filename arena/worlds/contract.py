@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from nathlon.arena.match import Match
     from nathlon.arena.team import Absent
     from nathlon.arena.watch import Watch
+    from nathlon.arena.worlds.loaded import Loader
 
 Points = Literal["place", "score"]
 
@@ -124,6 +125,7 @@ class World(Protocol):
         episode: what its users call one, for reports: a race, a game; "episode" where it does not say.
         circuits: whether it is played on circuits with cars, which its matches and entrants then name; not
             where it does not say.
+        loaders: of files of policies that its own code reads, by the endings of their names.
     """
 
     name: str
@@ -132,6 +134,7 @@ class World(Protocol):
     baseline: str
     episode: str
     circuits: bool
+    loaders: Mapping[str, Loader]
 
     def setup(self, scenario: str) -> Setup:
         """A scenario.

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.checkpoint import checkpoint_id
 from nathlon.policies.general.outputs import IllegalActionError, Outputs
+from nathlon.policies.sources import WEIGHTS
 from nathlon.sim.errors import InputError
 
 Space = spaces.Space[Any]
@@ -29,14 +30,12 @@ What it gives is called with one observation, and answers with an action. Or it 
 `act(observation, memory)`, which answers with an action and the memory for the next step; the first is None.
 If it has `reset(seed)`, that is called before every episode. A module of torch is called with a batch of one.
 """
-WEIGHTS = (".pt", ".pth", ".ckpt", ".cleanrl_model")
-"""Endings of files that a loader is for which is given without any."""
 _FLAT = (spaces.Box, spaces.Discrete, spaces.MultiDiscrete)
 """Action spaces whose actions are rows of numbers."""
 
 
 def by_ending(load: Loader | Mapping[str, Loader] | None) -> dict[str, Loader]:
-    """Loaders by the endings of files, in small letters.
+    """Loaders by the endings of files, in small letters; one without any is for those of `WEIGHTS`.
 
     Raises:
         ValueError: if an ending is none, or what stands for it cannot be called.

@@ -15,6 +15,7 @@ from nathlon.arena.entrant import Entrant, enter
 from nathlon.arena.runner import run_together
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import LineUp, Measure, Setup
+from nathlon.arena.worlds.loaded import Loader
 from nathlon.arena.worlds.registry import RACING
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
@@ -35,6 +36,7 @@ class Racing:
     baseline = DRIVER
     episode = "race"
     circuits = True
+    loaders: Mapping[str, Loader] = {}
 
     def __init__(self, circuit: str, car: str) -> None:
         self._circuit, self._car = circuit, car

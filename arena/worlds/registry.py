@@ -20,7 +20,7 @@ RACING = "racing"
 WORLDS = "nathlon.worlds"
 """Group of the entry points by which packages offer worlds."""
 _NEEDED = ("scenarios", "measures", "baseline", "setup", "check", "facts", "enter", "policy", "run")
-_DEFAULTS = {"episode": "episode", "circuits": False}
+_DEFAULTS = {"episode": "episode", "circuits": False, "loaders": {}}
 """Of attributes that a world need not have."""
 
 

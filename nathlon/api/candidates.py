@@ -15,12 +15,13 @@ Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
 """One, some, or some by the names that their objects shall have."""
 
 
-def named_sources(candidates: Candidates, people: bool = False) -> list[str]:
+def named_sources(candidates: Candidates, people: bool = False, endings: Iterable[str] = ()) -> list[str]:
     """The sources of candidates; objects are handed over, under the names given or those of their classes.
 
     Args:
         candidates: what a program has given.
         people: whether what a person did is one of them.
+        endings: of files that are checkpoints besides those that nathlon reads itself.
 
     Raises:
         InputError: if one is no policy.
@@ -34,7 +35,7 @@ def named_sources(candidates: Candidates, people: bool = False) -> list[str]:
     sources: list[str] = []
     for name, candidate in named:
         if isinstance(candidate, str | Path):
-            sources += find_sources([candidate], people)
+            sources += find_sources([candidate], people, endings)
         else:
             sources.append(hand_over(candidate, name))
     return sources

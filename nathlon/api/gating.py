@@ -10,6 +10,7 @@ import polars as pl
 from nathlon.api.candidates import Candidate, Candidates, named_sources
 from nathlon.api.selection import configured, entered
 from nathlon.arena.decision import Decision
+from nathlon.arena.entrance import endings_of
 from nathlon.arena.pool import Pool
 from nathlon.gating.gate import run_gate
 from nathlon.progress import stage_progress, worker_count
@@ -96,11 +97,13 @@ def gate(
     settings = configured(config, seed, workers=workers)
     if world is not None:
         settings = settings.model_copy(update={"world": world})
-    [reference, *more] = named_sources(champion)
-    if more:
-        raise InputError(f"{champion}: holds {len(more) + 1} checkpoints, expected one champion")
     with Pool(worker_count(settings.workers)) as pool:
-        together, settings = entered(pool, [reference, *named_sources(candidates)], settings)
+        endings = endings_of(pool, settings.world)
+        [reference, *more] = named_sources(champion, endings=endings)
+        if more:
+            raise InputError(f"{champion}: holds {len(more) + 1} checkpoints, expected one champion")
+        sources = named_sources(candidates, endings=endings)
+        together, settings = entered(pool, [reference, *sources], settings)
         first, *others = together
         if not others:
             raise InputError(f"{reference}: is the only candidate, expected policies to compare with it")

@@ -9,6 +9,7 @@ from nathlon.api.candidates import Candidates, named_sources
 from nathlon.api.selection import configured
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
+from nathlon.arena.worlds.registry import load_world
 from nathlon.arena.worlds.rehearsal import PATIENCE_S, episode_times
 from nathlon.nightly import awaited
 from nathlon.progress import worker_count
@@ -56,7 +57,11 @@ def plan(
             counts = awaited(settings, known)
         else:
             anchors = len(settings.nightly.anchors) if settings.in_gauntlet else 0
-            counts = len(set(named_sources(checkpoints))), 0, anchors
+            counts = (
+                len(set(named_sources(checkpoints, endings=load_world(settings.world).loaders))),
+                0,
+                anchors,
+            )
         before = [] if known is None else earlier(known, settings)
     if counts[0] == 0:
         raise InputError("nothing is new, expected checkpoints that no night has judged")

@@ -11,12 +11,11 @@ import numpy as np
 import polars as pl
 
 from nathlon.api.selection import at_home, configured
-from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrance import endings_of, enter_all
 from nathlon.arena.pool import Pool
-from nathlon.policies.sources.finding import checkpoints_below
 from nathlon.progress import stage_progress, worker_count
 from nathlon.publishing.output import OutputFolder
-from nathlon.recipe_comparison.grouping import attempts, recipe_folders
+from nathlon.recipe_comparison.grouping import attempts, checkpoints_of, recipe_folders
 from nathlon.recipe_comparison.scores import SEED, STAGE, score
 from nathlon.recipe_comparison.summary import summarise
 from nathlon.reports.recipes import write_recipes
@@ -81,10 +80,11 @@ def recipes(
     if world is not None:
         settings = settings.model_copy(update={"world": world})
     with Pool(worker_count(settings.workers)) as pool:
-        sources = [str(path) for folder in found.values() for path in checkpoints_below(folder)]
+        files = checkpoints_of(found, endings_of(pool, settings.world))
+        sources = [str(path) for paths in files.values() for path in paths]
         settings = at_home(pool, sources, settings)
         where = (settings.circuit, settings.car, settings.world)
-        runs = attempts(pool, found, *where)
+        runs = attempts(pool, found, files, *where)
         references = enter_all(pool, settings.nightly.anchors, *where)
         raced = list({one.id: one for attempt in runs for one in attempt.checkpoints}.values())
         output = OutputFolder(Path(out))

@@ -9,7 +9,7 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.api.candidates import Candidates, named_sources
-from nathlon.arena.entrance import check_world, enter_all, trained_on
+from nathlon.arena.entrance import check_world, endings_of, enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import load_world
@@ -172,11 +172,11 @@ def select(
     Raises:
         InputError: if a checkpoint cannot drive, a name or file is wrong, or the folder cannot be written.
     """
-    sources = named_sources(checkpoints)
     settings = configured(config, seed, shortlist, pairs, workers)
     if world is not None:
         settings = settings.model_copy(update={"world": world})
     with Pool(worker_count(settings.workers)) as pool:
+        sources = named_sources(checkpoints, endings=endings_of(pool, settings.world))
         entrants, settings = entered(pool, sources, settings)
         output = OutputFolder(Path(out), store)
         with stage_progress(progress) as on_match:

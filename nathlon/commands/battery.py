@@ -10,7 +10,7 @@ import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
-from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.finding import check_given, find_sources
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -33,8 +33,9 @@ def battery(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    sources = find_sources(entrants)
+    check_given(entrants)
     from nathlon.api.selection import configured, entered
+    from nathlon.arena.entrance import endings_of
     from nathlon.arena.pool import Pool
     from nathlon.arena.results import VOID_ENDINGS
     from nathlon.n_athlon import run_battery
@@ -46,6 +47,7 @@ def battery(
     settings = configured(config, seed, workers=workers)
     path = out / "store.sqlite"
     with Pool(worker_count(settings.workers)) as pool:
+        sources = find_sources(entrants, endings=endings_of(pool, settings.world))
         tested, settings = entered(pool, sources, settings)
         with (
             stoppable(f"The same command goes on from {path}."),

@@ -10,7 +10,7 @@ import typer
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers, WorldName
 from nathlon.commands.selection import stoppable
-from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say
 
 
@@ -29,8 +29,7 @@ def gate(
     Exit code 0: it may, being no worse by more than the margins. 1: it may not. 4: the budget was too small
     to tell.
     """
-    sources = find_sources(checkpoints)
-    [reference] = find_sources([champion])[:1]
+    check_given([*checkpoints, champion])
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -39,8 +38,8 @@ def gate(
 
     with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.gate(
-            sources,
-            reference,
+            checkpoints,
+            champion,
             out,
             config=config,
             seed=seed,

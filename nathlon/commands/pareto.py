@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
-from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.finding import check_given, find_sources
 from nathlon.sim.whole_file import whole_file
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -32,8 +32,9 @@ def pareto(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    sources = find_sources(checkpoints)
+    check_given(checkpoints)
     from nathlon.api.selection import configured, entered
+    from nathlon.arena.entrance import endings_of
     from nathlon.arena.entrant import entrants_table
     from nathlon.arena.pool import Pool
     from nathlon.arena.results import VOID_ENDINGS
@@ -47,6 +48,7 @@ def pareto(
     settings = configured(config, seed, workers=workers)
     path = out / "store.sqlite"
     with Pool(worker_count(settings.workers)) as pool:
+        sources = find_sources(checkpoints, endings=endings_of(pool, settings.world))
         entrants, settings = entered(pool, sources, settings)
         with (
             stoppable(f"The same command goes on from {path}."),

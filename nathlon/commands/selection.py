@@ -23,7 +23,7 @@ from nathlon.commands.options import (
     Workers,
     WorldName,
 )
-from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.finding import check_given
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
@@ -70,7 +70,7 @@ def evaluate(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    sources = find_sources(checkpoints)
+    check_given(checkpoints)
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -79,7 +79,7 @@ def evaluate(
 
     with stoppable(f"The same command goes on from {store or out / 'store.sqlite'}."):
         result = select(
-            sources,
+            checkpoints,
             out,
             config=config,
             seed=seed,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def recipe_folders(given: Iterable[str]) -> dict[str, Path]:
     """Folders of recipes by name, from `FOLDER`, which lends its name, or `NAME=FOLDER`.
 
     Raises:
-        InputError: if a folder is missing or empty, or two recipes have one name.
+        InputError: if a folder is missing, or two recipes have one name.
     """
     found: dict[str, Path] = {}
     for text in given:
@@ -48,14 +48,32 @@ def recipe_folders(given: Iterable[str]) -> dict[str, Path]:
         name = name or folder.resolve().name
         if name in found:
             raise InputError(f"{folder}: there is a recipe {name!r} already, expected NAME=FOLDER")
-        if not checkpoints_below(folder):
-            raise InputError(f"{folder}: holds no checkpoint, expected the training runs of a recipe")
         found[name] = folder
     return found
 
 
-def attempts(pool: Pool, folders: dict[str, Path], circuit: str, car: str, world: str) -> list[Attempt]:
-    """The training runs in folders of recipes.
+def checkpoints_of(folders: Mapping[str, Path], endings: Iterable[str]) -> dict[str, list[Path]]:
+    """The checkpoints in folders of recipes; files with the endings are some, see `checkpoints_below`.
+
+    Raises:
+        InputError: if a folder holds none.
+    """
+    files = {name: checkpoints_below(folder, endings) for name, folder in folders.items()}
+    for name, paths in files.items():
+        if not paths:
+            raise InputError(f"{folders[name]}: holds no checkpoint, expected the training runs of a recipe")
+    return files
+
+
+def attempts(
+    pool: Pool,
+    folders: Mapping[str, Path],
+    files: Mapping[str, Sequence[Path]],
+    circuit: str,
+    car: str,
+    world: str,
+) -> list[Attempt]:
+    """The training runs in folders of recipes, with these files.
 
     Checkpoints in one folder that state one seed are of one run; those that state none are told apart by
     their folders alone.
@@ -63,7 +81,6 @@ def attempts(pool: Pool, folders: dict[str, Path], circuit: str, car: str, world
     Raises:
         InputError: if a checkpoint cannot drive there.
     """
-    files = {name: checkpoints_below(folder) for name, folder in folders.items()}
     sources = [str(path) for paths in files.values() for path in paths]
     entered = {entrant.source: entrant for entrant in enter_all(pool, sources, circuit, car, world)}
     return [

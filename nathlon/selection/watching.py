@@ -52,14 +52,17 @@ class Watched:
         return found
 
 
-def watch(watched: Iterable[str]) -> Watched:
+def watch(watched: Iterable[str], endings: Iterable[str] = ()) -> Watched:
     """Look into folders, and at files and `plugin:NAME`.
+
+    Files with the endings are checkpoints besides those that nathlon reads itself.
 
     Raises:
         InputError: if a path does not exist.
     """
     sources: list[str] = []
     empty: list[Path] = []
+    loaded = tuple(endings)
     for source in watched:
         path = Path(source)
         if source.partition(":")[0] == PLUGIN:
@@ -67,7 +70,7 @@ def watch(watched: Iterable[str]) -> Watched:
         elif not path.exists():
             raise InputError(f"{source}: no such file or folder, expected checkpoints to watch")
         elif path.is_dir():
-            found = checkpoints_below(path)
+            found = checkpoints_below(path, loaded)
             sources += map(str, found)
             empty += [] if found else [path]
         else:

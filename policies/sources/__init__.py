@@ -24,6 +24,8 @@ ROLES = ".roles.toml"
 """What the names of files end with that name a policy for each role."""
 SUFFIXES = (".safetensors", ".zip", ".onnx")
 """Of the files that hold policies; in capitals too, see `suffix_of`."""
+WEIGHTS = (".pt", ".pth", ".ckpt", ".cleanrl_model")
+"""Of files of weights that only the code which trained them can read; see `nathlon.arena.worlds.loaded`."""
 PLUGINS = "nathlon.policies"
 """Group of the entry points by which packages offer policies."""
 TRAINING_STATE = ("state.safetensors", "replay.safetensors")

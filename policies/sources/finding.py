@@ -18,26 +18,33 @@ from nathlon.policies.sources import (
     ROLES,
     SUFFIXES,
     TRAINING_STATE,
+    WEIGHTS,
     check_source,
     suffix_of,
 )
+from nathlon.policies.sources.recognised import LOADER
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 
 
-def checkpoints_below(folder: Path) -> list[Path]:
+def checkpoints_below(folder: Path, endings: Iterable[str] = ()) -> list[Path]:
     """The checkpoints in a folder and those below it, without the states of training runs.
+
+    Files with the endings, in small letters, are checkpoints too.
 
     Links to folders are followed. What is hidden (`.NAME`) is passed over, as caches and half-written files
     are. Files that a file of roles there names are no checkpoints of their own. A folder that cannot be
     looked into is one of them, so that whoever opens it says so.
     """
     closed: list[Path] = []
+    loaded = tuple(endings)
     found = [
         Path(place) / name
         for place, names in _looked_into(folder, lambda error: closed.append(Path(error.filename)))
         for name in names
-        if (suffix_of(name) in SUFFIXES and name.lower() not in TRAINING_STATE) or name.endswith(ROLES)
+        if (suffix_of(name) in SUFFIXES and name.lower() not in TRAINING_STATE)
+        or name.endswith(ROLES)
+        or name.lower().endswith(loaded)
     ]
     parts: set[str] = set()
     for path in found:
@@ -66,7 +73,18 @@ def _looked_into(root: Path, on_error: Callable[[OSError], None]) -> Iterator[tu
             yield place, [name for name in names if not name.startswith(".")]
 
 
-def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]:
+def check_given(given: Iterable[str | Path]) -> None:
+    """Raise an InputError for what is neither a folder nor can be a policy."""
+    for one in map(str, given):
+        if one != GENERALIST and not _is_folder(one):
+            check_source(one)
+
+
+def _is_folder(one: str) -> bool:
+    return one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir()
+
+
+def find_sources(given: Iterable[str | Path], people: bool = False, endings: Iterable[str] = ()) -> list[str]:
     """The sources among what a user has given.
 
     A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon.
@@ -74,18 +92,20 @@ def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]
     Args:
         given: paths and names.
         people: whether what a person did is one of them.
+        endings: of files in folders that are checkpoints besides those that nathlon reads itself.
 
     Raises:
         InputError: if there is no such policy, or a folder holds none.
     """
+    loaded = tuple(endings)
     found: list[str] = []
     for one in map(str, given):
         if one == GENERALIST:
             found.append(str(generalist()))
-        elif one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir():
-            inside = checkpoints_below(Path(one))
+        elif _is_folder(one):
+            inside = checkpoints_below(Path(one), loaded)
             if not inside:
-                raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
+                raise _without_checkpoint(one, loaded)
             found.extend(map(str, inside))
         else:
             check_source(one)
@@ -93,3 +113,14 @@ def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]
                 raise InputError(f"{printable(one)}: is a person, expected a policy")
             found.append(one)
     return found
+
+
+def _without_checkpoint(folder: str, loaded: tuple[str, ...]) -> InputError:
+    others = [path.name for path in checkpoints_below(Path(folder), WEIGHTS)]
+    known = ", ".join((*SUFFIXES, *loaded))
+    if others and loaded != WEIGHTS:
+        return InputError(
+            f"{folder}: holds {len(others)} files such as {printable(others[0])!r}, which only the code that "
+            f"trained them can read, {LOADER}; or files of {known}"
+        )
+    return InputError(f"{folder}: holds no checkpoint, expected files of {known}")

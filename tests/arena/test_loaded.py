@@ -13,6 +13,7 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Dict, Discrete
 
+import nathlon
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
@@ -20,6 +21,8 @@ from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.loaded import LoadedPolicy, by_ending, loader_of
 from nathlon.arena.worlds.registry import load_world
+from nathlon.policies.sources.finding import find_sources
+from nathlon.selection.watching import watch
 from nathlon.sim.errors import InputError
 from tests.games import ENVIRONMENTS, WORLD, refused
 
@@ -211,3 +214,19 @@ def test_a_module_s_numbers_are_clipped_to_a_box(tmp_path: Path) -> None:
     both = torch.nn.LSTM(2, 2)
     with pytest.raises(InputError, match="the module gives tuple, expected one tensor"):
         LoadedPolicy.read(names(tmp_path, 3), lambda *_: both, observed, done)
+
+
+def test_folders_hold_what_the_world_s_code_reads(tmp_path: Path) -> None:
+    world = world_with(tmp_path, "plain")
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for right in range(3):
+        names(folder, right)
+    (folder / "notes.txt").write_text("nothing to load")
+    result = nathlon.select(folder, tmp_path / "out", world=world.name, workers=1, progress=False)
+    assert result.sent == ["2"]
+    assert result.ranking["name"].to_list()[0] == "2"
+    with refused(f"{folder}: holds 3 files such as '0.pt'", "expected a loader in the world's mapping"):
+        find_sources([folder])
+    watched = watch([str(folder)], world.loaders)
+    assert len(watched.digests) == 3

@@ -14,7 +14,7 @@ from scipy.stats import mannwhitneyu
 import nathlon
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.recipe_comparison.grouping import attempts, recipe_folders
+from nathlon.recipe_comparison.grouping import attempts, checkpoints_of, recipe_folders
 from nathlon.recipe_comparison.statistics import (
     estimate,
     interquartile_mean,
@@ -68,7 +68,7 @@ def test_a_folder_holds_a_recipe_and_those_in_it_its_runs(folders: Path) -> None
     found = recipe_folders([str(folders / "plain"), f"careful={folders / 'wary'}"])
     assert list(found) == ["plain", "careful"]
     with Pool(1) as pool:
-        runs = attempts(pool, found, "lindenring", "gt3", "racing")
+        runs = attempts(pool, found, checkpoints_of(found, ()), "lindenring", "gt3", "racing")
     assert [(run.recipe, len(run.checkpoints)) for run in runs[:2]] == [("plain", 2), ("plain", 2)]
     assert [one.step for one in runs[0].checkpoints] == [4000, 8000]
     seeds = {one.seed for run in runs[2:] for one in run.checkpoints}
