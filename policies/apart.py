@@ -67,7 +67,10 @@ class PolicyApart:
         self._child = Child([sys.executable, "-m", "nathlon.policies.apart_host", "{pipe}"])
         self.process = self._child.process
         opened, _ = self._ask({"source": source, "circuit": circuit, "car": car, "path": sys.path})
-        self.observation_spec = ObservationSpec.from_dict(opened["observation_spec"])
+        try:
+            self.observation_spec = ObservationSpec.from_dict(opened["observation_spec"])
+        except (KeyError, TypeError):
+            raise self._refused("answers without its observations, expected a policy") from None
         self._limit_s = first_answer_s
 
     def initial_memory(self, n: int) -> Batch:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -113,14 +114,14 @@ class WithNetworks(Gentle):
         layer = np.full((3, 2), gain, np.float32), np.zeros(2, np.float32)
         plain = Mlp((layer,), "relu", "clip")
         encoder = Mlp(((np.eye(1, dtype=np.float32), np.zeros(1, np.float32)),), "relu", "linear")
-        self.networks = [plain, EncodedMlp(encoder, plain, 1), Network(gain)]
+        self.networks: list[Any] = [plain, EncodedMlp(encoder, plain, 1), Network(gain)]
 
-    def __getstate__(self) -> object:
+    def __getstate__(self) -> Any:
         return object.__getstate__(self)
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         for network in self.networks[:2]:
-            network(np.ones((len(observations), 3), np.float32))  # type: ignore[operator]
+            network(np.ones((len(observations), 3), np.float32))
         self.networks[2](torch.zeros(len(observations)))
         return super().act(observations, memory)
 
