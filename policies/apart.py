@@ -15,6 +15,7 @@ from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources import COMPOSITE, PLUGIN, suffix_of
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.process import command_of
 
 if TYPE_CHECKING:
     from nathlon.sim.wire import Arrays
@@ -64,7 +65,7 @@ class PolicyApart:
             InputError: if it cannot be opened, or not in time.
         """
         self._source, self._answer_s, self._limit_s = source, answer_s, first_answer_s
-        self._child = Child([sys.executable, "-m", "nathlon.policies.apart_host", "{pipe}"])
+        self._child = Child(command_of("nathlon.policies.apart_host", "{pipe}"))
         self.process = self._child.process
         opened, _ = self._ask({"source": source, "circuit": circuit, "car": car, "path": sys.path})
         try:

@@ -20,7 +20,7 @@ PROTOCOL = 4
 
 
 class _Known(NamedTuple):
-    """A policy, and the id that it had when it was handed over: what it notes for itself in use changes none."""
+    """A policy and its id when it was handed over, which nothing changes that it notes in use."""
 
     policy: Policy
     identity: str

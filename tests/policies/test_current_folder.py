@@ -1,0 +1,35 @@
+"""Files of the current folder are data: nothing that is started runs them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+PROGRAM = """
+from nathlon.arena.job import Opening
+from nathlon.arena.pool import Pool
+from nathlon.policies.apart import PolicyApart
+from nathlon.policies.child_processes import FreshProcesses
+
+if __name__ == "__main__":
+    with Pool(1) as pool:
+        print(pool.open([Opening("here", str, ("opened",))]))
+    process = FreshProcesses().Process(target=int)
+    process.start()
+    process.join()
+    PolicyApart("driver", "lindenring", "gt3")
+    print("done")
+"""
+KEPT = {"sys", "builtins", "__future__"}
+
+
+def test_modules_of_the_current_folder_are_not_imported(tmp_path: Path) -> None:
+    """By the processes of a pool, those of training, and those of policies apart."""
+    for name in ({*sys.stdlib_module_names} - KEPT) | {"numpy", "numba", "polars", "nathlon", "pydantic"}:
+        (tmp_path / f"{name}.py").write_text("open('ran-' + __name__, 'w'); raise SystemExit(__name__)")
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", PROGRAM], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert [path.name for path in tmp_path.glob("ran-*")] == [], done.stderr
+    assert done.stdout.split() == ["['opened']", "done"], done.stderr
