@@ -6,7 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.checkpoints import BUNDLED
+
 PROGRAM = """
+import sys
+
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
 from nathlon.policies.apart import PolicyApart
@@ -18,7 +22,7 @@ if __name__ == "__main__":
     process = FreshProcesses().Process(target=int)
     process.start()
     process.join()
-    PolicyApart("driver", "lindenring", "gt3")
+    PolicyApart(sys.argv[1], "lindenring", "gt3")
     print("done")
 """
 KEPT = {"sys", "builtins", "__future__"}
@@ -29,7 +33,11 @@ def test_modules_of_the_current_folder_are_not_imported(tmp_path: Path) -> None:
     for name in ({*sys.stdlib_module_names} - KEPT) | {"numpy", "numba", "polars", "nathlon", "pydantic"}:
         (tmp_path / f"{name}.py").write_text("open('ran-' + __name__, 'w'); raise SystemExit(__name__)")
     done = subprocess.run(
-        [sys.executable, "-P", "-c", PROGRAM], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-c", PROGRAM, BUNDLED[0]],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert [path.name for path in tmp_path.glob("ran-*")] == [], done.stderr
     assert done.stdout.split() == ["['opened']", "done"], done.stderr
