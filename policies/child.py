@@ -35,6 +35,10 @@ class ChildError(Exception):
     """A process has not answered as it should, and is ended; says how, without naming it."""
 
 
+class LateError(ChildError):
+    """It has not answered in time."""
+
+
 class Child:
     """A process that answers messages; it ends with this object or with this process, and so do its own.
 
@@ -115,7 +119,8 @@ class Child:
 
     def _check(self, waiting: Waiting, limit_s: float) -> None:
         if waiting.look() >= limit_s:
-            raise self.failed(f"has not answered in {limit_s:g} s")
+            self.end()
+            raise LateError(f"has not answered in {limit_s:g} s")
 
     def failed(self, reason: str) -> ChildError:
         """End it; the error to raise."""
