@@ -231,7 +231,8 @@ def hashes(path: str) -> dict[str, str]:
     if path.endswith(".py") and not INSTALLED.intersection(folder.split(os.sep)):
         finder = ModuleFinder([folder])
         finder.run_script(path)
-        found = [module.__file__ for module in finder.modules.values() if module.__file__]
+        modules: Any = finder.modules
+        found = [module.__file__ for module in modules.values() if module.__file__]
         files.update((os.path.relpath(file, folder).replace(os.sep, "/"), file) for file in found)
     told = {}
     for name in files:
