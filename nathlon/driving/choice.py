@@ -21,6 +21,7 @@ from nathlon.driving.difficulty import CHOSEN, Difficulty, Field, tempered
 from nathlon.driving.forecast import Setting
 from nathlon.policies.apart import PolicyApart, is_guest
 from nathlon.policies.load import load_policy
+from nathlon.policies.patience import FIRST_ANSWER_S
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN
 from nathlon.policies.temper import FAIR, TemperName
@@ -37,8 +38,6 @@ DRIVERS = tuple(f"{DRIVER}:pace={pace}" for pace in (1.0, 0.97, 0.94, 0.9, 0.85)
 """Who can race anywhere, in any car."""
 ANSWER_S = 0.5
 """An opponent that has not answered for so long is out: the person waits for it."""
-OPENS_S = 30.0
-"""In which it must have opened: the person waits for that, too."""
 UNDER_WAY = "person under way"
 """Id of a person whose race has not ended, of which there are no inputs yet."""
 
@@ -283,7 +282,7 @@ def _opened(openings: Sequence[Opening]) -> list[Any]:
     guests = [opening for opening in openings if is_guest(opening.source)]
     answers: dict[Opening, Any] = {}
     if guests:
-        with Pool(1, first_answer_s=OPENS_S) as pool:
+        with Pool(1, first_answer_s=FIRST_ANSWER_S) as pool:
             answers = dict(zip(guests, pool.open(guests), strict=True))
     opened = []
     for opening in openings:
@@ -298,7 +297,7 @@ def _ready(source: str, circuit: str, car: str, seed: int) -> Policy:
     """A policy that the race need not wait for: a guest has begun, and is out when it takes too long."""
     if not is_guest(source):
         return load_policy(source, circuit, car)
-    guest = PolicyApart(source, circuit, car, ANSWER_S, OPENS_S)
+    guest = PolicyApart(source, circuit, car, ANSWER_S, FIRST_ANSWER_S)
     guest.warm_up(seed)
     return guest
 

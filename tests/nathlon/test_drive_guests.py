@@ -121,7 +121,7 @@ def endless(path: Path) -> Path:
 def test_an_endless_graph_is_refused_when_it_is_offered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("nathlon.driving.choice.OPENS_S", 1.0)
+    monkeypatch.setattr("nathlon.driving.choice.FIRST_ANSWER_S", 1.0)
     path = endless(tmp_path / "endless.onnx")
     with pytest.raises(InputError, match=r"endless\.onnx: took more than 1 s to open, expected a policy"):
         Opponent.of(str(path))

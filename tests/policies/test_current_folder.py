@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from nathlon.arena.on_ray.cluster import _job
 from tests.checkpoints import BUNDLED
 
 PROGRAM = """
@@ -41,3 +42,9 @@ def test_modules_of_the_current_folder_are_not_imported(tmp_path: Path) -> None:
     )
     assert [path.name for path in tmp_path.glob("ran-*")] == [], done.stderr
     assert done.stdout.split() == ["['opened']", "done"], done.stderr
+
+
+def test_nodes_of_a_cluster_are_not_told_of_it() -> None:
+    job = _job()
+    job._py_driver_sys_path.append("/current/folder")  # as `ray.init` does
+    assert b"/current/folder" not in job._serialize()
