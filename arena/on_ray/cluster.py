@@ -65,7 +65,7 @@ def _job() -> Any:
     """What Ray is told of this process: not the current folder, from which its workers would import."""
     from ray.job_config import JobConfig
 
-    class Job(JobConfig):  # type: ignore[misc]
+    class Job(JobConfig):
         def _serialize(self) -> Any:
             self._py_driver_sys_path.clear()
             return super()._serialize()
