@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.watch import Watch
+from nathlon.policies.apart import TimedOutError
 from nathlon.policies.checkpoint import NetworkPolicy
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
@@ -122,6 +123,9 @@ class Team:
                 answer = decide(self.policy, world, self.cars // grid, self.cars % grid, seen, self._memory)
         except _IllegalError as error:
             return self._refused(str(error))
+        except TimedOutError as error:
+            log.warning("%s: its cars are out", error)
+            return np.full((n, 2), np.nan, np.float32), "timed_out"
         except MemoryError:
             # Another one may have taken the memory: who pays for it is decided outside of this process.
             raise

@@ -8,30 +8,41 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.child import Child, ChildError
+from nathlon.policies.child import Child, ChildError, LateError
 from nathlon.policies.load import load_policy
 from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources import COMPOSITE, PLUGIN, suffix_of
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.process import command_of
 
 if TYPE_CHECKING:
     from nathlon.sim.wire import Arrays
 
 
+class TimedOutError(InputError):
+    """A policy has not answered in time."""
+
+
+def is_guest(name: str) -> bool:
+    """Whether the policy called `name` may hang or crash, as plugins, composites and ONNX graphs may.
+
+    Weights and built-in drivers can do no harm.
+    """
+    return name.partition(":")[0] == PLUGIN or suffix_of(name) in (COMPOSITE, ".onnx")
+
+
 def load_guest(name: str, circuit: str, car: str) -> Policy:
     """The policy called `name` for a program that must outlive it; see `nathlon.policies.load.load_policy`.
 
-    Plugins, composites and ONNX graphs run in processes of their own, and raise an InputError when they do
-    not answer as they should; weights and built-in drivers can do no harm and run in this one.
+    Guests run in processes of their own, and raise an InputError when they do not answer as they should; all
+    others run in this one.
 
     Raises:
         InputError: if there is no such policy or it cannot be read.
     """
-    if name.partition(":")[0] == PLUGIN or suffix_of(name) in (COMPOSITE, ".onnx"):
-        return PolicyApart(name, circuit, car)
-    return load_policy(name, circuit, car)
+    return PolicyApart(name, circuit, car) if is_guest(name) else load_policy(name, circuit, car)
 
 
 class PolicyApart:
@@ -41,6 +52,7 @@ class PolicyApart:
 
     Attributes:
         process: the process.
+        failure: why it is asked no more, in a clause without its name; '' while it answers as it should.
     """
 
     observation_spec: ObservationSpec
@@ -64,11 +76,31 @@ class PolicyApart:
             InputError: if it cannot be opened, or not in time.
         """
         self._source, self._answer_s, self._limit_s = source, answer_s, first_answer_s
-        self._child = Child([sys.executable, "-m", "nathlon.policies.apart_host", "{pipe}"])
+        self.failure = ""
+        self._child = Child(command_of("nathlon.policies.apart_host", "{pipe}"))
         self.process = self._child.process
         opened, _ = self._ask({"source": source, "circuit": circuit, "car": car, "path": sys.path})
-        self.observation_spec = ObservationSpec.from_dict(opened["observation_spec"])
+        try:
+            self.observation_spec = ObservationSpec.from_dict(opened["observation_spec"])
+        except (KeyError, TypeError):
+            raise self._refused("answers without its observations, expected a policy") from None
         self._limit_s = first_answer_s
+
+    def warm_up(self, seed: int) -> None:
+        """Have its first answer behind it, which may take long; it goes on as if it had just been opened.
+
+        Args:
+            seed: of the random generators that it finds then, as of `nathlon.policies.isolation.Apart`.
+
+        Raises:
+            InputError: as of `act`.
+        """
+        self.act(np.zeros((1, self.observation_spec.size), np.float32), self.initial_memory(1))
+        self._ask({"seed": seed})
+
+    def close(self) -> None:
+        """End its process."""
+        self._child.end()
 
     def initial_memory(self, n: int) -> Batch:
         """As of `nathlon.policies.policy.Policy`."""
@@ -96,6 +128,7 @@ class PolicyApart:
         return array.astype(np.float32)
 
     def _refused(self, reason: str) -> InputError:
+        self.failure = reason
         self._child.end()
         return InputError(f"{self._source}: {reason}")
 
@@ -104,8 +137,11 @@ class PolicyApart:
     ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         try:
             answer, brought = self._child.ask(message, arrays, limit_s=self._limit_s)
+        except LateError as error:
+            self.failure = str(error)
+            raise TimedOutError(f"{self._source}: {error}") from None
         except ChildError as error:
-            raise InputError(f"{self._source}: {error}") from None
+            raise self._refused(str(error)) from None
         if "refused" in answer:
             self._child.end()
             raise InputError(str(answer["refused"]))

@@ -43,6 +43,9 @@ def main() -> None:
 
 def _answer(policy: Policy, message: dict[str, Any], arrays: dict[str, Any]) -> bytes:
     try:
+        if "seed" in message:
+            Globals.seeded(message["seed"]).restore()
+            return pack({})
         if "cars" in message:
             return pack({}, {"memory": policy.initial_memory(message["cars"])})
         # Copies, for a policy may write into them.

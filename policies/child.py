@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import weakref
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
 from nathlon.policies.child_processes import BLAS_THREADS
@@ -23,8 +23,20 @@ if TYPE_CHECKING:
     from nathlon.sim.wire import Arrays
 
 
+MOST_BYTES = 1 << 28
+"""Of an answer: a picture or an observation has some megabytes."""
+CHUNK_BYTES = 1 << 20
+"""That are read at once."""
+SIZE = struct.Struct("!i")
+"""What comes before a message, see `multiprocessing.connection.Connection`; longer ones than fit have -1."""
+
+
 class ChildError(Exception):
     """A process has not answered as it should, and is ended; says how, without naming it."""
+
+
+class LateError(ChildError):
+    """It has not answered in time."""
 
 
 class Child:
@@ -46,7 +58,7 @@ class Child:
         Raises:
             OSError: if there is no such program.
         """
-        self._pipe, theirs = Pipe()
+        self._socket, theirs = socket.socketpair()
         # Not a process of multiprocessing: those of daemons may have none, and some would start the
         # user's script once more.
         try:
@@ -60,7 +72,7 @@ class Child:
             )
         finally:
             theirs.close()
-        self.end = weakref.finalize(self, _end, self.process, self._pipe)
+        self.end = weakref.finalize(self, _end, self.process, self._socket)
 
     def ask(
         self, message: dict[str, Any], arrays: Arrays | None = None, *, limit_s: float
@@ -70,17 +82,45 @@ class Child:
         Raises:
             ChildError: if it does not answer in time, ends, or answers with something else. It is ended then.
         """
+        self._socket.settimeout(min(LOOK_S, limit_s))
+        waiting, packed = Waiting(self.process.pid), pack(message, arrays)
         try:
-            self._pipe.send_bytes(pack(message, arrays))
-            waiting = Waiting(self.process.pid)
-            while not self._pipe.poll(min(LOOK_S, limit_s)):
-                if waiting.look() >= limit_s:
-                    raise self.failed(f"has not answered in {limit_s:g} s")
-            return unpack(self._pipe.recv_bytes())
+            self._send(SIZE.pack(len(packed)) + packed, waiting, limit_s)
+            [size] = SIZE.unpack(self._read(SIZE.size, waiting, limit_s))
+            if not 0 <= size <= MOST_BYTES:
+                raise self.failed(f"answers with a message of more than {MOST_BYTES} bytes")
+            return unpack(self._read(size, waiting, limit_s))
         except (EOFError, OSError):
             raise self.failed("ended its process") from None
         except ValueError as error:
             raise self.failed(f"answers with no message ({error})") from None
+
+    def _send(self, content: bytes, waiting: Waiting, limit_s: float) -> None:
+        left = memoryview(content)
+        while left:
+            with suppress(TimeoutError):
+                left = left[self._socket.send(left) :]
+            if left:
+                self._check(waiting, limit_s)
+
+    def _read(self, size: int, waiting: Waiting, limit_s: float) -> bytes:
+        """So many bytes, however slowly they come: the limit is for all together."""
+        read: list[bytes] = []
+        while size:
+            with suppress(TimeoutError):
+                chunk = self._socket.recv(min(size, CHUNK_BYTES))
+                if not chunk:
+                    raise EOFError
+                read.append(chunk)
+                size -= len(chunk)
+            if size:
+                self._check(waiting, limit_s)
+        return b"".join(read)
+
+    def _check(self, waiting: Waiting, limit_s: float) -> None:
+        if waiting.look() >= limit_s:
+            self.end()
+            raise LateError(f"has not answered in {limit_s:g} s")
 
     def failed(self, reason: str) -> ChildError:
         """End it; the error to raise."""
@@ -88,7 +128,7 @@ class Child:
         return ChildError(reason)
 
 
-def _end(process: subprocess.Popen[bytes], pipe: Connection) -> None:
+def _end(process: subprocess.Popen[bytes], pipe: socket.socket) -> None:
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()

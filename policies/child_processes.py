@@ -11,17 +11,21 @@ from types import ModuleType
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables of the environment that are 1 there."""
+SAFE_PATH, OURS = "PYTHONSAFEPATH", "nathlon"
+"""With it Python imports nothing from the current folder; and its value where we have set it."""
 
 
 @contextmanager
 def starting_processes() -> Iterator[None]:
-    """Processes started meanwhile have one thread of BLAS, and do not run the user's script again.
+    """Processes started meanwhile have one thread of BLAS, and run neither the user's script nor other files.
 
     They take the number from their environment before they load BLAS. `multiprocessing` would have them
-    import the main module, for what is defined there. Nothing of that is ever sent to them.
+    import the main module, for what is defined there. Nothing of that is ever sent to them. It would also
+    have them begin in the current folder, whose `queue.py` they would import for Python's own.
     """
-    before = {name: os.environ.get(name) for name in BLAS_THREADS}
+    before = {name: os.environ.get(name) for name in (*BLAS_THREADS, SAFE_PATH)}
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))
+    os.environ[SAFE_PATH] = before[SAFE_PATH] or OURS  # empty, it would not be heeded
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -35,12 +39,22 @@ def starting_processes() -> Iterator[None]:
                 os.environ[name] = value
 
 
+def forget_safe_path() -> None:
+    """In a process started so: have those that foreign code starts from here find their own files."""
+    if os.environ.get(SAFE_PATH) == OURS:
+        del os.environ[SAFE_PATH]
+
+
 class FreshProcess(SpawnProcess):
     """A process that begins with nothing of this one."""
 
     def start(self) -> None:
         with starting_processes():
             super().start()
+
+    def run(self) -> None:
+        forget_safe_path()
+        super().run()
 
 
 class FreshProcesses(SpawnContext):

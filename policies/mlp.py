@@ -165,6 +165,10 @@ class EncodedMlp:
         self._weight, self._others = weight[: self._rows], tuple(others)
         self._fold(np.zeros(facts, np.float32))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # What it has folded last is none of its own.
+        return type(self), (self.encoder, self.network, self.facts)
+
     def __call__(self, inputs: Batch) -> Batch:
         """Outputs (n, outputs) float32 of inputs (n, inputs) float32, which are left as they are."""
         seen, facts = inputs[:, : self._rows], inputs[:, self._rows :]

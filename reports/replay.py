@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from nathlon.reports._motion import POSE, gaps, poses
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, labels, winner
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import command_of
 from nathlon.sim.whole_file import whole_file
 
 FRAMES_PER_TICK = 3
@@ -75,7 +75,7 @@ def open_viewer(replay: Path) -> None:
 
     Raises InputError if the viewer cannot run here, for want of a display for instance.
     """
-    viewer = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", str(replay)]
+    viewer = command_of("rerun", "--bind", "127.0.0.1", "--port", "auto", replay)
     ended = subprocess.run(viewer, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
     if ended.returncode != 0:
         reason = (ended.stderr.strip().splitlines() or ["it gave no reason"])[-1]

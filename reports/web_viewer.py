@@ -11,7 +11,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
@@ -23,6 +22,7 @@ from urllib.error import URLError
 from urllib.request import urlopen
 
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import command_of
 
 LOOPBACK = "127.0.0.1"
 VIEWER_FILES = {"re_viewer.js": "text/javascript", "re_viewer_bg.wasm": "application/wasm"}
@@ -95,7 +95,7 @@ class _Handler(BaseHTTPRequestHandler):
 @lru_cache
 def _viewer_files() -> dict[str, Served]:
     """The files of the viewer that is built into the `rerun` program, by name."""
-    command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", LOOPBACK]
+    command = command_of("rerun", "--serve-web", "--bind", LOOPBACK)
     command += ["--port", "0", "--web-viewer-port", "0"]
     # A session of its own, as the command has a child that does the work.
     viewer = subprocess.Popen(

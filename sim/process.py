@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import os
 import socket
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
 HOST = socket.gethostname()
+
+
+def command_of(module: str, *arguments: object) -> list[str]:
+    """Runs a module in this interpreter, where nothing is imported from the current folder."""
+    return [sys.executable, "-P", "-m", module, *map(str, arguments)]
 
 
 def has_ended(process: int) -> bool:

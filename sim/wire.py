@@ -41,8 +41,8 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         ValueError: if the bytes are no message.
     """
     end = 4 + int.from_bytes(data[:4], "little")
-    header = json.loads(data[4:end])
     try:
+        header = json.loads(data[4:end])
         message, shapes = dict(header["message"]), dict(header["arrays"])
         arrays = {}
         for name, (kind, shape) in shapes.items():
@@ -52,7 +52,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
             count = int(np.prod(shape, dtype=np.int64))
             arrays[name] = np.frombuffer(data, dtype, count, end).reshape(shape)
             end += arrays[name].nbytes
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, OverflowError, RecursionError) as error:
         raise ValueError(f"no message: {error}") from None
     if end != len(data):
         raise ValueError(f"{len(data) - end} bytes too many")

@@ -6,7 +6,7 @@ import logging
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
@@ -47,7 +47,7 @@ def joined(address: str) -> Iterator[None]:
     try:
         _knock(address)
         # Never one of its own, which could outlive this process.
-        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+        ray.init(address, job_config=_job(), log_to_driver=False, logging_level=logging.ERROR)
     except (OSError, RuntimeError, ValueError) as error:
         # What it asks for is not how it is said here.
         reason = " ".join(str(error).partition("Please")[0].split()).rstrip(".")
@@ -59,6 +59,18 @@ def joined(address: str) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
+
+
+def _job() -> Any:
+    """What Ray is told of this process: not the current folder, from which its workers would import."""
+    from ray.job_config import JobConfig
+
+    class Job(JobConfig):
+        def _serialize(self) -> Any:
+            self._py_driver_sys_path.clear()
+            return super()._serialize()
+
+    return Job()
 
 
 def _knock(address: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 import platform
 import sys
@@ -28,7 +27,7 @@ from nathlon.arena.worlds.contract import (
 )
 from nathlon.arena.worlds.episodes import EpisodeWorld
 from nathlon.arena.worlds.foreign import Foreign
-from nathlon.arena.worlds.host import Alone
+from nathlon.arena.worlds.host import Alone, hashes
 from nathlon.arena.worlds.loaded import Loader, by_ending
 from nathlon.arena.worlds.player import Space
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
@@ -176,8 +175,11 @@ class PettingZooWorld(EpisodeWorld):
 
     @cached_property
     def _identity(self) -> dict[str, Any]:
-        own = {self.file, *map(_source, (*self._make.values(), *self.loaders.values()))} - {None}
-        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in own if path}
+        made = (*self._make.values(), *self.loaders.values())
+        own = {path for path in (self.file, *map(_source, made)) if path}
+        files: dict[str, str] = {}
+        for path in own:
+            files |= hashes(str(path))
         if self._python is None:
             packages = {name: version(name) for name in (*self._packages, "numpy")}
             return {"files": files, "packages": packages | {"python": platform.python_version()}}

@@ -17,6 +17,7 @@ import signal
 import sys
 import threading
 from importlib.util import module_from_spec, spec_from_file_location
+from modulefinder import ModuleFinder
 from multiprocessing.connection import Connection
 from types import ModuleType
 from typing import Any
@@ -25,6 +26,8 @@ import numpy as np
 
 ONLY = "agent"
 """Name of the one seat of a Gymnasium environment."""
+INSTALLED = frozenset(["site-packages", "dist-packages"])
+"""Names of the folders of installed packages."""
 
 
 class Host:
@@ -56,10 +59,7 @@ class Host:
         ]
         versions = {name: _version(name) for name in self._packages}
         versions.update(python=platform.python_version(), numpy=np.__version__)
-        files = {}
-        if self._file is not None:
-            with open(self._file, "rb") as file:
-                files[os.path.basename(self._file)] = hashlib.sha256(file.read()).hexdigest()
+        files = {} if self._file is None else hashes(self._file)
         mode = str(getattr(self._environment, "render_mode", ""))
         told = {"seats": seats, "versions": versions, "files": files, "render_mode": mode}
         return told, arrays
@@ -182,8 +182,9 @@ def main() -> None:
     os.set_inheritable(descriptor, False)
     pipe = Connection(descriptor)
     wanted, _ = wire.unpack(pipe.recv_bytes())
-    # In place of this file's own folder, whose modules are not the environment's.
-    sys.path[0] = wanted["folder"]
+    # This file's own folder has no modules of the environment's.
+    sys.path[:] = [folder for folder in sys.path if folder != os.path.dirname(os.path.abspath(__file__))]
+    sys.path.insert(0, wanted["folder"])
     try:
         host = Host(wanted)
         answer = wire.pack(*host.described())
@@ -214,10 +215,30 @@ def _end_with_parent() -> None:
 
 def _factory(name: str) -> Any:
     place, _, function = name.rpartition(":")
-    module = (
-        _from_file(place, "nathlon_scenario") if place.endswith(".py") else importlib.import_module(place)
-    )
-    return getattr(module, function)
+    if not place.endswith(".py"):
+        return getattr(importlib.import_module(place), function)
+    if os.path.dirname(place) not in sys.path:
+        sys.path.insert(0, os.path.dirname(place))
+    return getattr(_from_file(place, "nathlon_scenario"), function)
+
+
+def hashes(path: str) -> dict[str, str]:
+    """SHA-256 of a file and of the modules beside it that it imports, by their paths from its folder.
+
+    Those of installed packages are left out: they go by the package's version.
+    """
+    folder, files = os.path.dirname(os.path.abspath(path)), {os.path.basename(path): path}
+    if path.endswith(".py") and not INSTALLED.intersection(folder.split(os.sep)):
+        finder = ModuleFinder([folder])
+        finder.run_script(path)
+        modules: Any = finder.modules
+        found = [module.__file__ for module in modules.values() if module.__file__]
+        files.update((os.path.relpath(file, folder).replace(os.sep, "/"), file) for file in found)
+    told = {}
+    for name in files:
+        with open(files[name], "rb") as file:
+            told[name] = hashlib.sha256(file.read()).hexdigest()
+    return told
 
 
 def _source(factory: Any) -> Any:

@@ -31,6 +31,7 @@ def load_world(name: str, circuit: str = "", car: str = "") -> World:
     Args:
         name: `racing`, the name of an entry point of the group `nathlon.worlds`, `MODULE:NAME`, or
             `PATH.py:NAME`. What it stands for is a world, or a function without arguments that makes one.
+            A file may import the modules beside it.
         circuit, car: of our own simulator; others have none.
 
     Raises:
@@ -119,6 +120,10 @@ def _from_file(path: Path) -> ModuleType:
     spec = spec_from_file_location(f"nathlon_world_{path.stem}", path)
     assert spec is not None
     assert spec.loader is not None
+    folder = str(path.parent.absolute())
+    if folder not in sys.path:
+        # The last, for modules beside it: others of this process shall find none of them by mistake.
+        sys.path.append(folder)
     module = module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)

@@ -21,6 +21,7 @@ from nathlon.policies.child import Child, ChildError
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources import RANDOM
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import command_of
 
 SEEDS = (1, 2, 1, 3)
 """Of episodes, in turn: others are played before one comes again."""
@@ -174,7 +175,7 @@ class Elsewhere:
     def play(self, scenario: str) -> list[Played] | str:
         """The episodes of the seeds `ELSEWHERE`, or why there are none."""
         if self._child is None:
-            command = [sys.executable, "-m", "nathlon.arena.worlds.repeats_host", "{pipe}"]
+            command = command_of("nathlon.arena.worlds.repeats_host", "{pipe}")
             self._child = Child(command, {"PYTHONHASHSEED": self._hash_seed})
         wanted = {"path": sys.path, "world": self._world, "scenario": scenario}
         try:

@@ -87,7 +87,7 @@ def drive(
         test = BlindTest(run, store or run / "store.sqlite", driver)
         offer, output = test.offer, test.output
     else:
-        opponents = [Opponent.of(source) for source in sources]
+        opponents = Opponent.all(dict.fromkeys(sources))
         offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
         offer = offer._replace(difficulty=difficulty, temper=temper)
         output = OutputFolder(out or Path("runs/drive"))

@@ -15,14 +15,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from nathlon.arena.entrant import enter
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import RACING
 from nathlon.committee.decision import Decision
 from nathlon.committee.drives import ballot, cast_drives, check_may_drive, note_drive, opinions
 from nathlon.committee.event_log import EventLog
 from nathlon.committee.events import Answers, Drove, Moment, Scores
-from nathlon.driving.choice import Choice, Offer, Opponent, Plan, plan
+from nathlon.driving.choice import Choice, Offer, Opponent, Plan, entered, plan
 from nathlon.driving.difficulty import CHOSEN
 from nathlon.driving.heat import Driven
 from nathlon.driving.keeping import Kept, nearest
@@ -94,8 +93,9 @@ class BlindTest:
         if world != RACING:
             raise InputError(f"{folder}: its finalists race no cars, expected a run of nathlon's own world")
         circuit, car = finalists[0]["circuit"], finalists[0]["car"]
-        for row in finalists:
-            if enter(row["source"], circuit, car).id != row["entrant"]:
+        found = entered([row["source"] for row in finalists], circuit, car)
+        for row, entrant in zip(finalists, found, strict=True):
+            if entrant.id != row["entrant"]:
                 raise InputError(f"{row['source']}: has changed since the run, expected the same file")
         opponents = [
             Opponent(row["source"], letter, circuit, car)

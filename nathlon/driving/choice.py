@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic import Field as Bounds
 
 from nathlon.arena.entrance import home
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once
+from nathlon.arena.job import Opening
 from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
 from nathlon.bounds import LARGEST_SEED
 from nathlon.driving.aids import Aids
 from nathlon.driving.difficulty import CHOSEN, Difficulty, Field, tempered
 from nathlon.driving.forecast import Setting
+from nathlon.policies.apart import PolicyApart, is_guest
 from nathlon.policies.load import load_policy
+from nathlon.policies.patience import FIRST_ANSWER_S
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, OBJECT, PLUGIN
 from nathlon.policies.temper import FAIR, TemperName
@@ -32,6 +36,8 @@ from nathlon.sim.validation import first_fault
 MOST_LAPS = 20
 DRIVERS = tuple(f"{DRIVER}:pace={pace}" for pace in (1.0, 0.97, 0.94, 0.9, 0.85))
 """Who can race anywhere, in any car."""
+ANSWER_S = 0.5
+"""An opponent that has not answered for so long is out: the person waits for it."""
 UNDER_WAY = "person under way"
 """Id of a person whose race has not ended, of which there are no inputs yet."""
 
@@ -57,9 +63,28 @@ class Opponent(NamedTuple):
         Raises:
             InputError: if its file cannot be read.
         """
-        if source.partition(":")[0] in (DRIVER, PLUGIN, OBJECT) or source.endswith(COMPOSITE):
-            return cls(source, name or source, None, None)
-        return cls(source, name or Path(source).stem, *home(Path(source)))
+        [opponent] = cls.all({source: name})
+        return opponent
+
+    @classmethod
+    def all(cls, named: Mapping[str, str | None]) -> list[Opponent]:
+        """The opponents that some sources give, by the names that they shall have; None for their own.
+
+        Raises:
+            InputError: if a file cannot be read.
+        """
+        files = [
+            source
+            for source in named
+            if source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT) and not source.endswith(COMPOSITE)
+        ]
+        homes = dict(zip(files, _opened([Opening(one, home, (Path(one),)) for one in files]), strict=True))
+        return [
+            cls(source, name or Path(source).stem, *homes[source])
+            if source in homes
+            else cls(source, name or source, None, None)
+            for source, name in named.items()
+        ]
 
     def drives(self, circuit: str, car: str) -> bool:
         """Whether it was made for this."""
@@ -218,7 +243,7 @@ def plan(choice: Choice, offer: Offer, field: Field | None = None) -> Plan:
     check_place(choice, offer)
     circuit, car = choice.circuit, choice.car
     sources = field.sources if field else _chosen(choice, offer)
-    others = [enter(source, circuit, car) for source in sources]
+    others = entered(sources, circuit, car)
     person = Entrant(UNDER_WAY, f"{HUMAN}:{proper_name(choice.name)}", "", "person", circuit, car, None, None)
     entrants = tuple(only_once([*others, person]))
     human = len(entrants) - 1
@@ -236,8 +261,45 @@ def plan(choice: Choice, offer: Offer, field: Field | None = None) -> Plan:
         tuple(entrant.source for entrant in entrants),
         (Race(choice.seed, seats),),
     )
-    policies = tuple(load_policy(entrant.source, circuit, car) for entrant in entrants[:human])
+    policies = tuple(
+        _ready(entrant.source, circuit, car, choice.seed + index)
+        for index, entrant in enumerate(entrants[:human])
+    )
     return Plan(choice, match, entrants, policies, field)
+
+
+def entered(sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:
+    """The entrants that sources give.
+
+    Raises:
+        InputError: if one cannot drive there.
+    """
+    return _opened([Opening(source, enter, (source, circuit, car)) for source in sources])
+
+
+def _opened(openings: Sequence[Opening]) -> list[Any]:
+    """What opening policies gives: guests in a process that may hang or end, all others here."""
+    guests = [opening for opening in openings if is_guest(opening.source)]
+    answers: dict[Opening, Any] = {}
+    if guests:
+        with Pool(1, first_answer_s=FIRST_ANSWER_S) as pool:
+            answers = dict(zip(guests, pool.open(guests), strict=True))
+    opened = []
+    for opening in openings:
+        answer = answers[opening] if opening in answers else opening.function(*opening.arguments)
+        if isinstance(answer, InputError):
+            raise answer
+        opened.append(answer)
+    return opened
+
+
+def _ready(source: str, circuit: str, car: str, seed: int) -> Policy:
+    """A policy that the race need not wait for: a guest has begun, and is out when it takes too long."""
+    if not is_guest(source):
+        return load_policy(source, circuit, car)
+    guest = PolicyApart(source, circuit, car, ANSWER_S, FIRST_ANSWER_S)
+    guest.warm_up(seed)
+    return guest
 
 
 def _chosen(choice: Choice, offer: Offer) -> list[str]:

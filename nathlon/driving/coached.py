@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
 import webbrowser
 from pathlib import Path
 
 from nathlon.driving.keeping import Kept
+from nathlon.sim.process import command_of
 from nathlon.terminal import warn
 
 
@@ -39,8 +39,8 @@ class CoachAfterwards:
     def _work(self, recording: Path, car: int) -> None:
         out = self._folder / recording.stem
         # The next race may be under way, which must not wait for this one's numbers.
-        command = [sys.executable, "-m", "nathlon.cli", "coach", recording, "--car", car, "--out", out]
-        done = subprocess.run([*map(str, command)], capture_output=True, text=True)
+        command = command_of("nathlon.cli", "coach", recording, "--car", car, "--out", out)
+        done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode == 0:
             webbrowser.open((out / "index.html").absolute().as_uri())
         else:

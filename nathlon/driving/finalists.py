@@ -29,5 +29,5 @@ def finalists(run: Path) -> list[Opponent]:
             known = {row["entrant"]: row for row in store.table(record.name, "entrants").to_dicts()}
             if ranked:
                 rows = [known[entrant] for entrant in ranked]
-                return [Opponent.of(row["source"], row["name"]) for row in rows]
+                return Opponent.all({row["source"]: row["name"] for row in rows})
     raise InputError(f"{run}: holds no run that has ranked anybody, expected the folder of a finished run")

@@ -20,6 +20,7 @@ from nathlon.driving.clock import Clock
 from nathlon.driving.desk import Desk
 from nathlon.driving.frames import COUNTDOWN, OVER, PAUSED, RACING, frame
 from nathlon.driving.mark import MOST_MARKS, Mark, mark
+from nathlon.policies.apart import PolicyApart
 from nathlon.policies.sources.human import Person
 from nathlon.sim.car import load_car
 from nathlon.sim.rules import load_rules
@@ -100,6 +101,9 @@ class Heat:
         track = load_track(plan.choice.circuit)
         rules = load_rules(load_scenario(plan.choice.scenario).rules)
         self._lap_m = track.length
+        self._guests = {
+            entrant: policy for entrant, policy in enumerate(plan.policies) if isinstance(policy, PolicyApart)
+        }
         self._stewards, self._alarm = IncidentWatch(0, plan.grid, rules, track), Alarm([0])
         self._thread = threading.Thread(target=self.run, name="race", daemon=True)
 
@@ -145,6 +149,8 @@ class Heat:
         # Whatever goes wrong in a race must not end the server without a word.
         except Exception:
             log.exception("the race has failed")
+        for guest in self._guests.values():
+            guest.close()
         self._on_end(driven)
 
     def _drive(self) -> Driven:
@@ -171,6 +177,7 @@ class Heat:
             self._stewards.see(world)
             for incident in self._stewards.incidents[told:]:
                 self._on_incident(incident)
+        self._note_failures(world)
         if self._left.is_set():
             raise _Left
         if not world.state["driving"][0, self._car]:
@@ -187,6 +194,16 @@ class Heat:
         if not self._running.is_set():
             self._stand_still()
         self.clock.wait()
+
+    def _note_failures(self, world: World) -> None:
+        """Tell of guests that have failed since the last look: the race goes on without them."""
+        failed = [entrant for entrant, guest in self._guests.items() if guest.failure]
+        for entrant in failed:
+            seats = self.plan.match.races[0].seats
+            cars = tuple(car for car, seat in enumerate(seats) if seat.entrant == entrant)
+            text = f"{self.plan.names[entrant]}: {self._guests[entrant].failure}, and is out"
+            self._on_incident(Incident(float(world.time[0]), "ending", cars, text))
+            del self._guests[entrant]
 
     def _note_mark(self, world: World) -> None:
         self._marking.clear()

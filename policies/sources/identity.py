@@ -7,7 +7,7 @@ from pathlib import Path
 from nathlon.policies.checkpoint import checkpoint_id
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM, ROLES
 from nathlon.policies.sources.composite import CompositeSource
-from nathlon.policies.sources.handed_over import handed_over, object_id
+from nathlon.policies.sources.handed_over import object_id
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import plugin_id
 from nathlon.policies.sources.roles import RolesSource
@@ -38,7 +38,7 @@ def policy_id(source: str) -> str:
     if kind == PLUGIN:
         return plugin_id(name)
     if kind == OBJECT:
-        return object_id(handed_over(source), name)
+        return object_id(source)
     if kind == HUMAN:
         return checkpoint_id(Path(name))
     if kind == MPPI:

@@ -156,6 +156,8 @@ def _always_false(parts: Iterable[Any]) -> set[str]:
                 part.op_type == "Constant"
                 and part.domain in _STANDARD
                 and len(part.output) == len(part.attribute) == 1
+                # Else it is whatever the caller of its function says.
+                and not part.attribute[0].ref_attr_name
             ):
                 stored = [(part.output[0], part.attribute[0].t)]
         elif isinstance(part, onnx.GraphProto):
@@ -174,7 +176,12 @@ def _is_false(tensor: Any) -> bool:
 
     if tensor.data_type != onnx.TensorProto.BOOL:
         return False
-    return tensor.raw_data == b"\0" or list(tensor.int32_data) == [0]
+    try:
+        # By onnx's own reader: of several fields with contents it takes the one that the runtime takes.
+        stored = onnx.numpy_helper.to_array(tensor)
+    except (ValueError, TypeError):
+        return False
+    return stored.size == 1 and not stored.any()
 
 
 def _messages(message: Any) -> Iterator[Any]:

@@ -10,7 +10,7 @@ from threading import Thread
 
 import torch
 
-from nathlon.policies.child_processes import FreshProcesses
+from nathlon.policies.child_processes import FreshProcesses, starting_processes
 
 
 def start_processes(count: int | None = None) -> ProcessPoolExecutor:
@@ -19,7 +19,9 @@ def start_processes(count: int | None = None) -> ProcessPoolExecutor:
     Args:
         count: how many; without it, one for each core.
     """
-    return ProcessPoolExecutor(count, FreshProcesses(), _begin)
+    # It starts Python's tracker of shared resources at once.
+    with starting_processes():
+        return ProcessPoolExecutor(count, FreshProcesses(), _begin)
 
 
 def _begin() -> None:

@@ -6,6 +6,7 @@ import ast
 import json
 import os
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,38 @@ def test_it_tells_what_decides(tmp_path: Path) -> None:
     assert told["packages"]["numpy"] == np.__version__
     assert set(told["packages"]) == {"gymnasium", "numpy", "python"}
     json.dumps(told)
+
+
+def test_a_file_may_import_what_lies_beside_it(tmp_path: Path) -> None:
+    """Also later and in another interpreter; other modules of the process find none of it by mistake."""
+    beside = tmp_path / "sub"
+    beside.mkdir()
+    (beside / "queue.py").write_text("")
+    (beside / "salvage_of_test.py").write_text(
+        "def pieces(): import salvage_later_of_test as one; return one.N"
+    )
+    (beside / "salvage_later_of_test.py").write_text("N = 'left', 'right'")
+    lines = (
+        "import runpy",
+        "from salvage_of_test import pieces",
+        f"envs = runpy.run_path({str(tmp_path / 'envs.py')!r})",
+        "def duel(): return envs['Game'](*pieces())",
+    )
+    (beside / "scenario.py").write_text("\n".join(lines))
+    made = "PettingZooWorld({'duel': 'sub/scenario.py:duel'}, python=sys.executable)"
+    there = load_world(world_of(tmp_path, made))
+    (beside / "worlds.py").write_text(
+        "\n".join(lines) + "\nfrom nathlon import PettingZooWorld\nworld = PettingZooWorld({'duel': duel})\n"
+    )
+    here = load_world(f"{beside / 'worlds.py'}:world")
+    for world, own in ((there, "scenario.py"), (here, "worlds.py")):
+        assert world.setup("duel").seats == ("left", "right")
+        files = world.facts("duel")["world_files"]["files"]
+        assert {own, "salvage_of_test.py", "salvage_later_of_test.py"} <= set(files)
+    sys.modules.pop("queue", None)
+    found = find_spec("queue")
+    assert found is not None
+    assert beside not in Path(str(found.origin)).parents
 
 
 @pytest.mark.parametrize("function", ["Alone", "Old"])

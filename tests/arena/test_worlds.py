@@ -211,8 +211,11 @@ def test_what_decides_is_the_world_s_files_and_versions(tmp_path: Path) -> None:
 def test_a_scenario_may_be_anything_that_is_called(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario: str, file: str | None
 ) -> None:
-    monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "maker.py").write_text(MAKER)
+    # Beside the world it would count in any case.
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.syspath_prepend(elsewhere)
+    (elsewhere / "maker.py").write_text(MAKER)
     name = world_of(tmp_path, f"PettingZooWorld({{'duel': {scenario}}})")
     path = tmp_path / "worlds.py"
     path.write_text(f"from functools import partial\nfrom maker import maker\n{path.read_text()}")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.job import Wanted
@@ -13,6 +15,7 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.load import load_policy
+from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.handed_over import hand_over
 from nathlon.policies.sources.identity import policy_id
@@ -86,3 +89,53 @@ def test_what_is_no_policy_is_refused(tmp_path: Path) -> None:
 class Unwritable(Gentle):
     def __getstate__(self) -> float:
         raise TypeError("not me")
+
+
+class Network(torch.nn.Module):
+    """One layer, with a buffer as large as the last batch and how often it was asked."""
+
+    scratch: torch.Tensor
+
+    def __init__(self, gain: float) -> None:
+        super().__init__()
+        self.gain = torch.nn.Parameter(torch.full((1,), gain))
+        self.register_buffer("scratch", torch.zeros(1), persistent=False)
+
+    def forward(self, rows: torch.Tensor) -> torch.Tensor:
+        self.scratch = torch.zeros(len(rows)).add_(self.gain)
+        return self.scratch
+
+
+class WithNetworks(Gentle):
+    """Its networks note things for themselves when they are asked, and so does it."""
+
+    def __init__(self, gain: float) -> None:
+        super().__init__(0.2)
+        layer = np.full((3, 2), gain, np.float32), np.zeros(2, np.float32)
+        plain = Mlp((layer,), "relu", "clip")
+        encoder = Mlp(((np.eye(1, dtype=np.float32), np.zeros(1, np.float32)),), "relu", "linear")
+        self.networks: list[Any] = [plain, EncodedMlp(encoder, plain, 1), Network(gain)]
+
+    def __getstate__(self) -> Any:
+        return object.__getstate__(self)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        for network in self.networks[:2]:
+            network(np.ones((len(observations), 3), np.float32))
+        self.networks[2](torch.zeros(len(observations)))
+        return super().act(observations, memory)
+
+
+def test_what_an_object_notes_in_use_does_not_make_it_another_one() -> None:
+    policy = WithNetworks(0.5)
+    source = hand_over(policy, "notes")
+    identity = policy_id(source)
+    policy.act(np.zeros((2, 1), np.float32), policy.initial_memory(2))
+    assert policy_id(source) == identity
+    policy.asked = 0
+    assert policy_id(hand_over(policy, "notes")) == identity, "the networks are what they were"
+    policy.asked = 1
+    assert policy_id(hand_over(policy, "notes")) != identity, "the same object may have become another policy"
+    other = WithNetworks(0.25)
+    assert policy_id(hand_over(other, "other")) != identity
+    assert policy_id(hand_over(WithNetworks(0.5), "equal")) == identity

@@ -28,6 +28,26 @@ def constant(value: onnx.TensorProto) -> list[onnx.NodeProto]:
     return [helper.make_node("Constant", [], ["on"], value=value)]
 
 
+def in_two_fields() -> onnx.TensorProto:
+    """True where the runtime reads it, and False in another field."""
+    return onnx.TensorProto(name="on", data_type=onnx.TensorProto.BOOL, raw_data=b"\1", int32_data=[0])
+
+
+def said_by_the_caller() -> onnx.ModelProto:
+    """`on` is False in a function, but for an attribute with which that is called."""
+    [switch] = constant(FALSE)
+    switch.attribute[0].ref_attr_name = "flag"
+    drop = helper.make_node("Dropout", ["x", "", "on"], ["kept"])
+    call = helper.make_node("Drop", ["x"], ["kept"], domain="own", flag=TRUE)
+    model = graph([call, helper.make_node("MatMul", ["kept", "w"], ["y"])], weights=[WEIGHT])
+    opsets = [helper.make_opsetid("", 17)]
+    model.functions.append(
+        helper.make_function("own", "Drop", ["x"], ["kept"], [switch, drop], opsets, ["flag"])
+    )
+    model.opset_import.append(helper.make_opsetid("own", 1))
+    return model
+
+
 def in_branches() -> onnx.ModelProto:
     """`on` is stored as False in one branch, and computed in the other one, which drops."""
     plain_branch = graph([PRODUCT], weights=[WEIGHT, FALSE]).graph
@@ -60,6 +80,9 @@ def in_branches() -> onnx.ModelProto:
             [],
         ),
         in_branches(),
+        dropping([], [in_two_fields()]),
+        dropping(constant(in_two_fields()), []),
+        said_by_the_caller(),
     ],
 )
 def test_a_dropout_that_may_drop_is_refused(tmp_path: Path, model: onnx.ModelProto) -> None:
