@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from email.message import Message
 from html import unescape
 from http.client import HTTPConnection
 from pathlib import Path
@@ -21,10 +22,11 @@ from websockets.typing import Origin
 
 from nathlon.arena.store import Store
 from nathlon.committee.event_log import EventLog
-from nathlon.door import Address, is_loopback, tls_context
 from nathlon.meeting.folders import shown_file
 from nathlon.meeting.server import LARGEST_MESSAGE, MeetingServer
 from nathlon.sim.errors import InputError
+from nathlon.web.address import Address, is_loopback
+from nathlon.web.server import tls_context
 from tests.command_line import nathlon, refused
 from tests.committees import PEOPLE, RUN, ask, ids
 from tests.meetings import met
@@ -56,13 +58,13 @@ def token(server: MeetingServer, member: str = "ann") -> str:
     return server.url(member).partition("#")[2]
 
 
-def get(server: MeetingServer, path: str, **headers: str) -> tuple[int, dict[str, str], str]:
+def get(server: MeetingServer, path: str, **headers: str) -> tuple[int, Message, str]:
     connection = HTTPConnection("127.0.0.1", server.address.port, timeout=PATIENCE_S)
     connection.request("GET", path, headers={"Host": server.address.authority, **headers})
     answer = connection.getresponse()
     text = answer.read().decode()
     connection.close()
-    return answer.status, dict(answer.getheaders()), text
+    return answer.status, answer.headers, text
 
 
 @contextmanager
@@ -323,7 +325,7 @@ def test_the_command_prints_an_address_for_every_member_and_stops_at_ctrl_c(fold
                 connection.send(given)
                 assert hear(connection, "welcome")["you"] == "cy"
                 process.send_signal(signal.SIGINT)
-                assert closed(connection) in (1001, CUT)
+                assert closed(connection) in (1012, CUT)
             told = process.communicate(timeout=PATIENCE_S)[1]
         finally:
             process.kill()
