@@ -40,7 +40,7 @@ def serve(
 
     Every member gets an address with a token of their own.
     """
-    need("websockets", "drive", "the committee's room")
+    need("uvicorn", "drive", "the committee's room")
     from nathlon.meeting.folders import Folders
     from nathlon.meeting.record import Record
     from nathlon.meeting.server import serve_meeting

@@ -203,10 +203,15 @@ async def _listener(
     closing_s: float,
     tls: ssl.SSLContext | None,
 ) -> asyncio.Server:
-    waits = {"ssl_handshake_timeout": ASKING_S, "ssl_shutdown_timeout": closing_s} if tls else {}
     try:
         return await asyncio.get_running_loop().create_server(
-            protocol, address.interface, address.port, ssl=tls, start_serving=False, **waits
+            protocol,
+            address.interface,
+            address.port,
+            ssl=tls,
+            ssl_handshake_timeout=ASKING_S if tls else None,
+            ssl_shutdown_timeout=closing_s if tls else None,
+            start_serving=False,
         )
     except OSError as error:
         if error.errno == errno.EADDRNOTAVAIL:

@@ -91,7 +91,7 @@ def test_two_browsers_and_the_terminal_decide_together(browser: Browser, store: 
         bob.page.click("text=Ask again")
         ann.shows("can be decided")
         ann.page.click("#views >> text=Log")
-        ann.shows("reopened: new videos", "#log")
+        ann.shows("reopened by bob: new videos", "#log")
         assert "ann approves cedar, delta, ranks cedar > delta: calm" in ann.page.locator("#log").inner_text()
         ann.picture("log")
         assert all(meeting.url(name).partition("#")[2] not in url for name in ("ann", "bob")
