@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, TypeAdapter
 
 from nathlon.committee.rules import CommitteeSettings, Evidence, Question
 from nathlon.sim.data_file import Section
 
-THE_RUN = "the run"
+THE_RUN: Final = "the run"
 """Author of what a run enters by itself."""
 
 
