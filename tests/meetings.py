@@ -12,11 +12,11 @@ from typing import Any
 
 from playwright.sync_api import Browser, Page
 
-from nathlon.door import Address
 from nathlon.meeting.folders import Folders
 from nathlon.meeting.record import Record
 from nathlon.meeting.server import MeetingServer, serve_meeting
 from nathlon.meeting.tokens import Tokens
+from nathlon.web.address import Address
 from tests.drives import fast, in_a_thread
 from tests.opened_page import faults, overhear, picture, until
 

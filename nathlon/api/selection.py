@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from html import escape
 from pathlib import Path
+from shlex import quote
 
 import polars as pl
 
@@ -116,7 +117,7 @@ class SelectionResult:
 
     def __repr__(self) -> str:
         if self.selection is None:
-            return f"The committee waits for its members: nathlon committee {self.store}"
+            return f"The committee waits for its members: nathlon committee {quote(str(self.store))} show"
         told = self.verdict
         return "\n".join([told.headline, *told.sentences, f"Report: {self.report}"])
 

@@ -65,18 +65,18 @@ def compare(
         _report(event_log, decision, as_json)
 
 
-def decide(place: Place, question: Question | None, as_json: bool) -> None:
+def decide(place: Place, question: Question | None, member: str, as_json: bool) -> None:
     """Close a decision."""
     with _event_log(place) as event_log:
-        decision = committee.close(event_log, _pick(event_log, question, closed=False))
+        decision = committee.close(event_log, _pick(event_log, question, closed=False), member)
         _report(event_log, decision, as_json)
 
 
-def reopen(place: Place, question: Question | None, reason: str, as_json: bool) -> None:
+def reopen(place: Place, question: Question | None, member: str, reason: str, as_json: bool) -> None:
     """Put a closed decision again."""
     with _event_log(place) as event_log:
         decision = _pick(event_log, question, closed=True)
-        committee.reopen(event_log, decision, reason)
+        committee.reopen(event_log, decision, member, reason)
         _report(event_log, decision, as_json)
 
 

@@ -73,21 +73,27 @@ def compare(
 
 
 @committee.command()
-def decide(context: typer.Context, question: Question = None, as_json: AsJson = False) -> None:
+def decide(
+    context: typer.Context, member: Member, question: Question = None, as_json: AsJson = False
+) -> None:
     """Close a decision by what has been said."""
     from nathlon.commands.committee import decide as run
 
-    run(context.obj, question, as_json)
+    run(context.obj, question, member, as_json)
 
 
 @committee.command()
 def reopen(
-    context: typer.Context, reason: Reason, question: Question = None, as_json: AsJson = False
+    context: typer.Context,
+    member: Member,
+    reason: Reason,
+    question: Question = None,
+    as_json: AsJson = False,
 ) -> None:
     """Put a closed decision again; what was said still counts."""
     from nathlon.commands.committee import reopen as run
 
-    run(context.obj, question, reason, as_json)
+    run(context.obj, question, member, reason, as_json)
 
 
 @committee.command()

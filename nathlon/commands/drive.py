@@ -73,7 +73,7 @@ def drive(
     elif driver is not None or store is not None:
         raise InputError("--driver, --store: expected with --blind alone")
     sources = find_sources(entrants or [])
-    need("websockets", "drive", "a test drive")
+    need("uvicorn", "drive", "a test drive")
     from nathlon.driving.blind import BlindTest
     from nathlon.driving.choice import Offer, Opponent
     from nathlon.driving.coached import CoachAfterwards

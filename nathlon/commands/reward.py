@@ -63,7 +63,7 @@ def design_reward(
     """
     need("torch", "train", "training")
     if judge == "people":
-        need("websockets", "drive", "the page for people")
+        need("uvicorn", "drive", "the page for people")
     import nathlon
     from nathlon.reward_design.measures import RULE
 

@@ -40,12 +40,13 @@ def serve(
 
     Every member gets an address with a token of their own.
     """
-    need("websockets", "drive", "the committee's room")
-    from nathlon.door import Address, is_loopback, is_unspecified, tls_context
+    need("uvicorn", "drive", "the committee's room")
     from nathlon.meeting.folders import Folders
     from nathlon.meeting.record import Record
     from nathlon.meeting.server import serve_meeting
     from nathlon.meeting.tokens import Tokens
+    from nathlon.web.address import Address, is_loopback, is_unspecified
+    from nathlon.web.server import tls_context
 
     if (cert is None) != (key is None):
         raise InputError("--cert, --key: expected both or neither")

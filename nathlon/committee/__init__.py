@@ -14,7 +14,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.committee.ballots import Ballot
 from nathlon.committee.decision import Decision
 from nathlon.committee.event_log import EventLog
-from nathlon.committee.events import Closed, Compared, Opened, Reopened, Voted
+from nathlon.committee.events import THE_RUN, Closed, Compared, Opened, Reopened, Voted
 from nathlon.committee.rules import SOURCES, CommitteeSettings, Question, gather
 from nathlon.sim.errors import InputError
 
@@ -55,7 +55,7 @@ def ask(
     decision = event_log.decisions()[question]
     # Whoever put the question again wants to be heard: it is for people to decide it.
     if decision.result is None and not decision.waits_for and not decision.reopened:
-        return close(event_log, decision)
+        return _close(event_log, decision, THE_RUN)
     return decision
 
 
@@ -121,32 +121,37 @@ def compare(
     )
 
 
-def close(event_log: EventLog, decision: Decision) -> Decision:
-    """Decide by what has been said.
+def close(event_log: EventLog, decision: Decision, member: str) -> Decision:
+    """Decide by what has been said, as one of the people on the committee.
 
     Raises:
-        InputError: if it is decided already, or waits for people.
+        InputError: if it is decided already, the member unknown, or it waits for people.
     """
-    _check_open(decision)
+    check_may_vote(decision, member)
     if decision.waits_for:
         raise InputError(
             f"{decision.name} waits for {decision.waits_for} more of its members, "
             f"expected {decision.opened.settings.quorum} to have voted"
         )
-    event_log.add(Closed(decision=decision.name, result=decision.tally()))
+    return _close(event_log, decision, member)
+
+
+def _close(event_log: EventLog, decision: Decision, author: str) -> Decision:
+    event_log.add(Closed(decision=decision.name, member=author, result=decision.tally()))
     return event_log.decisions()[decision.opened.question]
 
 
-def reopen(event_log: EventLog, decision: Decision, reason: str) -> None:
-    """Put a decided question again.
+def reopen(event_log: EventLog, decision: Decision, member: str, reason: str) -> None:
+    """Put a decided question again, as one of the people on the committee.
 
     Raises:
-        InputError: if it is still open, or the reason empty.
+        InputError: if it is still open, the member unknown, or the reason empty.
     """
     if decision.result is None:
         raise InputError(f"{decision.name} is open, expected a decision that is closed")
+    _check_member(decision, member)
     _check_reason(reason)
-    event_log.add(Reopened(decision=decision.name, reason=reason))
+    event_log.add(Reopened(decision=decision.name, member=member, reason=reason))
 
 
 def _check(decision: Decision, member: str, reason: str) -> None:
@@ -157,6 +162,10 @@ def _check(decision: Decision, member: str, reason: str) -> None:
 def check_may_vote(decision: Decision, member: str) -> None:
     """Raise InputError if the decision is closed, or the member unknown."""
     _check_open(decision)
+    _check_member(decision, member)
+
+
+def _check_member(decision: Decision, member: str) -> None:
     members = decision.opened.settings.members
     if member not in members:
         known = f"one of {', '.join(members)}" if members else "members in the configuration"

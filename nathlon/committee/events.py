@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, TypeAdapter
 
 from nathlon.committee.rules import CommitteeSettings, Evidence, Question
 from nathlon.sim.data_file import Section
 
+THE_RUN: Final = "the run"
+"""Author of what a run enters by itself."""
+
 
 class Opened(Section):
     """A question is put.
 
     Attributes:
+        member: whoever puts it.
         seats: how many are wanted at most.
         settings: who may answer.
         evidence: on which; its rows are the candidates.
     """
 
     event: Literal["opened"] = "opened"
+    member: Literal["the run"] = THE_RUN
     question: Question
     seats: int
     settings: CommitteeSettings
@@ -30,7 +35,8 @@ class Opened(Section):
     @property
     def decision(self) -> str:
         """Name of the decision, the same for the same question on the same evidence."""
-        return f"{self.question}-{hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:12]}"
+        asked = self.model_dump_json(exclude={"member"})
+        return f"{self.question}-{hashlib.sha256(asked.encode()).hexdigest()[:12]}"
 
     @property
     def candidates(self) -> dict[str, str]:
@@ -166,18 +172,28 @@ class Result(Section):
 
 
 class Closed(Section):
-    """The question is decided."""
+    """The question is decided.
+
+    Attributes:
+        member: whoever decided; `THE_RUN` where all had voted, None in older logs.
+    """
 
     event: Literal["closed"] = "closed"
     decision: str
+    member: str | None = None
     result: Result
 
 
 class Reopened(Section):
-    """The question is put again; what was said still counts."""
+    """The question is put again; what was said still counts.
+
+    Attributes:
+        member: whoever put it; None in older logs.
+    """
 
     event: Literal["reopened"] = "reopened"
     decision: str
+    member: str | None = None
     reason: str
 
 

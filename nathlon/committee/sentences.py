@@ -26,7 +26,8 @@ def sentence(entry: Entry, names: Mapping[str, str]) -> str:
     """
     match entry.event:
         case Opened(question=question, seats=seats, evidence=evidence):
-            return f"{question} of {seats} from {len(evidence.rows)}, on evidence {evidence.digest[:12]}"
+            shown = f"evidence {evidence.digest[:12]}"
+            return f"asked by the run: {question} of {seats} from {len(evidence.rows)}, on {shown}"
         case Voted(member=member, approve=approve, rank=rank, reason=reason):
             fit = ", ".join(names[entrant] for entrant in approve) or "nobody"
             order = " > ".join(names[entrant] for entrant in rank)
@@ -37,7 +38,12 @@ def sentence(entry: Entry, names: Mapping[str, str]) -> str:
             # By their letters: whoever still drives may read this.
             letters = " and ".join(answer.letter for answer in answers)
             return f"{member} raced {letters} without knowing who they are"
-        case Reopened(reason=reason):
-            return f"reopened: {reason}"
+        case Reopened(member=member, reason=reason):
+            return f"reopened{_by(member)}: {reason}"
         case closed:
-            return f"closed: {', '.join(names[entrant] for entrant in closed.result.chosen) or 'nobody'}"
+            chosen = ", ".join(names[entrant] for entrant in closed.result.chosen) or "nobody"
+            return f"closed{_by(closed.member)}: {chosen}"
+
+
+def _by(member: str | None) -> str:
+    return "" if member is None else f" by {member}"

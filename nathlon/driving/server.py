@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from nathlon.driving.page import drive_page
 from nathlon.driving.room import Room
 from nathlon.driving.wheel import LARGEST_FRAME, Wheel
-from nathlon.one_page import OnePage
+from nathlon.web.one_page import OnePage
 
 SWITCH_S = 0.0005
 """After which a thread that holds Python's lock lets another one have it: a tick must not wait for long."""
@@ -58,7 +58,7 @@ async def serve_drives(
     with quick_switching():
         room = make_room()
         drive = DriveServer(room)
-        async with await drive.open_at(port):
+        async with drive.open_at(port):
             on_open(drive)
             try:
                 await asyncio.get_running_loop().create_future()

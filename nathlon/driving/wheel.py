@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 
-from websockets.asyncio.server import ServerConnection
-from websockets.exceptions import ConnectionClosed
-
-from nathlon.door import TOO_MUCH, Rate
 from nathlon.driving.room import Letterbox, Room, Words
 from nathlon.policies.sources.strict_json import parse_json
 from nathlon.sim.errors import InputError
+from nathlon.web.connection import TOO_MUCH, Connection, Gone, Rate
 
 LARGEST_FRAME = 4096
 """Bytes that the page may send at once."""
@@ -24,9 +22,9 @@ class Wheel:
 
     def __init__(self, room: Room) -> None:
         self.room = room
-        self._driver: ServerConnection | None = None
+        self._driver: Connection | None = None
 
-    async def hold(self, connection: ServerConnection) -> None:
+    async def hold(self, connection: Connection) -> None:
         """Let a connection drive until it ends; the one before ends at once."""
         before, self._driver = self._driver, connection
         try:
@@ -39,13 +37,11 @@ class Wheel:
             finally:
                 sending.cancel()
                 self.room.go_away(letters)
-        except ConnectionClosed:
-            pass
         finally:
             if self._driver is connection:
                 self._driver = None
 
-    async def _listen(self, connection: ServerConnection, letters: Letterbox) -> None:
+    async def _listen(self, connection: Connection, letters: Letterbox) -> None:
         rate = Rate(MOST_FRAMES)
         async for message in connection:
             if rate.exceeded():
@@ -63,10 +59,11 @@ class Wheel:
                 return
 
 
-async def deliver(connection: ServerConnection, letters: Letterbox) -> None:
+async def deliver(connection: Connection, letters: Letterbox) -> None:
     """Send what is to be sent, until the task is cancelled or the connection ends."""
-    while True:
-        await connection.send(await letters.take())
+    with suppress(Gone):
+        while True:
+            await connection.send(await letters.take())
 
 
 def _words(message: str) -> Words:

@@ -9,18 +9,21 @@ from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from urllib.parse import unquote
 
-from websockets.http11 import Request, Response
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
 
 from nathlon.arena.recording import read_recording
-from nathlon.door import Address, answer
 from nathlon.driving.page import drive_page
 from nathlon.meeting.folders import shown_file
 from nathlon.meeting.live_report import live_report
 from nathlon.meeting.page import room_page
 from nathlon.meeting.record import RUNS
 from nathlon.meeting.tokens import Tokens
+from nathlon.publishing.output import POLICY_LOG
 from nathlon.reports.player import render_player
 from nathlon.sim.errors import InputError
+from nathlon.web.address import Address
+from nathlon.web.door import answer, headers, path_of
 
 BEARER = "Bearer "
 FRAMED = "'self'"
@@ -58,7 +61,7 @@ class Files:
 
     async def answer(self, request: Request) -> Response:
         """The answer to a request that has been let in."""
-        parts = request.path.partition("?")[0].split("/")[1:]
+        parts = path_of(request)
         match parts:
             case [""]:
                 return answer(HTTPStatus.OK, self._page)
@@ -85,7 +88,7 @@ class Files:
 
     def _has_pass(self, request: Request) -> bool:
         try:
-            cookies = SimpleCookie("; ".join(request.headers.get_all("Cookie")))
+            cookies = SimpleCookie("; ".join(request.headers.getlist("Cookie")))
         except CookieError:
             return False
         given = cookies.get(self._cookie)
@@ -101,8 +104,11 @@ class Files:
         if not found:
             return answer(HTTPStatus.NOT_FOUND)
         path, kind = found
-        body = await asyncio.to_thread(path.read_bytes)
-        return answer(HTTPStatus.OK, body, kind, ALONE)
+        response = FileResponse(path, 200, headers(ALONE), kind, stat_result=path.stat())
+        if parts == [POLICY_LOG]:
+            # It may grow meanwhile.
+            del response.headers["Content-Length"]
+        return response
 
     async def _player(self, folder: Path | None, parts: list[str]) -> Response:
         """The page that plays a recording, which has no page in the folder."""

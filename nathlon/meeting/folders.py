@@ -70,7 +70,10 @@ def shown_file(folder: Path, parts: list[str]) -> tuple[Path, str] | None:
         return None
     path = folder.joinpath(*names)
     kind = KINDS.get(path.suffix)
-    if kind is None or not path.is_file():
+    try:
+        # A link may lead out of the folder.
+        shown = kind and path.is_file() and path.resolve().is_relative_to(folder.resolve())
+    except OSError:
+        # No file can have this name.
         return None
-    # A link may lead out of the folder.
-    return (path, kind) if path.resolve().is_relative_to(folder.resolve()) else None
+    return (path, kind) if kind and shown else None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from nathlon.door import Address
 from nathlon.meeting.wishes import LONGEST_REASON
 from nathlon.reports.self_contained import render_page, script_data, template_text
+from nathlon.web.address import Address
 
 PARTS = ("link", "figures", "ballot", "decision", "races", "room")
 

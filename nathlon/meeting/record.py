@@ -148,9 +148,9 @@ class Record:
                 _check_candidates(decision, better, worse)
                 committee.compare(event_log, decision, member, better, worse, reason)
             case Decide():
-                committee.close(event_log, decision)
+                committee.close(event_log, decision, member)
             case Reopen(reason=reason):
-                committee.reopen(event_log, decision, reason)
+                committee.reopen(event_log, decision, member, reason)
 
 
 def _check_candidates(decision: Decision, *entrants: str) -> None:

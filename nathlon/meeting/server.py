@@ -5,18 +5,14 @@ from __future__ import annotations
 import asyncio
 import json
 import ssl
-from collections.abc import Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 from urllib.parse import unquote
 
-from websockets.asyncio.server import Server, ServerConnection
-from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
-
-from nathlon.door import TOO_MUCH, Address, Door, Rate, listen
 from nathlon.driving.blind import BlindTest
 from nathlon.driving.clock import Clock
 from nathlon.driving.room import Letterbox, Room
@@ -27,6 +23,10 @@ from nathlon.meeting.record import Record
 from nathlon.meeting.tokens import Tokens
 from nathlon.meeting.wishes import WISH, Look
 from nathlon.sim.errors import InputError
+from nathlon.web.address import Address
+from nathlon.web.connection import TOO_MUCH, Connection, Rate
+from nathlon.web.door import Door
+from nathlon.web.server import listen
 
 AnswerT = TypeVar("AnswerT")
 ArgumentsP = ParamSpec("ArgumentsP")
@@ -40,8 +40,6 @@ MOST_WINDOWS = 8
 """That a member may have open."""
 LOOK_EVERY_S = 1.0
 """After which it is looked what others have added to the store."""
-OPENING_S = 60.0
-"""In which a request must have been answered: members may be far away, and reports are large."""
 CLOSING_S = 2.0
 """In which the other side must answer that a connection ends."""
 FULL = 4002
@@ -90,48 +88,37 @@ class MeetingServer:
         self._wheels: dict[tuple[str, str, str | None], Wheel] = {}
         self._preparing = asyncio.Lock()
 
-    async def open_at(self, address: Address, tls: ssl.SSLContext | None) -> Server:
-        """Listen at an address, with port 0 at any that is free.
+    @asynccontextmanager
+    async def open_at(self, address: Address, tls: ssl.SSLContext | None) -> AsyncIterator[None]:
+        """Serve the room at an address, with port 0 at any that is free.
 
         Raises:
             InputError: if it cannot be had.
         """
-        server, self.address = await listen(
-            self.talk, self.admit, address, LARGEST_MESSAGE, CLOSING_S, tls, OPENING_S
-        )
-        self._door = Door(self.address, MOST_STRANGERS)
-        self._files = Files(self.address, self._store, self._tokens, self._folder, self._version)
-        return server
+        async with listen(address, self._furnish, LARGEST_MESSAGE, CLOSING_S, tls):
+            yield
+
+    def _furnish(self, address: Address) -> Door:
+        self.address = address
+        files = Files(address, self._store, self._tokens, self._folder, self._version)
+        self._door = Door(address, MOST_STRANGERS, files.answer, self._talk)
+        return self._door
 
     def url(self, member: str) -> str:
         """What a member opens. The token stands where browsers never send it."""
         return f"{self.address.origin}/#{self._tokens.by_member[member]}"
 
-    async def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request; None lets it become a WebSocket."""
-        refusal = self._door.refusal(request)
-        if refusal is not None or "Upgrade" in request.headers:
-            return refusal
-        # Until then it must also have taken the answer.
-        connection.close_timeout = OPENING_S
-        return await self._files.answer(request)
+    async def _talk(self, connection: Connection) -> None:
+        member = await self._door.recognise(connection, self._tokens.member)
+        if member is None:
+            return
+        match connection.path:
+            case ["room"]:
+                await self._receive(connection, member)
+            case ["drive", run]:
+                await self._drive(connection, member, unquote(run))
 
-    async def talk(self, connection: ServerConnection) -> None:
-        """Serve a WebSocket until it ends."""
-        assert connection.request is not None, "it was admitted"
-        try:
-            member = await self._door.recognise(connection, self._tokens.member)
-            if member is None:
-                return
-            match connection.request.path.split("/")[1:]:
-                case ["room"]:
-                    await self._receive(connection, member)
-                case ["drive", run]:
-                    await self._drive(connection, member, unquote(run))
-        except ConnectionClosed:
-            pass
-
-    async def _receive(self, connection: ServerConnection, member: str) -> None:
+    async def _receive(self, connection: Connection, member: str) -> None:
         if sum(window.member == member for window in self._windows) >= MOST_WINDOWS:
             await connection.close(FULL, f"more than {MOST_WINDOWS} windows")
             return
@@ -199,13 +186,13 @@ class MeetingServer:
                     for window in self._windows:
                         window.letters.say({"type": "refused", "why": trouble})
 
-    async def _drive(self, connection: ServerConnection, member: str, run: str) -> None:
+    async def _drive(self, connection: Connection, member: str, run: str) -> None:
         try:
             async with self._preparing:
                 wheel = await self._wheel(member, run)
         except InputError as error:
             await connection.send(json.dumps({"type": "refused", "why": str(error)}))
-            await connection.wait_closed()
+            await connection.ended()
             return
         await wheel.hold(connection)
 
@@ -265,7 +252,7 @@ async def serve_meeting(
     """
     with quick_switching():
         meeting = MeetingServer(record, store, tokens, new_clock)
-        async with await meeting.open_at(address, tls):
+        async with meeting.open_at(address, tls):
             on_open(meeting)
             try:
                 await meeting.watch()

@@ -9,11 +9,8 @@ from copy import deepcopy
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from websockets.asyncio.server import ServerConnection
 
 from nathlon.arena.recorder import outline, stretches
-from nathlon.door import TOO_MUCH, Rate
-from nathlon.one_page import OnePage
 from nathlon.reports.player import player_script, player_style
 from nathlon.reports.race_data import circuit_data
 from nathlon.reports.self_contained import render_page, script_data, template_text
@@ -23,6 +20,8 @@ from nathlon.reward_design.judging import LONGEST_REMARK, Pair, Question
 from nathlon.sim.names import printable
 from nathlon.sim.track import load_track
 from nathlon.terminal import warn
+from nathlon.web.connection import TOO_MUCH, Connection, Rate
+from nathlon.web.one_page import OnePage
 
 LARGEST_MESSAGE = 1 << 13
 MOST_MESSAGES = 20
@@ -80,7 +79,7 @@ class People:
 
     async def _serve(self, question: Question, on_preference: Callable[[Preference], None]) -> None:
         desk = PairDesk(self._studio, question, on_preference)
-        async with await desk.open_at(self._port):
+        async with desk.open_at(self._port):
             self._on_open(desk.url)
             await desk.over.wait()
 
@@ -106,7 +105,7 @@ class PairDesk(OnePage):
         self._left = set(range(len(question.pairs)))
         self._rate = Rate(MOST_MESSAGES)
 
-    async def _listen(self, connection: ServerConnection) -> None:
+    async def _listen(self, connection: Connection) -> None:
         """Say what is left, at first and after everything that the page says."""
         await connection.send(json.dumps({"left": sorted(self._left)}))
         async for message in connection:

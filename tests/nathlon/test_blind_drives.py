@@ -123,7 +123,7 @@ def test_while_a_member_drives_nothing_is_told_of_their_drives(tmp_path: Path) -
         assert describe(asked()).drives == ()
         vote(event_log, asked(), "bob", Ballot((), ()), "none of them")
         assert describe(asked()).drives == ()
-        close(event_log, asked())
+        close(event_log, asked(), "ann")
         [told] = describe(asked()).drives
         assert told["answers"][1]["entrant"] == ids[1]
     log = nathlon("committee", "store.sqlite", "log", cwd=tmp_path).stdout
@@ -153,7 +153,7 @@ def test_who_cannot_drive_blind_is_refused(tmp_path: Path) -> None:
     refused(drive("--run", RUN, "--driver", "bob"), "bob has voted on selection-", "not yet cast")
     refused(drive("--run", "other", "--driver", "ann"), "run 'other' has no finalists to compare")
     refused(drive("--run", "none", "--driver", "ann"), "none/store.sqlite")
-    nathlon("committee", f"{RUN}/store.sqlite", "decide", cwd=tmp_path)
+    nathlon("committee", f"{RUN}/store.sqlite", "decide", "--member", "ann", cwd=tmp_path)
     refused(drive("--run", RUN, "--driver", "ann"), "is closed; reopen it first")
 
 

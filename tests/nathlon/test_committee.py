@@ -16,9 +16,10 @@ from nathlon.arena.store import Store
 from nathlon.committee import ask as put
 from nathlon.committee import close, compare, reopen, vote
 from nathlon.committee.ballots import Ballot
-from nathlon.committee.event_log import EventLog
+from nathlon.committee.event_log import LOG, EventLog
 from nathlon.committee.events import Closed, Opened, Voted
 from nathlon.committee.rules import CommitteeSettings, Gates, Rule, conduct, gather
+from nathlon.committee.sentences import names_in, sentence
 from nathlon.sim.errors import InputError
 from tests.committees import (
     ALONE,
@@ -160,7 +161,7 @@ def test_people_are_waited_for(event_log: EventLog) -> None:
     decision = ask(event_log, PEOPLE)
     assert (decision.result, decision.waits_for) == (None, 1)
     with pytest.raises(InputError, match=r"^shortlist-\w+ waits for 1 more of its members, expected 2 to"):
-        close(event_log, decision)
+        close(event_log, decision, "ann")
     compare(event_log, decision, "bob", ids("d")[0], ids("c")[0], "delta is calmer")
     # The rule says b a c d and Ann c d before a and b, and half of the ballots or more approve each. Nothing
     # beats b and c; b has one answer to none against a, c only two to one against d.
@@ -172,7 +173,7 @@ def test_most_ballots_must_approve(event_log: EventLog) -> None:
     cast(event_log, "ann", "acd", "acd")
     cast(event_log, "bob", "ad", "ad")
     cast(event_log, "cy", "d", "d")
-    decision = close(event_log, event_log.decisions()["shortlist"])
+    decision = close(event_log, event_log.decisions()["shortlist"], "cy")
     assert decision.result is not None
     standings = {standing.entrant[0]: standing for standing in decision.result.standings}
     assert {letter: standing.approved_by for letter, standing in standings.items()} == {
@@ -208,18 +209,18 @@ def test_a_closed_decision_is_reopened_never_rewritten(event_log: EventLog) -> N
     before = event_log.entries()
     with pytest.raises(InputError, match=r"^shortlist-\w+ is closed; reopen it first$"):
         cast(event_log, "ann", "cd", "cd")
-    reopen(event_log, decision, "nobody had watched the videos")
+    reopen(event_log, decision, "bob", "nobody had watched the videos")
     cast(event_log, "ann", "cd", "cd")
     cast(event_log, "bob", "cd", "cd")
     again = ask(event_log, settings)
     assert again.result is None  # it is for those who reopened it to decide
-    assert chosen(close(event_log, again)) == "cd"
+    assert chosen(close(event_log, again, "bob")) == "cd"
     assert chosen(ask(event_log, settings)) == "cd"
     assert event_log.entries()[: len(before)] == before
     closings = [e.event.result.chosen for e in event_log.entries() if isinstance(e.event, Closed)]
     assert closings == [ids("ba"), ids("cd")]
     with pytest.raises(InputError, match=r"is open, expected a decision that is closed"):
-        reopen(event_log, again, "once more")  # this caller still holds the open decision
+        reopen(event_log, again, "bob", "once more")  # this caller still holds the open decision
 
 
 def test_a_vote_that_came_too_late_is_kept_and_counts_after_reopening(event_log: EventLog) -> None:
@@ -238,19 +239,60 @@ def test_a_vote_that_came_too_late_is_kept_and_counts_after_reopening(event_log:
     decision = event_log.decisions()["shortlist"]
     assert chosen(decision) == "ba"
     assert [entry.event for entry in decision.late] == [event_log.entries()[-1].event]
-    reopen(event_log, decision, "Ann's vote was late")
+    reopen(event_log, decision, "ann", "Ann's vote was late")
     decision = event_log.decisions()["shortlist"]
     assert decision.late == []
     assert set(decision.ballots()) == {"rule:battery", "ann"}
 
 
+def test_only_members_decide_and_ask_again(event_log: EventLog) -> None:
+    settings = CommitteeSettings(members=("ann",), shortlist=2)
+    decision = ask(event_log, settings)
+    with pytest.raises(InputError, match=r"^'eve' is not on the committee, expected one of ann$"):
+        reopen(event_log, decision, "eve", "I do not like it")
+    reopen(event_log, decision, "ann", "one more look")
+    before = event_log.entries()
+    with pytest.raises(InputError, match=r"^'eve' is not on the committee"):
+        close(event_log, event_log.decisions()["shortlist"], "eve")
+    assert event_log.entries() == before
+    close(event_log, event_log.decisions()["shortlist"], "ann")
+    names = names_in(event_log.entries())
+    authors = ["the run", "rule:battery", "the run", "ann", "ann"]
+    assert [entry.event.member for entry in event_log.entries()] == authors
+    told = [sentence(entry, names) for entry in event_log.entries()]
+    assert all(author in line for author, line in zip(authors, told, strict=True))
+    assert told[-2:] == ["reopened by ann: one more look", "closed by ann: birch, amber"]
+
+
+def test_logs_from_before_authors_were_noted_are_read(store: Store, event_log: EventLog) -> None:
+    settings = CommitteeSettings(members=("ann",), shortlist=2)
+    reopen(event_log, ask(event_log, settings), "ann", "again")
+    store.begin_run("before", {})
+    for entry in event_log.entries():
+        event = entry.event.model_dump(mode="json")
+        if event["event"] != "voted":
+            del event["member"]
+        store.append(LOG, event, "before")
+    old = EventLog(store, "before")
+    names = names_in(old.entries())
+    assert [sentence(entry, names) for entry in old.entries()[-2:]] == [
+        "closed: birch, amber",
+        "reopened: again",
+    ]
+    # It is the same question, so it is not put again.
+    assert ask(old, settings).name == event_log.decisions()["shortlist"].name
+    assert len(old.entries()) == len(event_log.entries())
+
+
 def test_of_two_who_close_at_once_the_first_counts(event_log: EventLog) -> None:
     settings = CommitteeSettings(members=("ann",), shortlist=2)
-    reopen(event_log, ask(event_log, settings), "again")
+    reopen(event_log, ask(event_log, settings), "ann", "again")
     decision = event_log.decisions()["shortlist"]
     cast(event_log, "ann", "cd", "cd")
-    close(event_log, decision)  # has not seen Ann's ballot
-    event_log.add(Closed(decision=decision.name, result=event_log.decisions()["shortlist"].tally()))
+    close(event_log, decision, "ann")  # has not seen Ann's ballot
+    event_log.add(
+        Closed(decision=decision.name, member="ann", result=event_log.decisions()["shortlist"].tally())
+    )
     decision = event_log.decisions()["shortlist"]
     assert chosen(decision) == "ba"
     assert len(decision.late) == 1

@@ -55,9 +55,9 @@ def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
     terminal(
         "compare", "--member", "bob", "--better", "cedar", "--worse", "delta", "--reason", "on second sight"
     )
-    closed = terminal.json("decide")
+    closed = terminal.json("decide", "--member", "ann")
     assert [s["name"] for s in closed["standings"] if s["chosen"]] == ["cedar", "delta"]
-    assert "open" in terminal("reopen", "--reason", "new videos")
+    assert "open" in terminal("reopen", "--member", "bob", "--reason", "new videos")
     shown = terminal("show")
     for part in ("shortlist-", "birch", "bob prefers cedar to delta: on second sight", "Agreement"):
         assert part in shown
@@ -70,7 +70,7 @@ def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
         "closed",
         "reopened",
     ]
-    assert "reopened: new videos" in terminal("log")
+    assert "reopened by bob: new videos" in terminal("log")
 
 
 @pytest.mark.parametrize(
@@ -82,9 +82,13 @@ def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
         ),
         (("vote", "--member", "eve", "--rank", "amber", "--reason", "x"), r"^'eve' is not on the committee"),
         (("vote", "--member", "ann", "--rank", "amber", "--reason", ""), r"^reason is empty"),
-        (("decide",), r"waits for 2 more"),
-        (("reopen", "--reason", "x"), r"^no decision is closed"),
-        (("decide", "--question", "selection"), r"^the committee has not been asked for the selection$"),
+        (("decide", "--member", "ann"), r"waits for 2 more"),
+        (("decide", "--member", "eve"), r"^'eve' is not on the committee"),
+        (("reopen", "--member", "ann", "--reason", "x"), r"^no decision is closed"),
+        (
+            ("decide", "--member", "ann", "--question", "selection"),
+            r"^the committee has not been asked for the selection$",
+        ),
     ],
 )
 def test_a_wrong_command_is_one_sentence(

@@ -6,6 +6,7 @@ import json
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from email.message import Message
 from html import unescape
 from http.client import HTTPConnection
 from pathlib import Path
@@ -36,13 +37,13 @@ def server(drive: tuple[DriveServer, Room]) -> DriveServer:
     return drive[0]
 
 
-def get(server: DriveServer, path: str = "/", host: str | None = None) -> tuple[int, dict[str, str], str]:
+def get(server: DriveServer, path: str = "/", host: str | None = None) -> tuple[int, Message, str]:
     connection = HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE_S)
     connection.request("GET", path, headers={"Host": host or f"127.0.0.1:{server.port}"})
     answer = connection.getresponse()
     text = answer.read().decode()
     connection.close()
-    return answer.status, dict(answer.getheaders()), text
+    return answer.status, answer.headers, text
 
 
 def token(server: DriveServer) -> str:

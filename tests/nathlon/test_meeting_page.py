@@ -91,7 +91,7 @@ def test_two_browsers_and_the_terminal_decide_together(browser: Browser, store: 
         bob.page.click("text=Ask again")
         ann.shows("can be decided")
         ann.page.click("#views >> text=Log")
-        ann.shows("reopened: new videos", "#log")
+        ann.shows("reopened by bob: new videos", "#log")
         assert "ann approves cedar, delta, ranks cedar > delta: calm" in ann.page.locator("#log").inner_text()
         ann.picture("log")
         assert all(meeting.url(name).partition("#")[2] not in url for name in ("ann", "bob")
@@ -101,6 +101,16 @@ def test_two_browsers_and_the_terminal_decide_together(browser: Browser, store: 
     with Store.open(store) as opened:
         votes = [e.event for e in EventLog(opened, RUN).entries() if isinstance(e.event, Voted)]
     assert [vote.rank for vote in votes if vote.member == "bob"] == [ids("ba"), ids("dc")]
+
+
+def test_who_is_not_on_the_committee_is_shown_nothing_to_press(browser: Browser, store: Path) -> None:
+    with met(store, members=("eve",)) as meeting:
+        window = Window(browser, meeting.url("eve"))
+        window.shows("You are not on this committee: you can read, but not vote, decide or ask again.")
+        assert window.page.locator("#questions button:visible, #questions summary:visible").count() == 0
+        assert serious(window.page) == []
+        window.picture("reader")
+        window.close()
 
 
 def test_the_report_is_of_now_and_follows_the_run(browser: Browser, store: Path) -> None:

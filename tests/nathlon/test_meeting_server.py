@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import resource
 import signal
 import ssl
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from email.message import Message
 from html import unescape
 from http.client import HTTPConnection
 from pathlib import Path
@@ -21,10 +23,11 @@ from websockets.typing import Origin
 
 from nathlon.arena.store import Store
 from nathlon.committee.event_log import EventLog
-from nathlon.door import Address, is_loopback, tls_context
 from nathlon.meeting.folders import shown_file
 from nathlon.meeting.server import LARGEST_MESSAGE, MeetingServer
 from nathlon.sim.errors import InputError
+from nathlon.web.address import Address, is_loopback
+from nathlon.web.server import tls_context
 from tests.command_line import nathlon, refused
 from tests.committees import PEOPLE, RUN, ask, ids
 from tests.meetings import met
@@ -52,17 +55,25 @@ def server(folder: Path) -> Iterator[MeetingServer]:
         yield meeting
 
 
+LARGE = 250_000_000
+
+
+def resident() -> int:
+    """Bytes that this process has in memory."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
 def token(server: MeetingServer, member: str = "ann") -> str:
     return server.url(member).partition("#")[2]
 
 
-def get(server: MeetingServer, path: str, **headers: str) -> tuple[int, dict[str, str], str]:
+def get(server: MeetingServer, path: str, **headers: str) -> tuple[int, Message, str]:
     connection = HTTPConnection("127.0.0.1", server.address.port, timeout=PATIENCE_S)
     connection.request("GET", path, headers={"Host": server.address.authority, **headers})
     answer = connection.getresponse()
     text = answer.read().decode()
     connection.close()
-    return answer.status, dict(answer.getheaders()), text
+    return answer.status, answer.headers, text
 
 
 @contextmanager
@@ -209,6 +220,54 @@ def test_files_outside_of_a_runs_folders_are_not_shown(tmp_path: Path) -> None:
         assert shown_file(run, parts) is None, parts
 
 
+@pytest.fixture
+def own_pass(server: MeetingServer) -> str:
+    """The cookie with which Ann's browser gets files."""
+    headers = get(server, "/enter", Authorization=f"Bearer {token(server)}")[1]
+    return headers["Set-Cookie"].partition(";")[0]
+
+
+def test_many_who_read_a_large_file_slowly_take_neither_memory_nor_the_page(
+    server: MeetingServer, folder: Path, own_pass: str
+) -> None:
+    large = folder / "replays" / "large.mcap"
+    with large.open("wb") as file:
+        file.truncate(LARGE)
+    before = resident()
+    readers = [HTTPConnection("127.0.0.1", server.address.port, timeout=PATIENCE_S) for _ in range(6)]
+    headers = {"Host": server.address.authority, "Cookie": own_pass}
+    for reader in readers:
+        reader.request("GET", f"/runs/{RUN}/replays/large.mcap", headers=headers)
+    answers = [reader.getresponse() for reader in readers]
+    assert {(one.status, one.getheader("Content-Length")) for one in answers} == {(200, str(LARGE))}
+    assert all(one.read(1 << 20) == bytes(1 << 20) for one in answers)
+    assert get(server, "/")[0] == 200
+    assert resident() - before < LARGE / 2
+    for reader in readers:
+        reader.close()
+
+
+def test_a_part_of_a_file_may_be_asked_for(server: MeetingServer, own_pass: str) -> None:
+    path = f"/runs/{RUN}/replays/final.html"
+    status, headers, text = get(server, path, Cookie=own_pass, Range="bytes=3-8")
+    assert (status, text, headers["Content-Range"]) == (206, "a race", "bytes 3-8/13")
+    assert "sandbox" in headers["Content-Security-Policy"]
+    assert get(server, path, Cookie=own_pass, Range="bytes=99-")[0] == 416
+
+
+def test_a_log_that_grows_is_sent_to_its_end(server: MeetingServer, folder: Path, own_pass: str) -> None:
+    (folder / "policies.log").write_text("all is well\n", "utf-8")
+    status, headers, text = get(server, f"/runs/{RUN}/policies.log", Cookie=own_pass)
+    assert (status, headers["Content-Length"], text) == (200, None, "all is well\n")
+
+
+def test_a_name_that_no_file_can_have_is_of_none(server: MeetingServer, own_pass: str) -> None:
+    for name in ("x" * 300, "%F0%9F%8F%81" * 100, "%ff%fe", "x" * 4000):
+        assert get(server, f"/runs/{RUN}/replays/{name}.html", Cookie=own_pass)[0] == 404
+        assert get(server, f"/runs/{RUN}/watch/replays/{name}.mcap.html", Cookie=own_pass)[0] == 404
+    assert get(server, f"/runs/{'x' * 4000}/report/index.html", Cookie=own_pass)[0] == 404
+
+
 def test_a_frame_of_100_mb_ends_the_connection_and_nothing_else(server: MeetingServer) -> None:
     with enter(server) as connection:
         with suppress(ConnectionClosed):
@@ -275,6 +334,13 @@ def test_who_is_not_on_the_committee_reads_and_does_not_vote(folder: Path) -> No
     with met(folder / "store.sqlite", members=("eve",)) as meeting, enter(meeting, "eve") as connection:
         connection.send(vote(meeting, folder))
         assert "'eve' is not on the committee" in hear(connection, "refused")["why"]
+        question = {key: json.loads(vote(meeting, folder))[key] for key in ("question", "decision")}
+        before = entries(folder)
+        connection.send(json.dumps({"type": "decide", **question}))
+        assert "'eve' is not on the committee" in hear(connection, "refused")["why"]
+        connection.send(json.dumps({"type": "reopen", "reason": "I would like to", **question}))
+        hear(connection, "refused")
+        assert entries(folder) == before
 
 
 def test_nothing_is_logged_that_opens_the_room(
@@ -323,7 +389,7 @@ def test_the_command_prints_an_address_for_every_member_and_stops_at_ctrl_c(fold
                 connection.send(given)
                 assert hear(connection, "welcome")["you"] == "cy"
                 process.send_signal(signal.SIGINT)
-                assert closed(connection) in (1001, CUT)
+                assert closed(connection) in (1012, CUT)
             told = process.communicate(timeout=PATIENCE_S)[1]
         finally:
             process.kill()

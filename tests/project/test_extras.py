@@ -14,7 +14,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from tests.checkpoints import BUNDLED
 
-ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "websockets", "ray", "casadi")
+ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "uvicorn", "ray", "casadi")
 WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({ABSENT}))\n"
 
 
@@ -83,7 +83,7 @@ def test_a_zip_of_stable_baselines_says_what_to_install(tmp_path: Path) -> None:
 def test_a_test_drive_says_what_to_install(tmp_path: Path) -> None:
     done = command("drive", "driver", "--out", str(tmp_path / "out"))
     assert done.returncode == 2
-    assert done.stderr.startswith("nathlon: a test drive needs websockets, which the extra drive installs: ")
+    assert done.stderr.startswith("nathlon: a test drive needs uvicorn, which the extra drive installs: ")
     assert not (tmp_path / "out").exists()
 
 
@@ -91,7 +91,7 @@ def test_the_committees_room_says_what_to_install(tmp_path: Path) -> None:
     done = command("serve", str(tmp_path / "store.sqlite"))
     assert done.returncode == 2
     assert done.stderr.startswith(
-        "nathlon: the committee's room needs websockets, which the extra drive installs: "
+        "nathlon: the committee's room needs uvicorn, which the extra drive installs: "
     )
 
 

@@ -15,8 +15,8 @@ function questionView(first, you, longest, say) {
   const close = h("button", { type: "button", class: "first", onclick: () => say({ type: "decide", question: first.question, decision: first.decision }) }, "Decide");
   const waits = h("span", { class: "note" });
   const ballot = ballotForm(first, longest, say);
-  const mayVote = first.members.includes(you);
-  const speak = h("div", {}, mayVote ? [ballot.node, comparisonForm(first, longest, say)] : note("You are not on this committee, so you cannot vote."));
+  const member = first.members.includes(you);
+  const speak = h("div", {}, member ? [ballot.node, comparisonForm(first, longest, say)] : note("You are not on this committee: you can read, but not vote, decide or ask again."));
   const again = reopenForm(first, longest, say);
   const closing = h("div", { class: "buttons" }, close, waits);
   const node = h("section", { class: "question" },
@@ -29,15 +29,15 @@ function questionView(first, you, longest, say) {
     state.replaceChildren(decision.open
       ? [count(decision.seats, "seat"), decision.waits_for ? `waits for ${count(decision.waits_for, "more member")}` : "can be decided"].join(" · ")
       : `${count(decision.seats, "seat")} · decided. A run that has waited for it goes on with the command that began it.`);
-    people.replaceChildren(...(decision.members.length ? [] : [h("li", {}, "Nobody but its rules: they decide, and people may ask again.")]), ...decision.members.map((member) => h("li", {}, member, spoke.has(member) ? chip("good", "has voted") : chip("", "not yet"))));
+    people.replaceChildren(...(decision.members.length ? [] : [h("li", {}, "Nobody but its rules.")]), ...decision.members.map((member) => h("li", {}, member, spoke.has(member) ? chip("good", "has voted") : chip("", "not yet"))));
     standings.replaceChildren(standingsTable(decision));
-    closing.hidden = !decision.open;
+    closing.hidden = !decision.open || !member;
     close.disabled = decision.waits_for > 0;
     waits.textContent = decision.waits_for ? `${count(decision.quorum, "member")} must have voted.` : "Closes the question by what has been said.";
-    again.hidden = decision.open;
-    speak.hidden = !decision.open;
+    again.hidden = decision.open || !member;
+    speak.hidden = !decision.open && member;
     ballot.take(ballots.get(you));
-    drives.replaceChildren(...[decision.question === "selection" && decision.open && mayVote && !ballots.has(you) && driveCard(room)].filter(Boolean));
+    drives.replaceChildren(...[decision.question === "selection" && decision.open && member && !ballots.has(you) && driveCard(room)].filter(Boolean));
     said.replaceChildren(...saidView(decision), ...drivesView(decision, room));
   }
   return { node, show };

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from http import HTTPStatus
 
-from websockets.asyncio.server import Server, ServerConnection
-from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
+from starlette.requests import Request
+from starlette.responses import Response
 
-from nathlon.door import Address, Door, answer, listen
 from nathlon.reports.web_viewer import LOOPBACK
+from nathlon.web.address import Address
+from nathlon.web.connection import Connection
+from nathlon.web.door import Door, answer, path_of
+from nathlon.web.server import listen
 
 CLOSING_S = 1.0
 """In which the other side must answer that a connection ends."""
@@ -33,24 +36,26 @@ class OnePage:
     def __init__(
         self,
         make_page: Callable[[Address, str], str],
-        hold: Callable[[ServerConnection], Awaitable[None]],
+        hold: Callable[[Connection], Awaitable[None]],
         largest: int,
     ) -> None:
         self._make_page, self._hold, self._largest = make_page, hold, largest
         self.token = secrets.token_urlsafe(32)
 
-    async def open_at(self, port: int) -> Server:
-        """Listen on a port, 0 for any that is free, and make the page for it.
+    @asynccontextmanager
+    async def open_at(self, port: int) -> AsyncIterator[None]:
+        """Make the page for a port, 0 for any that is free, and serve it there.
 
         Raises:
             InputError: if the port cannot be had.
         """
-        server, address = await listen(
-            self.talk, self.admit, Address(LOOPBACK, port), self._largest, CLOSING_S
-        )
-        self._door = Door(address, MOST_STRANGERS)
+        async with listen(Address(LOOPBACK, port), self._furnish, self._largest, CLOSING_S):
+            yield
+
+    def _furnish(self, address: Address) -> Door:
+        self._door = Door(address, MOST_STRANGERS, self._answer, self._talk)
         self._page = self._make_page(address, self.token).encode()
-        return server
+        return self._door
 
     @property
     def port(self) -> int:
@@ -62,22 +67,14 @@ class OnePage:
         """Of the page."""
         return f"{self._door.address.origin}/"
 
-    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer a request; None lets it become a WebSocket."""
-        refusal = self._door.refusal(request)
-        if refusal is not None or "Upgrade" in request.headers:
-            return refusal
-        if request.path != "/":
+    async def _answer(self, request: Request) -> Response:
+        if path_of(request) != [""]:
             return answer(HTTPStatus.NOT_FOUND)
         return answer(HTTPStatus.OK, self._page)
 
-    async def talk(self, connection: ServerConnection) -> None:
-        """Serve a WebSocket until it ends."""
-        try:
-            if await self._door.recognise(connection, self._own):
-                await self._hold(connection)
-        except ConnectionClosed:
-            pass
+    async def _talk(self, connection: Connection) -> None:
+        if await self._door.recognise(connection, self._own):
+            await self._hold(connection)
 
     def _own(self, token: str) -> bool | None:
         return secrets.compare_digest(token.encode(), self.token.encode()) or None

@@ -1,0 +1,1 @@
+"""Servers for browsers: pages, files and WebSockets, on this machine or beyond it."""
