@@ -11,6 +11,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.rehearsal import PATIENCE_S, episode_times
 from nathlon.nightly import awaited
+from nathlon.policies.sources.identity import policy_id
 from nathlon.progress import worker_count
 from nathlon.reports.forecast import Forecast
 from nathlon.selection.config import Config
@@ -56,7 +57,7 @@ def plan(
             counts = awaited(settings, known)
         else:
             anchors = len(settings.nightly.anchors) if settings.in_gauntlet else 0
-            counts = len(set(named_sources(checkpoints))), 0, anchors
+            counts = len({policy_id(source) for source in named_sources(checkpoints)}), 0, anchors
         before = [] if known is None else earlier(known, settings)
     if counts[0] == 0:
         raise InputError("nothing is new, expected checkpoints that no night has judged")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -19,10 +20,14 @@ from nathlon.policies.sources import (
     SUFFIXES,
     TRAINING_STATE,
     check_source,
+    is_path,
     suffix_of,
 )
-from nathlon.sim.errors import InputError
+from nathlon.policies.sources.policy_file import open_policy_file
+from nathlon.sim.errors import InputError, together
 from nathlon.sim.names import printable
+
+log = logging.getLogger(__name__)
 
 
 def checkpoints_below(folder: Path) -> list[Path]:
@@ -69,16 +74,18 @@ def _looked_into(root: Path, on_error: Callable[[OSError], None]) -> Iterator[tu
 def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]:
     """The sources among what a user has given.
 
-    A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon.
+    A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon. What a
+    folder holds and cannot be read is set aside with a warning, before it is opened.
 
     Args:
         given: paths and names.
         people: whether what a person did is one of them.
 
     Raises:
-        InputError: if there is no such policy, or a folder holds none.
+        InputError: if some are no such policies or cannot be read, which are all named, or a folder is empty.
     """
     found: list[str] = []
+    refused: list[InputError] = []
     for one in map(str, given):
         if one == GENERALIST:
             found.append(str(generalist()))
@@ -86,10 +93,32 @@ def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]
             inside = checkpoints_below(Path(one))
             if not inside:
                 raise InputError(f"{one}: holds no checkpoint, expected files of {', '.join(SUFFIXES)}")
-            found.extend(map(str, inside))
+            looked = {str(path): _fault(path) for path in inside}
+            faults = [fault for fault in looked.values() if fault]
+            if len(faults) == len(looked):
+                refused += faults
+            elif faults:
+                log.warning("set aside: %s", together(faults))
+            found += [source for source, fault in looked.items() if not fault]
         else:
-            check_source(one)
-            if one.startswith(f"{HUMAN}:") and not people:
-                raise InputError(f"{printable(one)}: is a person, expected a policy")
+            try:
+                check_source(one)
+                if one.startswith(f"{HUMAN}:") and not people:
+                    raise InputError(f"{printable(one)}: is a person, expected a policy")
+                if is_path(one) and (fault := _fault(Path(one))):
+                    raise fault
+            except InputError as error:
+                refused.append(error)
             found.append(one)
+    if refused:
+        raise together(refused)
     return found
+
+
+def _fault(path: Path) -> InputError | None:
+    """Why a file cannot be read, as far as that is known without opening what it holds."""
+    try:
+        with open_policy_file(path):
+            return None
+    except InputError as error:
+        return error

@@ -210,7 +210,7 @@ NO_MATCHES: list[tuple[dict[str, Any], str]] = [
     ({"races": [RACE | {"seed": -1}]}, "races.0.seed is -1"),
     (
         {"races": [RACE | {"seats": [{"entrant": 99, "team": 0}, {"entrant": 1, "team": 1}]}]},
-        "entrant 99 of 2",
+        "is entrant 99's, expected one of 2",
     ),
     ({"races": [RACE | {"seats": RACE["seats"] * 2}]}, "a race of 4 seats, expected 2"),
     ({"races": [RACE | {"seats": "none"}]}, "races.0.seats is 'none'"),
