@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection
+from time import monotonic, sleep
 
 from nathlon.arena.engine import POLL_S
 from nathlon.arena.pool import Pool
@@ -49,14 +49,14 @@ def work(
 
 def _awaited(store: str, wait_s: float, progress: bool) -> Store:
     """A store, as soon as whoever wants matches has made it."""
-    until, waited = time.monotonic() + wait_s, False
+    until, waited = monotonic() + wait_s, False
     while True:
         try:
             return Store(store, must_exist="://" not in store)
         except NoStoreError:
-            if time.monotonic() > until:
+            if monotonic() > until:
                 raise
         if progress and not waited:
             warn(f"{store}: no such store yet; waiting for it for {wait_s:g} s")
         waited = True
-        time.sleep(POLL_S)
+        sleep(POLL_S)

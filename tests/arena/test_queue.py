@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -20,8 +22,9 @@ import sqlalchemy as sa
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nathlon.api import working
 from nathlon.arena.baggage import labels
-from nathlon.arena.claimant import Claimant
+from nathlon.arena.claimant import Claimant, at_work, owner_name
 from nathlon.arena.engine import LocalEngine, plenty, share
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
@@ -203,7 +206,11 @@ def test_a_checkpoint_that_is_not_what_it_is_named_after_stays_out(
         assert sum(here for _, here in QueueEngine(store, pool).run(matches)) == 3
 
 
-RACE = {"seed": 1, "seats": [{"entrant": 0, "team": 0}, {"entrant": 1, "team": 1}], "mirrored": False}
+RACE: dict[str, Any] = {
+    "seed": 1,
+    "seats": [{"entrant": 0, "team": 0}, {"entrant": 1, "team": 1}],
+    "mirrored": False,
+}
 NO_MATCHES: list[tuple[dict[str, Any], str]] = [
     ({"races": []}, "races is []"),
     ({"races": [RACE | {"seed": 2**70}]}, "races.0.seed is 1180591620717411303424"),
@@ -278,6 +285,47 @@ def test_surroundings_that_are_none_stop_no_worker(
         change(target, sa.text("UPDATE surroundings SET facts = :facts"), facts=facts)
         with refused("damaged surroundings"):
             work_through(store, pool, world)
+
+
+def test_what_a_killed_process_of_this_machine_had_is_taken_at_once(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    """Also while its parent has not asked after it."""
+    matches = duels(world, tmp_path / "here")
+    dead = os.fork()
+    if not dead:
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitid(os.P_PID, dead, os.WEXITED | os.WNOWAIT)
+    try:
+        with Store(target) as store, Claimant(store, pool, 60.0) as claimant:
+            [digest] = post(store, matches)
+            store.take(digest, owner_name(dead), 3, 60.0)
+            store.attend(owner_name(dead), 2, 60.0)
+            assert [each.process for each in at_work(store)] == [os.getpid()]
+            taker = Taker(store, claimant, {digest}.__contains__, {}, {})
+            assert taker(1) == []
+            assert store.waiting(unclaimed=True) == {digest: 3}
+    finally:
+        os.waitpid(dead, 0)
+
+
+def test_a_worker_waits_for_its_store(
+    world: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What it says before it ends tells what it is at."""
+    target = tmp_path / "later" / "nathlon.sqlite"
+
+    def make(seconds: float) -> None:
+        with Store(target) as store:
+            post(store, duels(world, tmp_path / "here"))
+
+    monkeypatch.setattr(working, "sleep", make)
+    with refused("no such store"):
+        working.work(str(target), workers=1, worlds=[world], wait_s=-1.0)
+    assert working.work(str(target), workers=1, worlds=[world], wait_s=0.1) == Shift(3, 0)
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == f"{target}: no such store yet; waiting for it for 0.1 s"
+    assert said[1] == f"{target}: at work with 1 process"
 
 
 def test_a_machine_with_another_version_takes_nothing(

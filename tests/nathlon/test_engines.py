@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from nathlon.arena.store import Store
 from tests.command_line import nathlon, refused
 from tests.games import player, world_of
 
@@ -30,6 +31,9 @@ def test_a_cluster_that_is_not_there_is_refused(arguments: list[str], tmp_path: 
     )
     done = nathlon(*arguments, "--config", "nathlon.toml", cwd=tmp_path)
     refused(done, "engine_address is '127.0.0.1:9'", "Connection refused", "expected a Ray cluster")
+    for store in tmp_path.rglob("*.sqlite"):
+        with Store.open(store) as opened:
+            assert opened.runs() == []
 
 
 def test_an_engine_that_does_not_exist_is_refused(tmp_path: Path) -> None:

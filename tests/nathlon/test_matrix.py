@@ -122,6 +122,13 @@ def test_what_has_no_sense_is_refused(tmp_path: Path) -> None:
     config = tmp_path / "wrong.toml"
     config.write_text("[matrix.margins]\nbeauty = 1.0\n")
     refused(command("matrix", "driver:pace=0.9", "--config", config, cwd=tmp_path), "margins has 'beauty'")
+    for section, said in (
+        ("places = [99]\nscenarios = ['following']", "scenario 'following' has 2 places"),
+        ("cars = ['nocar']", "section matrix: cars: car 'nocar' is unknown; expected one of"),
+        ("circuits = ['nowhere']", "section matrix: circuits: circuit 'nowhere' is unknown"),
+    ):
+        config.write_text(f"[matrix]\n{section}\n")
+        refused(command("matrix", "driver:pace=0.9", "--config", config, cwd=tmp_path), said)
     config.write_text("[matrix]\ncompounds = ['glue']\nscenarios = ['following']\n")
     refused(
         command("matrix", "driver:pace=0.9", "--config", config, cwd=tmp_path), "compound 'glue' is unknown"
