@@ -143,7 +143,7 @@ def test_names_of_files_are_shown_as_they_can_be(watched: Path, pool: Pool) -> N
     new, excluded = newcomers(pool, watch([str(watched)]), *PAIR, known={})
     assert {"two\\nlines", "\\udcff"} <= {entrant.name for entrant in new}
     assert str(strange) in {entrant.source for entrant in new}
-    assert [item.source for item in excluded] == [str(watched / "broken.safetensors")]
+    assert [Path(item.source).name for item in excluded] == ["broken.safetensors"]
     with Store(watched.parent / "store.sqlite") as store:
         store.begin_run("night", {"field": asdict(Field(tuple(new)))})
         assert Field.from_plan(store.runs()[0].config).newcomers == tuple(new)
