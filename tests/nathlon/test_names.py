@@ -290,7 +290,7 @@ def test_a_stage_that_takes_long_has_a_line_a_minute(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = 0.0
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
+    monkeypatch.setattr("nathlon.progress.time.monotonic", lambda: now)
     with progress.stage_progress(True, ("worker",)) as on_match:
         for now in (0.0, 50.0, 70.0, 100.0, 140.0):
             on_match("worker", int(now), int(now))
