@@ -8,6 +8,7 @@ import threading
 from contextlib import suppress
 from itertools import count
 from types import TracebackType
+from typing import NamedTuple
 
 from nathlon.arena.crew import Crew
 from nathlon.arena.store import Store
@@ -42,13 +43,49 @@ def owner_name(process: int | None = None) -> str:
     return f"{PLACE}/{process}/{start_of(process)}/{next(_numbers)}"
 
 
+class AtWork(NamedTuple):
+    """Who runs matches of a store.
+
+    Attributes:
+        host: name of the machine.
+        process: its number there.
+        processes: that run matches for it.
+    """
+
+    host: str
+    process: int
+    processes: int
+
+
+def at_work(store: Store) -> list[AtWork]:
+    """Who runs matches of a store, as far as is known; who has ended on this machine does not."""
+    found = [(_read(owner), processes) for owner, processes in store.at_work().items() if not is_gone(owner)]
+    return [AtWork(name.host, name.process, processes) for name, processes in found if name]
+
+
 def is_gone(owner: str) -> bool:
     """Whether an owner was a process on this machine that has ended."""
-    place, *numbers = owner.rsplit("/", 3)
-    if place != PLACE or len(numbers) != 3:
+    name = _read(owner)
+    if name is None or name.place != PLACE:
         return False
-    process, start = int(numbers[0]), int(numbers[1])
-    return has_ended(process) or start_of(process) != start
+    return has_ended(name.process) or start_of(name.process) != name.start
+
+
+class _Name(NamedTuple):
+    place: str
+    process: int
+    start: int
+
+    @property
+    def host(self) -> str:
+        return self.place.partition("pid:[")[0]
+
+
+def _read(owner: str) -> _Name | None:
+    """An owner's name in its parts; None for one that `owner_name` has not made."""
+    place, *numbers = owner.rsplit("/", 3)
+    whole = len(numbers) == 3 and all(number.isdecimal() for number in numbers)
+    return _Name(place, int(numbers[0]), int(numbers[1])) if whole else None
 
 
 class Claimant:

@@ -28,8 +28,8 @@ LOOK_S, LOOK_SHARE = 2.0, 20.0
 """Between two looks at what others have stored, at least; and how much longer than such a look takes."""
 GATHER_S = 0.25
 """For which results are gathered before they are stored: a transaction costs more than a match."""
-CLAIM_LEAST = 16
-"""Matches that an idle process claims, if there are as many: together they cost much less than apart."""
+FULL = 16
+"""Matches that are taken to fill a world as long as none of them has been seen."""
 
 
 class Ended(NamedTuple):
@@ -105,11 +105,12 @@ class Work:
 
     Attributes:
         left: those that are not there yet and have not been refused here, by key.
-        refused: why others cannot be run here, by key.
+        refused: why others cannot be run here, by key; some may be wanted by somebody else.
     """
 
     def __init__(self, store: Store, crew: Crew, claimant: Claimant, matches: Sequence[Match]) -> None:
         self.left = {match.key: match for match in matches}
+        self._wanted = frozenset(self.left)
         self._store, self._crew, self._claimant = store, crew, claimant
         self.refused: dict[str, InputError] = {}
         self._next_look = 0.0
@@ -134,8 +135,9 @@ class Work:
             yield from self._run(feed)
             if len(self.left) == left:
                 time.sleep(POLL_S)
-        if self.refused:
-            raise next(iter(self.refused.values()))
+        for key, error in self.refused.items():
+            if key in self._wanted:
+                raise error
 
     def _run(self, feed: Feed) -> Generator[Ended, None, None]:
         with closing(race_into(self._store, self._crew, feed)) as rounds:
@@ -191,7 +193,7 @@ class LocalEngine:
                 most = share(len(ahead), idle, sum(self._store.at_work().values()), fill(ahead[0]))
                 some = {match.key: match for match in (ahead.popleft() for _ in range(min(most, len(ahead))))}
                 keys = self._store.claim(list(some), claimant.owner, self._lease_s)
-                return group([some[key] for key in keys], idle)
+                return group([some[key] for key in keys], idle, rounds=1)
 
             yield from work.done(feed, prepare)
 
@@ -204,20 +206,20 @@ def share(left: int, idle: int, at_work: int, full: int) -> int:
     """How many matches to claim at once: fewer and fewer, so that all who are at work end together.
 
     Args:
-        left: matches that wait.
+        left: matches that nobody has claimed.
         idle: processes that have nothing to do.
         at_work: processes on all machines.
         full: matches that fill a world; more than these gain nothing by running together.
     """
     even = math.ceil(left * idle / (GROUPS_A_WORKER * max(at_work, idle)))
-    return min(max(even, CLAIM_LEAST * idle), most_at_once(full) * idle)
+    return min(even, most_at_once(full) * idle)
 
 
 def most_at_once(full: int) -> int:
     """How many matches a process claims at most, see `share`."""
-    return max(GROUPS_A_WORKER * full, CLAIM_LEAST)
+    return GROUPS_A_WORKER * full
 
 
 def plenty(at_work: int, full: int) -> int:
-    """How many matches must wait for more to make no difference to a share."""
+    """How many matches must be left for more to make no difference to a share."""
     return GROUPS_A_WORKER * at_work * most_at_once(full)

@@ -15,7 +15,7 @@ from nathlon.policies.load import load_file
 from nathlon.policies.normalisation import check_as_it_is
 from nathlon.policies.sources import ROLES
 from nathlon.policies.sources.roles import RolesSource
-from nathlon.sim.errors import InputError
+from nathlon.sim.errors import InputError, together
 
 
 def enter_each(
@@ -46,14 +46,12 @@ def enter_all(
     """Entrants with unique names; of several with the same contents only the first is kept.
 
     Raises:
-        InputError: if one cannot drive, or there is none.
+        InputError: if some cannot drive, which it all names, or there is none.
     """
-    entrants = []
-    for answer in enter_each(pool, list(dict.fromkeys(sources)), circuit, car, world):
-        if isinstance(answer, InputError):
-            raise answer
-        entrants.append(answer)
-    return only_once(entrants)
+    answers = enter_each(pool, list(dict.fromkeys(sources)), circuit, car, world)
+    if refused := [answer for answer in answers if isinstance(answer, InputError)]:
+        raise together(refused)
+    return only_once([answer for answer in answers if isinstance(answer, Entrant)])
 
 
 def endings_of(pool: Pool, world: str) -> tuple[str, ...]:
@@ -88,14 +86,14 @@ def _load(name: str) -> None:
 def trained_on(pool: Pool, sources: Iterable[str]) -> tuple[str, str]:
     """Circuit and car of the first of some files that tells them, or else the environments' own.
 
+    One that cannot be opened tells nothing: whoever enters it says so.
+
     Raises:
-        InputError: if a file that comes before it cannot be read.
+        InputError: if a composite or a planner cannot be read.
     """
     for path in weights(sources):
         [answer] = pool.open([Opening(str(path), home, (path,))])
-        if isinstance(answer, InputError):
-            raise answer
-        if None not in answer:
+        if not isinstance(answer, InputError) and None not in answer:
             return answer
     return CIRCUIT, CAR
 

@@ -20,7 +20,7 @@ from nathlon.policies.sources.human import load_person
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
-from nathlon.sim.names import printable, proper_name
+from nathlon.sim.names import proper_name, written
 
 CIRCUIT, CAR = "lindenring", "gt3"
 """What policies drive when nothing else is said."""
@@ -57,14 +57,8 @@ def enter(source: str, circuit: str, car: str) -> Entrant:
     """The entrant that a user calls by a path or a driver's name.
 
     Raises:
-        InputError: if it cannot drive this car on this circuit, or its name cannot be written down.
+        InputError: if it cannot drive this car on this circuit.
     """
-    try:
-        source.encode()
-    except UnicodeEncodeError:
-        raise InputError(
-            f"{printable(source)}: the name is no UTF-8, expected one that can be written down"
-        ) from None
     entrant = _enter(source, circuit, car)
     return replace(entrant, name=proper_name(entrant.name))
 
@@ -181,9 +175,10 @@ def _with_id(entrant: Entrant, name: str) -> str:
 
 
 def entrants_table(entrants: Iterable[Entrant]) -> pl.DataFrame:
-    """The ENTRANTS table."""
+    """The ENTRANTS table; its sources are `written`."""
     rows = [
-        {"entrant": e.id, **{name: getattr(e, name) for name in ENTRANTS.names() if name != "entrant"}}
+        {name: getattr(e, name) for name in ENTRANTS.names() if name != "entrant"}
+        | {"entrant": e.id, "source": written(e.source)}
         for e in entrants
     ]
     return pl.DataFrame(rows, schema=ENTRANTS)

@@ -18,23 +18,24 @@ MATCHES = 64
 CAR_SECONDS = 160_000.0
 """To simulate in a world at most: some ten seconds of work, which is lost when a run is killed."""
 GROUPS_A_WORKER = 2
-"""At least, if there are matches enough: workers that are done early take over from others."""
+"""Workers that are done early take over from others."""
 
 ROUNDING = 1e-9
 
 
-def group(matches: Iterable[Match], workers: int) -> list[list[Match]]:
+def group(matches: Iterable[Match], workers: int, rounds: int = GROUPS_A_WORKER) -> list[list[Match]]:
     """Matches of the same scenario of the same world in groups, those that take longest first.
 
     Args:
         matches: what to run.
         workers: processes that will share the groups.
+        rounds: groups for each of them, at least, if there are matches enough.
     """
     alike: dict[tuple[str, str, str, str], list[Match]] = defaultdict(list)
     for match in matches:
         alike[match.world, match.circuit, match.car, match.scenario].append(match)
     seconds = {kind: sum(map(_car_seconds, those)) for kind, those in alike.items()}
-    share = sum(seconds.values()) / (GROUPS_A_WORKER * workers)
+    share = sum(seconds.values()) / (rounds * workers)
     groups = []
     for kind, those in alike.items():
         most = min(share, CAR_SECONDS, CARS * _setup(those[0]).time_s)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
 import time
@@ -12,9 +11,10 @@ from typing import Any
 
 from nathlon.arena.baggage import Arrivals, labels, send
 from nathlon.arena.claimant import Claimant
-from nathlon.arena.engine import CLAIM_LEAST, POLL_S, plenty, share
+from nathlon.arena.engine import FULL, POLL_S, plenty, share
 from nathlon.arena.grouping import fill, group, longest_first
 from nathlon.arena.match import Match
+from nathlon.arena.queue_entry import DamagedError, check_entry, digest_of
 from nathlon.arena.store import Queued, Store
 from nathlon.arena.worlds.registry import load_world
 from nathlon.sim.errors import InputError
@@ -42,10 +42,7 @@ def post(store: Store, matches: Collection[Match]) -> set[str]:
     """
     ordered = longest_first(matches)
     shared = {where: facts_of(*where) for where in {where_of(match) for match in ordered}}
-    digests = {
-        where: hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
-        for where, facts in shared.items()
-    }
+    digests = {where: digest_of(facts) for where, facts in shared.items()}
     for begin in range(0, len(ordered), AT_ONCE):
         some = ordered[begin : begin + AT_ONCE]
         if store.shared:
@@ -90,7 +87,11 @@ def difference(facts: Mapping[str, Any]) -> str | None:
 
 
 class Taker:
-    """A feed of a pool: claims matches from the queue for processes that are idle."""
+    """A feed of a pool: claims matches from the queue for processes that are idle.
+
+    Attributes:
+        set_aside: how many entries of the queue were no matches.
+    """
 
     def __init__(
         self,
@@ -109,6 +110,7 @@ class Taker:
             known: matches that need not be read from the queue, by key.
             refused: why matches cannot be run here, by key; they are left to others.
         """
+        self.set_aside = 0
         self._refused = refused
         self._store, self._claimant, self._accepts, self._known = store, claimant, accepts, known
         self._arrivals = Arrivals(store)
@@ -121,16 +123,17 @@ class Taker:
         if time.monotonic() < self._next:
             return []
         at_work = sum(self._store.at_work().values())
-        enough = plenty(at_work + idle, max(self._full.values(), default=CLAIM_LEAST))
-        for digest, left in self._store.waiting(enough).items():
+        enough = plenty(at_work + idle, max(self._full.values(), default=FULL))
+        for digest, left in self._store.waiting(enough, unclaimed=True).items():
             if self._accepts(digest):
-                most = share(left, idle, at_work, self._full.get(digest, CLAIM_LEAST))
+                most = share(left, idle, at_work, self._full.get(digest, FULL))
                 owner, lease_s = self._claimant.owner, self._claimant.lease_s
                 taken = self._store.take(digest, owner, most, lease_s, self._refused)
                 matches = [match for one in taken if (match := self._match(one)) is not None]
                 if matches:
                     self._full[digest] = fill(matches[0])
-                    return group(matches, idle)
+                    return group(matches, idle, rounds=1)
+        self._claimant.release_the_dead()
         self._next = time.monotonic() + POLL_S
         return []
 
@@ -140,17 +143,26 @@ class Taker:
         return self._surroundings[digest]
 
     def _match(self, taken: Queued) -> Match | None:
-        """A match from the queue; None, and its claim is dropped, where it cannot be run here."""
+        """A match from the queue; None, and its claim is dropped, where it cannot be run here.
+
+        What is no match is taken out of the queue as well: whoever wants it puts it there again.
+        """
         if taken.match in self._known:
             return self._known[taken.match]
+        facts = self._facts(taken.surroundings)
         try:
+            check_entry(taken, facts, self._store.name)
             sources = {
                 entrant: self._arrivals.source(entrant, label)
                 for entrant, label in zip(taken.spec["entrants"], taken.sources, strict=True)
             }
-            return Match.from_spec(self._facts(taken.surroundings) | taken.spec, sources)
+            return Match.from_spec(facts | taken.spec, sources)
         except InputError as error:
             log.warning("%s", error)
-            self._refused[taken.match] = error
+            if isinstance(error, DamagedError):
+                self.set_aside += 1
+                self._store.withdraw([taken.match])
+            else:
+                self._refused[taken.match] = error
             self._store.drop([taken.match], self._claimant.owner)
             return None

@@ -15,6 +15,7 @@ from nathlon.arena.entrance import check_world
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue import Taker, difference
+from nathlon.arena.queue_entry import check_place, digest_of
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import RACING
 from nathlon.sim.errors import InputError
@@ -32,10 +33,12 @@ class Shift:
     Attributes:
         matches: that it ran.
         refused: matches that it could not run, and left to others.
+        set_aside: entries of the queue that were no matches, and are out of it.
     """
 
     matches: int
     refused: int
+    set_aside: int = 0
 
 
 def work(
@@ -64,7 +67,6 @@ def work(
         taker = Taker(store, claimant, abilities.known, {}, refused)
         until = time.monotonic() + wait_s
         while True:
-            claimant.release_the_dead()
             abilities.look()
             with closing(race_into(store, pool, taker)) as rounds:
                 for key, error in chain.from_iterable(ended.items() for ended in rounds):
@@ -85,7 +87,7 @@ def work(
         raise InputError(abilities.lacking[0])
     for lack in abilities.lacking:
         log.warning("%s", lack)
-    return Shift(ran, len(refused))
+    return Shift(ran, len(refused), taker.set_aside)
 
 
 class Abilities:
@@ -119,6 +121,7 @@ class Abilities:
     def _prepare(self, digest: str) -> None:
         """Make ready for matches of some surroundings, or raise an InputError: they cannot be run here."""
         facts = self._store.surroundings(digest)
+        check_place(facts, self._store.name)
         world, where = facts["world"], f"{self._store.name}: scenario {facts['scenario']!r}"
         if world not in self._worlds:
             raise InputError(
@@ -129,4 +132,6 @@ class Abilities:
             raise InputError(
                 f"{where}: this machine has {lack}; expected the nathlon and packages of who wants it"
             )
+        if digest_of(facts) != digest:
+            raise InputError(f"{where}: damaged surroundings, expected what their digest names")
         compile_kernels(self._pool, world, facts["circuit"], facts["car"], lambda done, total: None)

@@ -63,7 +63,7 @@ ENTRANTS = pl.Schema(
     {
         "entrant": pl.String,  # SHA-256 of a checkpoint's bytes, or `driver:...`
         "name": pl.String,  # short, unique in a run
-        "source": pl.String,  # path as given by the user
+        "source": pl.String,  # path as given by the user, see nathlon.sim.names.written
         "algorithm": pl.String,
         "circuit": pl.String,
         "car": pl.String,

@@ -1,13 +1,14 @@
 """What it costs to share matches among processes by the queue of a store, or by a Ray cluster.
 
 `python -m benchmarks.scale_out [--database URL [--alone]] [--matches N ...] [--workers N ...]
-[--engines NAME ...] [--busy] [--json PATH]` has matches of a world run that sleeps for 10 ms a match, or
-computes for as long (`--busy`): by the processes of one pool (`local`), by workers of one process each that
-share nothing but the store (`queue`), and by nodes of one processor each of a cluster on this machine
-(`ray`). Who sleeps needs no core: with more than there are cores, what is left is what claims and the store
-cost. Time counts from when all are ready.
+[--engines NAME ...] [--nap S] [--busy] [--json PATH]` has matches of a world run that sleeps for 10 ms a
+match, or for `S` seconds, or computes for as long (`--busy`): by the processes of one pool (`local`), by
+workers of one process each that share nothing but the store (`queue`), and by nodes of one processor each of
+a cluster on this machine (`ray`). Who sleeps needs no core: with more than there are cores, what is left is
+what claims and the store cost. Time counts from when all are ready.
 
-Figures: for every run `engine`, `store`, `workers`, `matches`, `wall_s`; `speed_up`, over the first run of
+Figures: for every run `engine`, `store`, `workers`, `matches`, `nap_s` that one takes, `wall_s`; `each`,
+the matches that each process ran, the fewest first; `speed_up`, over the first run of
 the engine on the store; `efficiency`, the share of the
 workers' time in which they ran matches; `overhead_s_per_match`, the rest of it; `lost`, matches that have no
 result; `twice`, matches that were run more than once.
@@ -43,10 +44,18 @@ from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import LineUp, Measure, Setup
 
 NAP_S = 0.01
-"""That a match takes."""
+"""That a match takes, unless it is told."""
+WARM_S = 2.0
+"""For which each worker works before time counts."""
+WARM_SEEDS = 10**9
+"""From which the seeds of those matches go up."""
+PATIENCE_S = 600.0
+"""For which a worker waits for others to start."""
 NAME, BUSY = "benchmarks.scale_out:sleeper", "benchmarks.scale_out:computer"
 NOTES = "NATHLON_SCALE_OUT_NOTES"
 """Names the folder where processes note which matches they have run."""
+NAP = "NATHLON_SCALE_OUT_NAP_S"
+"""Tells processes what a match takes."""
 LOOK_S = 0.05
 OBJECTS_BYTES = 100 << 20
 """Of memory for a node's objects: Ray takes a third of the machine's otherwise."""
@@ -62,6 +71,7 @@ class Sleeper:
     def __init__(self, busy: bool) -> None:
         """A world; if it is `busy` it computes meanwhile."""
         self._busy, self.name = busy, BUSY if busy else NAME
+        self._nap_s = float(os.environ[NAP])
 
     def setup(self, scenario: str) -> Setup:
         return Setup(("bed",), ((0,),), time_s=1.0)
@@ -70,7 +80,7 @@ class Sleeper:
         """All is well."""
 
     def facts(self, scenario: str) -> dict[str, Any]:
-        return {"nap_s": NAP_S}
+        return {"nap_s": self._nap_s}
 
     def enter(self, source: str) -> Entrant:
         return Entrant(source, source, source, "none", "", "", None, None, self.name)
@@ -89,9 +99,9 @@ class Sleeper:
 
     def _pass(self) -> None:
         if not self._busy:
-            time.sleep(NAP_S)
+            time.sleep(self._nap_s)
             return
-        until = time.process_time() + NAP_S
+        until = time.process_time() + self._nap_s
         while time.process_time() < until:
             pass
 
@@ -117,6 +127,10 @@ def naps(count: int, first: int, world: str = NAME) -> list[Match]:
     ]  # fmt: skip
 
 
+def _warming(workers: int, world: str) -> list[Match]:
+    return naps(round(WARM_S / float(os.environ[NAP])) * workers, WARM_SEEDS, world)
+
+
 def local(target: str, workers: int, matches: Sequence[Match]) -> float:
     """Seconds that the processes of a pool take."""
     with Store(target) as store, Pool(workers) as pool:
@@ -125,7 +139,7 @@ def local(target: str, workers: int, matches: Sequence[Match]) -> float:
 
 
 def _warm_seconds(engine: Engine, workers: int, matches: Sequence[Match]) -> float:
-    list(engine.run(naps(200 * workers, -200 * workers, matches[0].world)))
+    list(engine.run(_warming(workers, matches[0].world)))
     began = time.perf_counter()
     list(engine.run(matches))
     return time.perf_counter() - began
@@ -157,7 +171,7 @@ def ray(target: str, workers: int, matches: Sequence[Match]) -> float:
 
 def _help(target: str) -> None:
     with Store(target) as store, Pool(1) as pool:
-        work(store, pool, [NAME, BUSY], wait_s=5.0)
+        work(store, pool, [NAME, BUSY], wait_s=PATIENCE_S)
 
 
 def queue(target: str, workers: int, matches: Sequence[Match]) -> float:
@@ -167,8 +181,7 @@ def queue(target: str, workers: int, matches: Sequence[Match]) -> float:
         helpers = [spawn.Process(target=_help, args=(target,)) for _ in range(workers)]
         for helper in helpers:
             helper.start()
-        warm = naps(200 * workers, -200 * workers, matches[0].world)
-        post(store, warm)
+        post(store, _warming(workers, matches[0].world))
         while len(store.at_work()) < workers or store.waiting():
             time.sleep(LOOK_S)
         began = time.perf_counter()
@@ -177,6 +190,7 @@ def queue(target: str, workers: int, matches: Sequence[Match]) -> float:
             time.sleep(LOOK_S)
         wall_s = time.perf_counter() - began
         for helper in helpers:
+            helper.terminate()
             helper.join()
     return wall_s
 
@@ -189,8 +203,9 @@ def measure(engine: str, target: str, workers: int, matches: Sequence[Match]) ->
     keys = {match.key for match in matches}
     wall_s = ENGINES[engine](target, workers, matches)
     notes = Path(os.environ[NOTES])
-    noted = [key for file in notes.iterdir() for key in file.read_text().split()]
-    ran = Counter(key for key in noted if key in keys)
+    noted = [[key for key in file.read_text().split() if key in keys] for file in notes.iterdir()]
+    ran = Counter(key for some in noted for key in some)
+    nap_s = float(os.environ[NAP])
     with Store.open(target) as store:
         lost = len(keys - store.stored(keys))
     busy = workers * wall_s / len(matches)
@@ -199,9 +214,11 @@ def measure(engine: str, target: str, workers: int, matches: Sequence[Match]) ->
         "store": "PostgreSQL" if "://" in target else "SQLite",
         "workers": workers,
         "matches": len(matches),
+        "nap_s": nap_s,
         "wall_s": round(wall_s, 2),
-        "efficiency": round(NAP_S / busy, 3),
-        "overhead_s_per_match": round(busy - NAP_S, 5),
+        "each": sorted(len(some) for some in noted if some),
+        "efficiency": round(nap_s / busy, 3),
+        "overhead_s_per_match": round(busy - nap_s, 5),
         "lost": lost,
         "twice": sum(times > 1 for times in ran.values()),
     }
@@ -219,13 +236,14 @@ def main() -> None:
     parser.add_argument("--matches", type=int, nargs="+", default=[10_000], help="of each number of workers")
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 8])
     parser.add_argument("--engines", nargs="+", choices=ENGINES, default=["local", "queue"])
+    parser.add_argument("--nap", type=float, default=NAP_S, help="seconds that a match takes")
     parser.add_argument("--busy", action="store_true", help="compute in place of sleeping")
     parser.add_argument("--json", type=Path, help="where to write the figures")
     asked = parser.parse_args()
     figures: list[dict[str, Any]] = []
     world = BUSY if asked.busy else NAME
     with TemporaryDirectory() as folder, TemporaryDirectory() as notes:
-        os.environ[NOTES] = notes
+        os.environ[NOTES], os.environ[NAP] = notes, str(asked.nap)
         stores = [asked.database] if asked.alone else [None, asked.database]
         counted = list(zip(asked.workers, cycle(asked.matches), strict=False))
         for number, (database, engine, (workers, count)) in enumerate(

@@ -96,13 +96,16 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             name, outcome = untold
             selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
             return Night(name, DONE, outcome["code"], outcome["reason"], selection)
-        night, field = _open(store, config, pool, watch(config.checkpoints, load_world(config.world).loaders))
-        if night is None:
-            return _quiet(field)
-        number = [record.name for record in _nights(store)].index(night.name)
-        output = OutputFolder(Path(config.out) / night.name)
-        pool.log.keep_in(output.root / POLICY_LOG)
+        # First: a night that cannot have its engine does not begin.
         with engine_of(config, store, pool) as engine:
+            night, field = _open(
+                store, config, pool, watch(config.checkpoints, load_world(config.world).loaders)
+            )
+            if night is None:
+                return _quiet(field)
+            number = [record.name for record in _nights(store)].index(night.name)
+            output = OutputFolder(Path(config.out) / night.name)
+            pool.log.keep_in(output.root / POLICY_LOG)
             run = Run(store, night.name, (config.seed, number), pool, on_match, other_engine=engine)
             if select(run, field, config) is None:
                 store.end_run(night.name, WAITING)
@@ -113,12 +116,12 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             selection = publish(store, night.name, output, pool, on_match)
             if config.recordings == "all":
                 record_tournament(store, night.name, output, engine, on_match)
-        code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
-        if missed := [one.entrant for one in selection.summary.not_judged]:
-            store.put_fact(night.name, NOT_JUDGED, missed)
-        store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
-        store.end_run(night.name, DONE)
-        return Night(night.name, DONE, code, reason, selection)
+            code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
+            if missed := [one.entrant for one in selection.summary.not_judged]:
+                store.put_fact(night.name, NOT_JUDGED, missed)
+            store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
+            store.end_run(night.name, DONE)
+            return Night(night.name, DONE, code, reason, selection)
 
 
 def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
@@ -138,7 +141,7 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
     refused = set() if store is None else _refused(store, fields)
     new = watch(config.checkpoints, load_world(config.world).loaders).unjudged(judged | anchors, refused)
     pool = set() if store is None or not done else set(store.table(done[-1].name, "pool")["entrant"])
-    return len(set(new.values())), min(config.nightly.incumbents, len(pool - anchors)), len(anchors)
+    return len(set(new.values()) - {None}), min(config.nightly.incumbents, len(pool - anchors)), len(anchors)
 
 
 def told(config: Config, night: Night) -> None:

@@ -1,4 +1,4 @@
-"""Progress of the stages of a selection: bars on a terminal and in a notebook, a line a stage elsewhere."""
+"""Progress of the stages of a selection: bars on a terminal and in a notebook, else lines."""
 
 from __future__ import annotations
 
@@ -74,28 +74,38 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
         yield on_match
 
 
+LINE_S = 60.0
+"""Between two lines of a stage that goes on."""
+
+
 class _Lines:
-    """A line for every stage, once it is over; a stage may ask for matches several times."""
+    """A line for every stage, every minute and once it is over; a stage may ask for matches several times."""
 
     def __init__(self) -> None:
         self._stage: str | None = None
         self._before = self._done = 0
-        self._began = 0.0
+        self._began = self._told = 0.0
 
     def on_match(self, stage: str, done: int, total: int) -> None:
         if stage != self._stage:
             self.end()
-            self._stage, self._before, self._done, self._began = stage, 0, 0, time.monotonic()
+            self._stage, self._before, self._done = stage, 0, 0
+            self._began = self._told = time.monotonic()
         elif done < self._done:
             self._before += self._done
         self._done = done
+        if time.monotonic() - self._told > LINE_S:
+            self._tell(stage, "after")
+            self._told = time.monotonic()
 
     def end(self) -> None:
         if self._stage is not None:
-            seconds = time.monotonic() - self._began
-            ended = f"{self._before + self._done:,} {_counted(self._stage)}".rstrip()
-            warn(f"{self._stage.capitalize():<12} {ended} in {seconds:.0f} s")
+            self._tell(self._stage, "in")
         self._stage = None
+
+    def _tell(self, stage: str, when: str) -> None:
+        ended = f"{self._before + self._done:,} {_counted(stage)}".rstrip()
+        warn(f"{stage.capitalize():<12} {ended} {when} {time.monotonic() - self._began:.0f} s")
 
 
 def _counted(stage: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 END_SHOWN = 1000
 """Characters at the beginning and at the end of a long sentence that are shown."""
 
@@ -19,3 +21,10 @@ class InputError(Exception):
         if len(text) > 2 * END_SHOWN:
             text = f"{text[:END_SHOWN]} ... {text[-END_SHOWN:]}"
         return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def together(errors: Sequence[InputError]) -> InputError:
+    """One error that says what several say; at least one must be given."""
+    if len(errors) == 1:
+        return errors[0]
+    return InputError(f"{len(errors)} cannot be used: {'; '.join(map(str, errors))}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 
 from nathlon.sim.errors import InputError
 
@@ -23,6 +24,23 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else _escaped(letter) for letter in text)
 
 
+_BYTE = re.compile(r"[\udc80-\udcff]|\\(?=udc[89a-f][0-9a-f]|x5c)")
+_WRITTEN = re.compile(r"\\udc[89a-f][0-9a-f]|\\x5c")
+
+
+def written(path: str) -> str:
+    r"""A path for tables and files, which hold UTF-8: a byte of it that is none is `\udcXX`.
+
+    Every other path stays as it is, unless it has such a sequence itself.
+    """
+    return _BYTE.sub(lambda found: "\\x5c" if found[0] == "\\" else _escaped(found[0]), path)
+
+
+def as_named(text: str) -> str:
+    """The path that `written` has written, to open it."""
+    return _WRITTEN.sub(lambda found: found[0].encode("ascii").decode("unicode_escape"), text)
+
+
 def _escaped(letter: str) -> str:
     return letter.encode("unicode_escape").decode("ascii")
 
@@ -38,6 +56,23 @@ def check_new_name(name: str) -> None:
     """Raise InputError for a name that a circuit or car of one's own should not have."""
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name):
         raise InputError(f"--name: {name!r}, expected lowercase letters and digits, with hyphens between")
+
+
+def settings_of(given: str, where: str) -> list[tuple[str, str]]:
+    """Names and values of `laps=4,grip=0.65`.
+
+    Args:
+        given: what stands behind a name; may be empty.
+        where: what it stands behind, for the error.
+
+    Raises:
+        InputError: if a setting is given twice.
+    """
+    settings = [(key, value) for key, _, value in (one.partition("=") for one in given.split(",") if one)]
+    for key, times in Counter(key for key, _ in settings).items():
+        if times > 1:
+            raise InputError(f"{where}: setting {key} is given {times} times, expected it once")
+    return settings
 
 
 def file_stem(name: str) -> str:

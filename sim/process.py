@@ -17,9 +17,14 @@ def command_of(module: str, *arguments: object) -> list[str]:
 
 
 def has_ended(process: int) -> bool:
-    """Whether no process of this machine has this number; False where that cannot be told."""
+    """Whether no process of this machine has this number; False where that cannot be told.
+
+    One that has ended and that its parent has not asked after does nothing any more: it counts as ended.
+    """
     if os.name != "posix":
         return False
+    if _stat(process)[:1] in (["Z"], ["X"]):
+        return True
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
@@ -60,6 +65,14 @@ def start_of(process: int) -> int:
     https://man7.org/linux/man-pages/man5/proc_pid_stat.5.html, field 22.
     """
     try:
-        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[19])
-    except (OSError, LookupError, ValueError):
+        return int(_stat(process)[19])
+    except (LookupError, ValueError):
         return 0
+
+
+def _stat(process: int) -> list[str]:
+    """What the system tells of a process, from its state on; nothing where it does not tell."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return []

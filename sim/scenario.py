@@ -11,6 +11,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, model_
 from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import DATA, Name, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import settings_of
 from nathlon.sim.physics.course import DRY, GRIP, Multiple, SurfaceGrip
 from nathlon.sim.reaction import Reaction
 from nathlon.sim.rules import load_rules
@@ -268,8 +269,7 @@ def load_scenario(name: str) -> Scenario:
     if not file or "=" not in given:
         file, given = name, ""
     scenario = read_toml(find_data(file, "scenario", DATA / "scenarios"), Scenario, "scenario")
-    for setting in filter(None, given.split(",")):
-        key, _, value = setting.partition("=")
+    for key, value in settings_of(given, f"scenario {name!r}"):
         match key:
             case "laps":
                 scenario = scenario.model_copy(update=_other_laps(name, scenario, value))

@@ -20,14 +20,19 @@ FIRST, NEWEST = VERSIONS[0], VERSIONS[-1]
 EMPTY = ""
 VERSION_TABLE = "nathlon_version"
 
+
+class NoStoreError(InputError):
+    """There is no store yet where one must be."""
+
+
 _one_at_a_time = threading.Lock()  # alembic keeps what it works on in its modules
 
 
 def prepare(database: Database, must_exist: bool) -> None:
     """Make a store of the database if it is empty, or of the newest version if it is an older store.
 
-    Raises InputError where it is another program's, of a version not known here, or empty although it
-    must exist already.
+    Raises InputError where it is another program's or of a version not known here, and NoStoreError where it
+    is empty although it must exist already.
     """
     version = EMPTY
     if not must_exist:
@@ -38,7 +43,7 @@ def prepare(database: Database, must_exist: bool) -> None:
             if version == NEWEST and not _missing(connection):
                 return
     if version == EMPTY and must_exist:
-        raise InputError(f"{database.name}: no such store; expected one that an earlier run has written")
+        raise NoStoreError(f"{database.name}: no such store; expected one that an earlier run has written")
     if database.read_only:
         raise InputError(
             f"{database.name}: a store of an older version, which cannot be brought up to date here; "

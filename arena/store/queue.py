@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 import sqlalchemy as sa
 
 from nathlon.arena.store import claims, matches, schema
-from nathlon.arena.store.database import clock, insert_new, lock_exclusively, stamp
+from nathlon.arena.store.database import StoreFault, clock, insert_new, lock_exclusively, stamp
 
 COUNTED = 10_000
 """Matches that wait: more need no exact number, where nobody says how many matter."""
@@ -25,6 +25,8 @@ class Queued:
         surroundings: digest of all that decides its outcome beside it, see `Store.enqueue`.
         spec: the rest of what decides it, plain JSON values.
         sources: where to load its entrants from.
+
+    Of one that comes from the queue nothing has been checked.
     """
 
     match: str
@@ -34,8 +36,9 @@ class Queued:
 
 
 def put(connection: sa.Connection, wanted: Sequence[Queued], surroundings: Mapping[str, Any]) -> None:
-    """Append matches that are neither stored nor in the queue."""
+    """Append matches that are neither stored nor in the queue; what is damaged there is replaced."""
     there = matches.stored(connection, [each.match for each in wanted])
+    remove(connection, _damaged(connection, wanted))
     new = [
         {
             "match": each.match,
@@ -52,15 +55,40 @@ def put(connection: sa.Connection, wanted: Sequence[Queued], surroundings: Mappi
         connection.execute(insert_new(connection, schema.queue), new)
 
 
-def waiting(connection: sa.Connection, most: int = COUNTED) -> dict[str, int]:
-    """How many matches are in the queue, those that are claimed among them, by their surroundings.
+def _damaged(connection: sa.Connection, wanted: Sequence[Queued]) -> list[str]:
+    """Keys of the wanted matches that the queue has otherwise: what decides a match follows from its key."""
+    expected = {each.match: (each.surroundings, schema.to_json(each.spec)) for each in wanted}
+    table = schema.queue.c
+    return [
+        row.match
+        for chunk in schema.chunks(expected)
+        for row in connection.execute(
+            sa.select(table.match, table.surroundings, table.spec).where(table.match.in_(chunk))
+        )
+        if (row.surroundings, row.spec) != expected[row.match]
+    ]
+
+
+def _readable(text: Any) -> Any:
+    """A JSON value; None where it is none, which whoever takes the match says."""
+    try:
+        return schema.from_json(text)
+    except StoreFault:
+        return None
+
+
+def waiting(connection: sa.Connection, most: int = COUNTED, unclaimed: bool = False) -> dict[str, int]:
+    """How many matches are in the queue, by their surroundings; see `Store.waiting`.
 
     Of each no more than `most` are counted: all who are at work ask for that again and again.
     """
     table, known = schema.queue.c, schema.surroundings.c
     those = table.surroundings == known.digest
     first = sa.select(sa.func.min(table.id)).where(those).correlate(schema.surroundings).scalar_subquery()
-    some = sa.select(table.id).where(those).limit(most).correlate(schema.surroundings).subquery()
+    counted = sa.select(table.id).where(those)
+    if unclaimed:
+        counted = counted.where(_unclaimed(clock(connection)))
+    some = counted.limit(most).correlate(schema.surroundings).subquery()
     count = sa.select(sa.func.count()).select_from(some).scalar_subquery()
     query = sa.select(known.digest, first.label("first"), count.label("matches"))
     rows = connection.execute(query).all()
@@ -83,10 +111,9 @@ def take(
     lock_exclusively(connection, claims.CLAIMS_LOCK)
     claims.cap(connection)
     now = clock(connection)
-    table, claim = schema.queue, schema.claim.c
-    held = sa.select(claim.match).where(claim.match == table.c.match, claim.until > stamp(now))
+    table = schema.queue
     query = sa.select(table.c.match, table.c.surroundings, table.c.spec, table.c.sources)
-    query = query.where(table.c.surroundings == digest, ~held.exists()).order_by(table.c.id)
+    query = query.where(table.c.surroundings == digest, _unclaimed(now)).order_by(table.c.id)
     if refused := list(but):
         query = query.where(table.c.match.not_in(refused))
     rows = connection.execute(query.limit(most)).all()
@@ -95,10 +122,14 @@ def take(
     remove(connection, there)
     free = [row for row in rows if row.match not in there]
     claims.give(connection, [row.match for row in free], owner, now + timedelta(seconds=for_s))
-    return [
-        Queued(row.match, row.surroundings, schema.from_json(row.spec), schema.from_json(row.sources))
-        for row in free
-    ]
+    return [Queued(row.match, row.surroundings, _readable(row.spec), _readable(row.sources)) for row in free]
+
+
+def _unclaimed(now: datetime) -> sa.ColumnElement[bool]:
+    """Whether nobody has a lease on a match of the queue."""
+    claim = schema.claim.c
+    held = sa.select(claim.match).where(claim.match == schema.queue.c.match, claim.until > stamp(now))
+    return ~held.exists()
 
 
 def remove(connection: sa.Connection, keys: Iterable[str]) -> None:

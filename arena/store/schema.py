@@ -161,7 +161,7 @@ def to_json(value: JsonValue) -> str:
 def from_json(text: str) -> Any:
     try:
         return json.loads(text)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         raise StoreFault(f"damaged: expected JSON, not {str(text)[:40]!r}") from None
 
 

@@ -241,12 +241,14 @@ class Store:
         """
         self._database.write(queue.put, wanted, surroundings)
 
-    def waiting(self, most: int = queue.COUNTED) -> dict[str, int]:
-        """How many matches are in the queue, also those that are claimed, by digest of their surroundings.
+    def waiting(self, most: int = queue.COUNTED, unclaimed: bool = False) -> dict[str, int]:
+        """How many matches are in the queue, by digest of their surroundings.
 
-        More than `most` of the same count as so many.
+        Args:
+            most: more than these of the same count as so many.
+            unclaimed: leave out those that somebody has claimed.
         """
-        return self._database.read(queue.waiting, most)
+        return self._database.read(queue.waiting, most, unclaimed)
 
     def surroundings(self, digest: str) -> dict[str, Any]:
         """What decides the outcomes of some wanted matches beside them."""

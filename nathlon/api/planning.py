@@ -12,6 +12,7 @@ from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
 from nathlon.arena.worlds.rehearsal import PATIENCE_S, episode_times
 from nathlon.nightly import awaited
+from nathlon.policies.sources.identity import policy_id
 from nathlon.progress import worker_count
 from nathlon.reports.forecast import Forecast
 from nathlon.selection.config import Config
@@ -57,11 +58,8 @@ def plan(
             counts = awaited(settings, known)
         else:
             anchors = len(settings.nightly.anchors) if settings.in_gauntlet else 0
-            counts = (
-                len(set(named_sources(checkpoints, endings=load_world(settings.world).loaders))),
-                0,
-                anchors,
-            )
+            sources = named_sources(checkpoints, endings=load_world(settings.world).loaders)
+            counts = len({policy_id(source) for source in sources}), 0, anchors
         before = [] if known is None else earlier(known, settings)
     if counts[0] == 0:
         raise InputError("nothing is new, expected checkpoints that no night has judged")

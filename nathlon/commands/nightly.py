@@ -86,7 +86,8 @@ def status(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say which nights there were, and where the one under way is."""
+    """Say which nights there were, where the one under way is, and who is at work on it."""
+    from nathlon.arena.claimant import at_work
     from nathlon.arena.store import Store
     from nathlon.selection.config import read_config
 
@@ -95,11 +96,12 @@ def status(
             asdict(record) | {"facts": store.facts(record.name), "tables": _counts(store, record.name)}
             for record in store.runs()
         ]
+        workers = at_work(store)
         faults = store.verify() if verify else []
     for night in nights:
         del night["config"]
     if as_json:
-        print_json({"runs": nights, "disagreements": faults})
+        print_json({"runs": nights, "workers": [one._asdict() for one in workers], "disagreements": faults})
         return
     table = new_table()
     for column in ("Run", "Began (UTC)", "Status", "Entrants", "Filter", "Round robin", "Outcome"):
@@ -115,6 +117,8 @@ def status(
             outcome.get("reason", _under_way(night["facts"])),
         )
     print_table(table)
+    for one in workers:
+        say(f"At work      {one.host}, process {one.process}, with {one.processes}")
     for fault in faults:
         say(fault)
 

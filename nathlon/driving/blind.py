@@ -28,7 +28,7 @@ from nathlon.driving.keeping import Kept, nearest
 from nathlon.policies.temper import FAIR
 from nathlon.publishing.output import OutputFolder
 from nathlon.sim.errors import InputError
-from nathlon.sim.names import printable
+from nathlon.sim.names import as_named, printable
 from nathlon.sim.validation import first_fault
 
 AT_ONCE = 2
@@ -81,7 +81,10 @@ class BlindTest:
             if not names:
                 raise InputError(f"{opened.name}: holds no run, expected one whose finalists have raced")
             self._run = folder.name if folder.name in names else names[-1]
-            rows = {row["entrant"]: row for row in opened.table(self._run, "entrants").to_dicts()}
+            rows = {
+                row["entrant"]: row | {"source": as_named(row["source"])}
+                for row in opened.table(self._run, "entrants").to_dicts()
+            }
             world = opened.facts(self._run).get("world", RACING)
             decision = EventLog(opened, self._run).decisions().get("selection")
         if decision is None or len(decision.opened.candidates) < AT_ONCE:

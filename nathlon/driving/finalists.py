@@ -9,6 +9,7 @@ from nathlon.arena.store import Store
 from nathlon.driving.choice import Opponent
 from nathlon.policies.bundled import BUNDLED
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import as_named
 
 
 def champions() -> list[Opponent]:
@@ -29,5 +30,5 @@ def finalists(run: Path) -> list[Opponent]:
             known = {row["entrant"]: row for row in store.table(record.name, "entrants").to_dicts()}
             if ranked:
                 rows = [known[entrant] for entrant in ranked]
-                return Opponent.all({row["source"]: row["name"] for row in rows})
+                return Opponent.all({as_named(row["source"]): row["name"] for row in rows})
     raise InputError(f"{run}: holds no run that has ranked anybody, expected the folder of a finished run")

@@ -9,6 +9,7 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.arena.store import Store
 from nathlon.policies.sources import DRIVER, PLUGIN
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import as_named
 
 
 def sources_of(
@@ -43,7 +44,7 @@ def _entered(store: Path | str) -> dict[str, str]:
     """Sources of all that entered runs of a store, by name; the latest run counts."""
     with Store.open(store) as opened:
         return {
-            name: source
+            name: as_named(source)
             for record in opened.runs()
             for name, source in opened.table(record.name, "entrants").select("name", "source").iter_rows()
         }

@@ -10,6 +10,7 @@ import polars as pl
 from nathlon.arena.results import CURVES
 from nathlon.arena.store import Store
 from nathlon.policies.sources import DRIVER, OBJECT, PLUGIN
+from nathlon.sim.names import as_named, written
 
 CURVE_FILE = "curve.csv"
 CRITICS = ("mean_q", "entropy")
@@ -31,10 +32,16 @@ def find_curves(sources: Iterable[str]) -> pl.DataFrame:
             in the checkpoint's folder or in the one above, or `curves/RUN.csv` beside the folder of a
             checkpoint RUN-STEP.
     """
-    files = [Path(source) for source in sources if source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT)]
+    files = [
+        Path(as_named(source))
+        for source in sources
+        if source.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT)
+    ]
     curves = dict(place for file in files for place in _places(file))
     read = [(start, _read(path)) for start, path in sorted(curves.items())]
-    frames = [frame.with_columns(checkpoints=pl.lit(start)) for start, frame in read if frame is not None]
+    frames = [
+        frame.with_columns(checkpoints=pl.lit(written(start))) for start, frame in read if frame is not None
+    ]
     return pl.concat([pl.DataFrame(schema=CURVES), *(frame.select(CURVES.names()) for frame in frames)])
 
 

@@ -20,6 +20,7 @@ from nathlon.pareto.objective import TIME_TRIAL
 from nathlon.policies.driver import Driver
 from nathlon.publishing.lap_limits import known_limit
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import as_named
 from nathlon.sim.physics.course import DRY
 from nathlon.sim.track import LEFT, RIGHT, Track, load_track
 
@@ -40,7 +41,9 @@ def keep_laps(store: Store, run: str, pool: Pool) -> None:
         card = cards[trial["entrant"]]
         if card["circuit"] and card["entrant"] not in set(laps["entrant"]):
             try:
-                match = Match.from_spec(store.spec(trial["match"]), {card["entrant"]: card["source"]})
+                match = Match.from_spec(
+                    store.spec(trial["match"]), {card["entrant"]: as_named(card["source"])}
+                )
             except InputError:
                 continue
             wanted[trial["match"]] = (

@@ -18,6 +18,7 @@ from nathlon.arena.store import Store
 from nathlon.publishing.output import OutputFolder
 from nathlon.selection.run import RECORDINGS, OnMatch
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import as_named
 
 log = logging.getLogger(__name__)
 
@@ -97,4 +98,5 @@ def stored_match(store: Store, key: str, entrants: pl.DataFrame) -> Match:
     Raises:
         InputError: if the simulator has changed.
     """
-    return Match.from_spec(store.spec(key), dict(entrants.select("entrant", "source").iter_rows()))
+    written = entrants.select("entrant", "source").iter_rows()
+    return Match.from_spec(store.spec(key), {entrant: as_named(source) for entrant, source in written})

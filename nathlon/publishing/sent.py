@@ -18,7 +18,7 @@ from nathlon.policies.sources.roles import RolesSource
 from nathlon.publishing.output import OutputFolder
 from nathlon.reports.summary import Sent, Summary
 from nathlon.sim.errors import InputError
-from nathlon.sim.names import LONGEST_FILE, file_stem
+from nathlon.sim.names import LONGEST_FILE, as_named, file_stem
 from nathlon.sim.whole_file import whole_file
 
 SENT = "sent"
@@ -37,7 +37,7 @@ def keep_sent(store: Store, run: str, output: OutputFolder) -> tuple[Sent, ...]:
     sources = dict(store.table(run, "entrants").select("entrant", "source").iter_rows())
     sent = Summary.model_validate(summary).sent if summary else ()
     with output.filling():
-        return tuple(_kept(one, sources[one.entrant], output.root) for one in sent)
+        return tuple(_kept(one, as_named(sources[one.entrant]), output.root) for one in sent)
 
 
 def kept_copies(nights: Path, entrant: Entrant) -> list[str]:

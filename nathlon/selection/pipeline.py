@@ -32,6 +32,7 @@ from nathlon.selection.field import Field
 from nathlon.selection.forecasting import earlier, effect, forecast, habits_of
 from nathlon.selection.round_robin import leaders, ranked_by_tests, run_round_robin
 from nathlon.selection.run import CONFIDENCE, Answer, Run
+from nathlon.sim.names import printable
 from nathlon.tournament.points import pair_correlation
 from nathlon.tournament.power import unit_deviation
 
@@ -171,8 +172,10 @@ def _summary(
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         not_judged=voided(not_judged, names),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
-        gone=tuple(SetAside(source=each.source, reason=GONE, digest=each.id) for each in gone),
+        gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
         notes=field.notes,
-        also={entrant.name: entrant.also for entrant in field.entrants if entrant.also},
+        also={
+            entrant.name: tuple(map(printable, entrant.also)) for entrant in field.entrants if entrant.also
+        },
         stages_set_aside=stages_set_aside,
     )

@@ -15,7 +15,9 @@ from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.registry import load_world
 from nathlon.selection.config import Config
 from nathlon.settings_matrix.settings import MatrixSettings
+from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
+from nathlon.sim.track import load_track
 
 
 class Pair(NamedTuple):
@@ -92,15 +94,18 @@ def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> Plan:
     if not ours and {"circuits", "cars", "compounds", "delays_s"} & asked.model_fields_set:
         set_aside.append(f"circuits, cars, compounds, delays: world {config.world!r} has none")
     for circuit, car in _places(config):
+        world = load_world(config.world, circuit, car)
+        if ours:
+            _check_place(circuit, car)
         pair = _entered(pool, policy, baseline, circuit, car, config.world)
         if isinstance(pair, InputError):
             set_aside.append(f"{circuit} with {car}: {pair}" if ours else str(pair))
             continue
         pairs[circuit, car] = pair
-        opponents = asked.opponents or (load_world(config.world, circuit, car).baseline,)
+        opponents = asked.opponents or (world.baseline,)
         check_opponents(pool, opponents, pair.policy, "section matrix: field opponents")
         for setting in _settings(circuit, car, asked, ours):
-            cells += _cells(load_world(config.world, circuit, car), setting, asked.places, set_aside)
+            cells += _cells(world, setting, asked.places, set_aside)
     if not cells:
         raise InputError(f"nothing can be driven: {'; '.join(set_aside)}")
     return Plan(cells, pairs, set_aside)
@@ -110,6 +115,15 @@ def _places(config: Config) -> Sequence[tuple[str, str]]:
     if not config.circuit:
         return [("", "")]
     return list(product(config.matrix.circuits or (config.circuit,), config.matrix.cars or (config.car,)))
+
+
+def _check_place(circuit: str, car: str) -> None:
+    """Raise an InputError for a circuit or a car that is none."""
+    for name, load in (("circuits", lambda: load_track(circuit)), ("cars", lambda: load_car(car))):
+        try:
+            load()
+        except InputError as error:
+            raise InputError(f"section matrix: {name}: {error}") from None
 
 
 def _entered(pool: Pool, policy: str, baseline: str, circuit: str, car: str, world: str) -> Pair | InputError:
@@ -148,4 +162,9 @@ def _cells(world: World, setting: Setting, places: Sequence[int], set_aside: lis
         if str(error) not in set_aside:
             set_aside.append(str(error))
         return []
-    return [Cell(setting, place) for place in dict.fromkeys(places) if place <= len(setup.sides)]
+    cells = [Cell(setting, place) for place in dict.fromkeys(places) if place <= len(setup.sides)]
+    if not cells:
+        lack = f"scenario {setting.scenario!r} has {len(setup.sides)} places, expected one of them in places"
+        if lack not in set_aside:
+            set_aside.append(lack)
+    return cells

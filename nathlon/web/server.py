@@ -7,7 +7,7 @@ import errno
 import ssl
 from asyncio import BaseTransport, TimerHandle, Transport
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from uvicorn import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
+from websockets.exceptions import InvalidState
 from websockets.http11 import Request as Opening
 
 from nathlon.sim.errors import InputError
@@ -224,7 +225,9 @@ async def _listener(
 async def _close(state: _State) -> None:
     """End all connections; who does not listen to it is cut off."""
     for connection in list(state.connections):
-        connection.shutdown()
+        # One whose other side is just taking leave cannot be told.
+        with suppress(InvalidState):
+            connection.shutdown()
     if state.tasks:
         _, left = await asyncio.wait(state.tasks, timeout=state.closing_s)
         for task in left:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from nathlon.policies.temper import FAIR, TEMPERS
 from nathlon.sim.errors import InputError
-from nathlon.sim.names import printable
+from nathlon.sim.names import printable, settings_of
 
 DRIVER, PLUGIN, OBJECT, HUMAN, MPPI = "driver", "plugin", "object", "human", "mppi"
 """Kinds of policies; `KIND:NAME` is the source of one. HUMAN is what a person did, `human:FILE`; MPPI plans
@@ -68,8 +68,7 @@ def driver_settings(source: str) -> DriverSettings:
     """
     values: dict[str, float] = {}
     temper: str = FAIR
-    for setting in filter(None, source.partition(":")[2].split(",")):
-        key, _, value = setting.partition("=")
+    for key, value in settings_of(source.partition(":")[2], f"driver {source!r}"):
         if key == "temper":
             temper = value
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -20,11 +21,15 @@ from nathlon.policies.sources import (
     TRAINING_STATE,
     WEIGHTS,
     check_source,
+    is_path,
     suffix_of,
 )
+from nathlon.policies.sources.policy_file import open_policy_file
 from nathlon.policies.sources.recognised import LOADER
-from nathlon.sim.errors import InputError
+from nathlon.sim.errors import InputError, together
 from nathlon.sim.names import printable
+
+log = logging.getLogger(__name__)
 
 
 def checkpoints_below(folder: Path, endings: Iterable[str] = ()) -> list[Path]:
@@ -74,10 +79,16 @@ def _looked_into(root: Path, on_error: Callable[[OSError], None]) -> Iterator[tu
 
 
 def check_given(given: Iterable[str | Path]) -> None:
-    """Raise an InputError for what is neither a folder nor can be a policy."""
+    """Raise an InputError that names all that is neither a folder nor can be a policy."""
+    refused: list[InputError] = []
     for one in map(str, given):
         if one != GENERALIST and not _is_folder(one):
-            check_source(one)
+            try:
+                check_source(one)
+            except InputError as error:
+                refused.append(error)
+    if refused:
+        raise together(refused)
 
 
 def _is_folder(one: str) -> bool:
@@ -87,7 +98,8 @@ def _is_folder(one: str) -> bool:
 def find_sources(given: Iterable[str | Path], people: bool = False, endings: Iterable[str] = ()) -> list[str]:
     """The sources among what a user has given.
 
-    A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon.
+    A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon. What a
+    folder holds and cannot be read is set aside with a warning, before it is opened.
 
     Args:
         given: paths and names.
@@ -95,10 +107,11 @@ def find_sources(given: Iterable[str | Path], people: bool = False, endings: Ite
         endings: of files in folders that are checkpoints besides those that nathlon reads itself.
 
     Raises:
-        InputError: if there is no such policy, or a folder holds none.
+        InputError: if some are no such policies or cannot be read, which are all named, or a folder is empty.
     """
     loaded = tuple(endings)
     found: list[str] = []
+    refused: list[InputError] = []
     for one in map(str, given):
         if one == GENERALIST:
             found.append(str(generalist()))
@@ -106,12 +119,25 @@ def find_sources(given: Iterable[str | Path], people: bool = False, endings: Ite
             inside = checkpoints_below(Path(one), loaded)
             if not inside:
                 raise _without_checkpoint(one, loaded)
-            found.extend(map(str, inside))
+            looked = {str(path): _fault(path) for path in inside}
+            faults = [fault for fault in looked.values() if fault]
+            if len(faults) == len(looked):
+                refused += faults
+            elif faults:
+                log.warning("set aside: %s", together(faults))
+            found += [source for source, fault in looked.items() if not fault]
         else:
-            check_source(one)
-            if one.startswith(f"{HUMAN}:") and not people:
-                raise InputError(f"{printable(one)}: is a person, expected a policy")
+            try:
+                check_source(one)
+                if one.startswith(f"{HUMAN}:") and not people:
+                    raise InputError(f"{printable(one)}: is a person, expected a policy")
+                if is_path(one) and (fault := _fault(Path(one))):
+                    raise fault
+            except InputError as error:
+                refused.append(error)
             found.append(one)
+    if refused:
+        raise together(refused)
     return found
 
 
@@ -124,3 +150,12 @@ def _without_checkpoint(folder: str, loaded: tuple[str, ...]) -> InputError:
             f"trained them can read, {LOADER}; or files of {known}"
         )
     return InputError(f"{folder}: holds no checkpoint, expected files of {known}")
+
+
+def _fault(path: Path) -> InputError | None:
+    """Why a file cannot be read, as far as that is known without opening what it holds."""
+    try:
+        with open_policy_file(path):
+            return None
+    except InputError as error:
+        return error

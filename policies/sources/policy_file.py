@@ -20,6 +20,10 @@ from nathlon.sim.untrusted_file import open_regular
 MOST_BYTES = 1 << 29
 """Size of a file, and of all that is packed in it."""
 
+POINTER = b"version https://git-lfs.github.com/spec/"
+"""What stands in place of a file that git-lfs has not fetched begins with; see
+https://github.com/git-lfs/git-lfs/blob/main/docs/spec.md."""
+
 _LONGEST_REASON = 300
 
 
@@ -27,7 +31,8 @@ def read_policy_file(path: Path) -> bytes:
     """The bytes of a file.
 
     Raises:
-        InputError: if it is no regular file, cannot be read, is empty or has more than `MOST_BYTES`.
+        InputError: if it is no regular file, cannot be read, is empty, has more than `MOST_BYTES` or is a
+            pointer of git-lfs.
     """
     with opening(path), open_policy_file(path) as (file, size):
         content = file.read(size + 1)
@@ -50,6 +55,9 @@ def open_policy_file(path: Path) -> Iterator[tuple[BinaryIO, int]]:
         if found.st_size > MOST_BYTES:
             raise InputError(f"{path}: has {found.st_size} bytes, expected at most {MOST_BYTES}")
         try:
+            if file.read(len(POINTER)) == POINTER:
+                raise InputError(f"{path}: git-lfs pointer, expected a policy: run git lfs pull")
+            file.seek(0)
             yield file, found.st_size
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from None

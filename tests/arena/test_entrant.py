@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import onnx
 import pytest
 from onnx import helper
 
+import nathlon
 from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.entrant import entrants_table
 from nathlon.arena.pool import Pool
@@ -43,7 +45,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_folder_stands_for_all_policies_below_it(folder: Path) -> None:
-    (folder / "c.zip").write_bytes(b"")
+    (folder / "c.zip").write_bytes(b"no policy")
     found = [Path(source).relative_to(folder).as_posix() for source in find_sources([folder])]
     assert found == ["a.onnx", "b.safetensors", "c.zip", "run/step.safetensors"]
     (folder / "empty").mkdir()
@@ -63,7 +65,7 @@ def test_links_are_followed_what_is_hidden_is_not_and_capitals_do_not_matter(
     (folder / "latest").symlink_to(folder / "run")
     (folder / ".cache").mkdir()
     for hidden in (".cache/c.zip", "._b.safetensors"):
-        (folder / hidden).write_bytes(b"")
+        (folder / hidden).write_bytes(b"no policy")
     found = find_sources([folder])
     assert [Path(source).relative_to(folder).as_posix() for source in found] == [
         "a.onnx",
@@ -75,6 +77,43 @@ def test_links_are_followed_what_is_hidden_is_not_and_capitals_do_not_matter(
     shouted = enter_all(pool, found[2:4], "lindenring", "gt3")
     assert [entrant.algorithm for entrant in shouted] == ["ONNX", "QR-SAC, polished"]
     assert find_sources([folder / ".cache"]) == [str(folder / ".cache" / "c.zip")]
+
+
+def test_what_cannot_be_read_is_named_together(
+    folder: Path, pool: Pool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In a folder it is set aside; what is named itself is refused."""
+    (folder / "link.onnx").symlink_to(folder / "nowhere.onnx")
+    os.mkfifo(folder / "pipe.zip")
+    (folder / "large.safetensors").write_text(
+        f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 7\n"
+    )
+    reasons = {
+        "link.onnx": "No such file",
+        "pipe.zip": "a pipe or a device",
+        "large.safetensors": "git-lfs pointer, expected a policy: run git lfs pull",
+    }
+    assert [Path(source).name for source in find_sources([folder])] == [
+        "a.onnx",
+        "b.safetensors",
+        "step.safetensors",
+    ]
+    [said] = [record.getMessage() for record in caplog.records]
+    assert nathlon.plan(folder).stages[0].entrants == 3
+    shutil.copy(folder / "b.safetensors", folder / "same.safetensors")
+    assert nathlon.plan(folder).stages[0].entrants == 3, "files with the same contents are one entrant"
+    with pytest.raises(InputError) as caught:
+        find_sources([folder / "b.safetensors", "nobody.onnx", *(folder / name for name in reasons)])
+    assert str(caught.value).startswith("4 cannot be used: nobody.onnx: no such file")
+    for sentence in (said, str(caught.value)):
+        assert "\n" not in sentence
+        for name, reason in reasons.items():
+            assert str(folder / name) in sentence
+            assert reason.lower() in sentence.lower()
+    for name in ("one.onnx", "two.onnx"):
+        (folder / name).write_bytes(b"no policy")
+    with pytest.raises(InputError, match=r"2 cannot be used: .*one\.onnx: .*; .*two\.onnx: "):
+        enter_all(pool, find_sources([folder]), "lindenring", "gt3")
 
 
 def test_the_generalist_is_entered_by_its_name_for_any_circuit_and_car(pool: Pool) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -20,14 +22,17 @@ import sqlalchemy as sa
 from hypothesis import given
 from hypothesis import strategies as st
 
+from nathlon.api import working
 from nathlon.arena.baggage import labels
-from nathlon.arena.engine import CLAIM_LEAST, LocalEngine, plenty, share
+from nathlon.arena.claimant import Claimant, at_work, owner_name
+from nathlon.arena.engine import LocalEngine, plenty, share
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.processor import processor
-from nathlon.arena.queue import post
+from nathlon.arena.queue import Taker, post
 from nathlon.arena.queue_engine import QueueEngine
+from nathlon.arena.queue_entry import digest_of
 from nathlon.arena.queue_worker import Shift, work
 from nathlon.arena.store import Queued, Store
 from nathlon.arena.worlds.registry import load_world
@@ -201,6 +206,128 @@ def test_a_checkpoint_that_is_not_what_it_is_named_after_stays_out(
         assert sum(here for _, here in QueueEngine(store, pool).run(matches)) == 3
 
 
+RACE: dict[str, Any] = {
+    "seed": 1,
+    "seats": [{"entrant": 0, "team": 0}, {"entrant": 1, "team": 1}],
+    "mirrored": False,
+}
+NO_MATCHES: list[tuple[dict[str, Any], str]] = [
+    ({"races": []}, "races is []"),
+    ({"races": [RACE | {"seed": 2**70}]}, "races.0.seed is 1180591620717411303424"),
+    ({"races": [RACE | {"seed": -1}]}, "races.0.seed is -1"),
+    (
+        {"races": [RACE | {"seats": [{"entrant": 99, "team": 0}, {"entrant": 1, "team": 1}]}]},
+        "is entrant 99's, expected one of 2",
+    ),
+    ({"races": [RACE | {"seats": RACE["seats"] * 2}]}, "a race of 4 seats, expected 2"),
+    ({"races": [RACE | {"seats": "none"}]}, "races.0.seats is 'none'"),
+    ({"entrants": ["random"] * 3}, "2 sources, expected one for each of 3 entrants"),
+    ({"entrants": 7}, "entrants is 7"),
+]
+
+
+def test_entries_of_the_queue_that_are_no_matches_are_set_aside(
+    target: str, world: str, tmp_path: Path, pool: Pool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Those that are damaged, and those that somebody has put there with the key that they hash to."""
+    matches = duels(world, tmp_path / "here", len(NO_MATCHES) + 5)
+    with Store(target) as store:
+        [digest] = post(store, matches)
+        facts, entries = store.surroundings(digest), store.take(digest, "who looks", 100, 60.0)
+        store.release("who looks")
+        for (wrong, _), entry in zip(NO_MATCHES, entries, strict=False):
+            spec = entry.spec | wrong
+            change_entry(target, entry.match, "spec", json.dumps(spec))
+            change_entry(target, entry.match, "match", digest_of(facts | spec))
+        first, second, third, fourth, last = (entry.match for entry in entries[len(NO_MATCHES) :])
+        change_entry(target, first, "spec", json.dumps(entries[0].spec))
+        change_entry(target, second, "spec", "7")
+        change_entry(target, third, "spec", "{")
+        change_entry(target, fourth, "sources", "[7, []]")
+        assert work_through(store, pool, world) == Shift(1, 0, len(NO_MATCHES) + 4)
+        said = [record.getMessage() for record in caplog.records]
+        assert len(said) == len(NO_MATCHES) + 4
+        for _, words in NO_MATCHES:
+            assert sum(words in line for line in said) == 1
+        assert sum("damaged, expected what its key names" in line for line in said) == 3
+        assert store.waiting() == {}
+        assert store.stored(match.key for match in matches) == {last}
+        # Who wants them puts them there again.
+        assert len(list(QueueEngine(store, pool).run(matches))) == len(matches)
+        assert store.verify() == []
+
+
+def test_a_selection_mends_its_entries_and_heeds_no_one_elses(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    matches = duels(world, tmp_path / "here", 4)
+    with Store(target) as store:
+        [digest] = post(store, matches)
+        store.enqueue([Queued("no key", digest, {}, [])], {"other": {}, digest: {}})
+        change_entry(target, matches[0].key, "surroundings", "other")
+        change_entry(target, matches[1].key, "spec", "{}")
+        ended = list(QueueEngine(store, pool).run(matches[:2]))
+        assert sorted(each.key for each in ended) == sorted(match.key for match in matches[:2])
+
+
+def change_entry(target: str, match: str, column: str, value: str) -> None:
+    change(
+        target, sa.text(f"UPDATE queue SET {column} = :value WHERE match = :match"), value=value, match=match
+    )
+
+
+@pytest.mark.parametrize("facts", ["[]", "{}", '{"world": 7}'])
+def test_surroundings_that_are_none_stop_no_worker(
+    target: str, world: str, tmp_path: Path, pool: Pool, facts: str
+) -> None:
+    with Store(target) as store:
+        post(store, duels(world, tmp_path / "here"))
+        change(target, sa.text("UPDATE surroundings SET facts = :facts"), facts=facts)
+        with refused("damaged surroundings"):
+            work_through(store, pool, world)
+
+
+def test_what_a_killed_process_of_this_machine_had_is_taken_at_once(
+    target: str, world: str, tmp_path: Path, pool: Pool
+) -> None:
+    """Also while its parent has not asked after it."""
+    matches = duels(world, tmp_path / "here")
+    dead = os.fork()
+    if not dead:
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitid(os.P_PID, dead, os.WEXITED | os.WNOWAIT)
+    try:
+        with Store(target) as store, Claimant(store, pool, 60.0) as claimant:
+            [digest] = post(store, matches)
+            store.take(digest, owner_name(dead), 3, 60.0)
+            store.attend(owner_name(dead), 2, 60.0)
+            assert [each.process for each in at_work(store)] == [os.getpid()]
+            taker = Taker(store, claimant, {digest}.__contains__, {}, {})
+            assert taker(1) == []
+            assert store.waiting(unclaimed=True) == {digest: 3}
+    finally:
+        os.waitpid(dead, 0)
+
+
+def test_a_worker_waits_for_its_store(
+    world: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What it says before it ends tells what it is at."""
+    target = tmp_path / "later" / "nathlon.sqlite"
+
+    def make(seconds: float) -> None:
+        with Store(target) as store:
+            post(store, duels(world, tmp_path / "here"))
+
+    monkeypatch.setattr(working, "sleep", make)
+    with refused("no such store"):
+        working.work(str(target), workers=1, worlds=[world], wait_s=-1.0)
+    assert working.work(str(target), workers=1, worlds=[world], wait_s=0.1) == Shift(3, 0)
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == f"{target}: no such store yet; waiting for it for 0.1 s"
+    assert said[1] == f"{target}: at work with 1 process"
+
+
 def test_a_machine_with_another_version_takes_nothing(
     target: str, world: str, tmp_path: Path, pool: Pool
 ) -> None:
@@ -293,9 +420,34 @@ def test_a_share_is_no_more_than_what_gains_by_running_together(
     left: int, idle: int, at_work: int, full: int
 ) -> None:
     some = share(left, idle, at_work, full)
-    assert CLAIM_LEAST * idle <= some <= max(2 * full, CLAIM_LEAST) * idle
-    if some > CLAIM_LEAST * idle and at_work > 2 * idle:
+    assert 1 <= some <= 2 * full * idle
+    if some > 1 and at_work >= 2 * idle:
         assert some <= left // 2, "others find work too"
+
+
+@pytest.mark.parametrize("workers", [2, 3, 8])
+def test_all_who_are_at_work_end_together(workers: int) -> None:
+    """Of a hundred equal matches each worker runs its part, and none waits for longer than a match takes."""
+    left, free_at = 100, [0] * workers
+    ran = [0] * workers
+    while left:
+        now = min(free_at)
+        worker = free_at.index(now)
+        some = min(left, share(left, 1, workers, 16))
+        left, ran[worker], free_at[worker] = left - some, ran[worker] + some, now + some
+    assert max(free_at) - min(free_at) <= 1
+    assert max(ran) - min(ran) <= 1
+
+
+def test_a_share_is_of_what_nobody_has_claimed(target: str, world: str, tmp_path: Path, pool: Pool) -> None:
+    matches = duels(world, tmp_path / "here", 16)
+    with Store(target) as store, Claimant(store, pool, 60.0) as claimant:
+        [digest] = post(store, matches)
+        store.attend("another machine", 1, 60.0)
+        store.take(digest, "another machine", 12, 60.0)
+        taker = Taker(store, claimant, {digest}.__contains__, {}, {})
+        assert store.waiting() == {digest: 16}
+        assert [len(some) for some in taker(1)] == [1]
 
 
 def change(target: str, statement: sa.TextClause, **values: str) -> None:

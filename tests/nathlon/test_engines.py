@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import os
 from pathlib import Path
 
 import pytest
 
+from nathlon.arena.claimant import PLACE, owner_name
+from nathlon.arena.store import Store
+from nathlon.sim.process import HOST
 from tests.command_line import nathlon, refused
 from tests.games import player, world_of
 
@@ -30,9 +35,23 @@ def test_a_cluster_that_is_not_there_is_refused(arguments: list[str], tmp_path: 
     )
     done = nathlon(*arguments, "--config", "nathlon.toml", cwd=tmp_path)
     refused(done, "engine_address is '127.0.0.1:9'", "Connection refused", "expected a Ray cluster")
+    for store in tmp_path.rglob("*.sqlite"):
+        with Store.open(store) as opened:
+            assert opened.runs() == []
 
 
 def test_an_engine_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     (tmp_path / "nathlon.toml").write_text('engine = "spark"\n')
     done = nathlon("nightly", "--config", "nathlon.toml", cwd=tmp_path)
     refused(done, "nathlon.toml", "engine", "'local' or 'ray'")
+
+
+def test_status_lists_who_is_at_work(tmp_path: Path) -> None:
+    (tmp_path / "nathlon.toml").write_text("")
+    with Store(tmp_path / "nathlon.sqlite") as store:
+        store.attend(owner_name(), 3, 60.0)
+        store.attend(f"{PLACE}/{os.getpid()}/1/0", 2, 60.0)  # an earlier process of the same number
+    told = nathlon("status", "--json", cwd=tmp_path)
+    assert json.loads(told.stdout)["workers"] == [{"host": HOST, "process": os.getpid(), "processes": 3}]
+    shown = nathlon("status", cwd=tmp_path).stdout
+    assert f"At work      {HOST}, process {os.getpid()}, with 3" in shown

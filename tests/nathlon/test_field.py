@@ -6,16 +6,19 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 from onnx import TensorProto, helper
 
-from nathlon.arena.entrant import enter
+from nathlon.arena.entrant import enter, entrants_table
 from nathlon.arena.pool import Pool
-from nathlon.selection.field import newcomers
+from nathlon.arena.store import Store
+from nathlon.selection.field import Field, newcomers
 from nathlon.selection.watching import watch
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import as_named
 from nathlon.sim.observation import ObservationSpec
 from tests.checkpoints import BUNDLED
 
@@ -133,15 +136,21 @@ def endless(path: Path) -> None:
 
 
 def test_names_of_files_are_shown_as_they_can_be(watched: Path, pool: Pool) -> None:
-    """A name of bytes that are no text cannot be kept, one with a line end is written out."""
+    """In tables; they are kept as they are to open the files."""
     strange = Path(os.fsdecode(os.fsencode(watched) + b"/\xff.safetensors"))
     shutil.copy(BUNDLED[2], strange)
     shutil.copy(BUNDLED[3], watched / "two\nlines.safetensors")
     new, excluded = newcomers(pool, watch([str(watched)]), *PAIR, known={})
-    assert "two\\nlines" in {entrant.name for entrant in new}
-    [item] = [item for item in excluded if "broken" not in item.source]
-    assert item.source == f"{watched}/\\udcff.safetensors"
-    assert item.reason == f"{item.source}: the name is no UTF-8, expected one that can be written down"
+    assert {"two\\nlines", "\\udcff"} <= {entrant.name for entrant in new}
+    assert str(strange) in {entrant.source for entrant in new}
+    assert [Path(item.source).name for item in excluded] == ["broken.safetensors"]
+    with Store(watched.parent / "store.sqlite") as store:
+        store.begin_run("night", {"field": asdict(Field(tuple(new)))})
+        assert Field.from_plan(store.runs()[0].config).newcomers == tuple(new)
+        store.put_table("night", "entrants", entrants_table(new))
+        sources = store.table("night", "entrants")["source"].to_list()
+    assert f"{watched}/\\udcff.safetensors" in sources
+    assert {as_named(source) for source in sources} == {entrant.source for entrant in new}
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody else")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -12,8 +13,11 @@ import pytest
 import nathlon
 from benchmarks import planted_cells
 from benchmarks.planted_cells import MARGINS, truth
+from nathlon.arena.pool import Pool
 from nathlon.arena.recording import read_recording
-from nathlon.settings_matrix.cells import Setting
+from nathlon.selection.config import Config
+from nathlon.settings_matrix.cells import Setting, plan_cells
+from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.errors import InputError
 from tests.command_line import nathlon as command
 from tests.command_line import refused
@@ -126,6 +130,20 @@ def test_what_has_no_sense_is_refused(tmp_path: Path) -> None:
     refused(
         command("matrix", "driver:pace=0.9", "--config", config, cwd=tmp_path), "compound 'glue' is unknown"
     )
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"cars": ("nocar",)}, "section matrix: cars: car 'nocar' is unknown; expected one of"),
+        ({"circuits": ("nowhere",)}, "section matrix: circuits: circuit 'nowhere' is unknown"),
+        ({"places": (99,), "scenarios": ("following",)}, "driven: scenario 'following' has 2 places"),
+    ],
+)
+def test_what_nobody_can_drive_is_said_with_the_reason(settings: dict[str, Any], said: str) -> None:
+    config = Config(circuit="lindenring", car="gt3", matrix=MatrixSettings(**settings))
+    with Pool(1) as pool, pytest.raises(InputError, match=said):
+        plan_cells(pool, "driver:pace=0.9", "driver", config)
 
 
 def test_a_setting_is_a_scenario_with_tyres_and_delay() -> None:

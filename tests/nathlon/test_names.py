@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import logging
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,10 +18,12 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from playwright.sync_api import Browser
 
+from nathlon import progress
 from nathlon.api.selection import SelectionResult
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, write_recording
 from nathlon.commands.selection import print_places, print_verdict
+from nathlon.policies.sources import driver_settings
 from nathlon.progress import progress_bars
 from nathlon.reports.ablation import ABLATION, EFFECTS, write_ablation
 from nathlon.reports.player import render_player
@@ -31,7 +34,9 @@ from nathlon.reports.summary import Sent, ranked
 from nathlon.reports.tables import as_texts, write_tables
 from nathlon.reports.video import pictures
 from nathlon.sim.data_file import DATA
-from nathlon.sim.names import LONGEST, file_stem, printable, proper_name
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import LONGEST, as_named, file_stem, printable, proper_name, written
+from nathlon.sim.scenario import load_scenario
 from nathlon.terminal import say, warn
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon
@@ -261,3 +266,36 @@ def test_an_evaluation_of_composites_with_such_names_comes_to_its_end(tmp_path: 
     assert [name for name in names if name in done.stdout] == list(names)
     ranked = pl.read_csv(tmp_path / "out" / "report" / "tables" / "entrants.csv")["name"].to_list()
     assert set(ranked) == {"a[/red]b", "'=1+1 $x_{"}
+
+
+@given(st.lists(st.sampled_from(["a", "\\", "\\udc80", "\\x5c", "x5c", "udcff", "\udc80", "\udcff", "é"])))
+def test_a_path_is_written_in_utf8_and_found_again(parts: list[str]) -> None:
+    path = "".join(parts)
+    assert as_named(written(path)) == path
+    written(path).encode()
+
+
+@pytest.mark.parametrize(
+    ("read", "name", "setting"),
+    [(load_scenario, "race:laps=1,cars=2,laps=2", "laps"), (driver_settings, "driver:lane=1,lane=2", "lane")],
+)
+def test_a_setting_that_is_given_twice_is_refused(
+    read: Callable[[str], object], name: str, setting: str
+) -> None:
+    with pytest.raises(InputError, match=f"setting {setting} is given 2 times, expected it once"):
+        read(name)
+
+
+def test_a_stage_that_takes_long_has_a_line_a_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("nathlon.progress.time.monotonic", lambda: now)
+    with progress.stage_progress(True, ("worker",)) as on_match:
+        for now in (0.0, 50.0, 70.0, 100.0, 140.0):
+            on_match("worker", int(now), int(now))
+    assert capsys.readouterr().err.splitlines() == [
+        "Worker       70 matches after 70 s",
+        "Worker       140 matches after 140 s",
+        "Worker       140 matches in 140 s",
+    ]
