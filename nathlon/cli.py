@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Sequence
 from itertools import takewhile
 
-
 from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
 from nathlon.commands.car import check_car, generate_car, tune_car
@@ -85,7 +84,7 @@ class _OneLine(logging.Formatter):
 
 
 def main() -> None:
-    """Entry point: bad input is one sentence and exit code 2; with `--json` there is JSON whatever the code."""
+    """Entry point: bad input is one sentence and exit code 2; `--json` prints JSON on every code."""
     if logging.lastResort:
         logging.lastResort.setFormatter(_OneLine())
     is_closed = sys.stdout is None

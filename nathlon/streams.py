@@ -42,8 +42,8 @@ class Stream:
             yield
         except OSError as error:
             # Python writes what is left once more as it ends.
-            with suppress(OSError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+            with suppress(OSError), _nowhere() as nowhere:
+                os.dup2(nowhere.fileno(), self._stream.fileno())
             self.on_lost(error)
 
     def on_lost(self, error: OSError) -> None:
@@ -64,14 +64,17 @@ class Results(Stream):
 def standard_streams() -> Iterator[tuple[Results, Stream]]:
     """While `sys.stdout` and `sys.stderr` are watched: InputError where results cannot be written.
 
-    Python has none where the shell has closed one. Then whatever is opened next, a store perhaps, would get its
+    Python has none where the shell has closed one. What is opened next, a store perhaps, would then get its
     number, and what others print there.
     """
     own = sys.stdout, sys.stderr
-    before = [stream or open(os.devnull, "w", encoding="utf-8") for stream in own]
-    results, remarks = Results(before[0]), Stream(before[1])
+    results, remarks = Results(own[0] or _nowhere()), Stream(own[1] or _nowhere())
     sys.stdout, sys.stderr = cast(TextIO, results), cast(TextIO, remarks)
     try:
         yield results, remarks
     finally:
         sys.stdout, sys.stderr = own
+
+
+def _nowhere() -> TextIO:
+    return open(os.devnull, "w", encoding="utf-8")

@@ -25,7 +25,7 @@ from nathlon.reports.cars import car_index
 from nathlon.reports.coach import CoachFacts
 from nathlon.reports.coach_page import CoachDrawing, Sentences, Traces, write_coach_page
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import check_output, whole_file
 
 PHRASING = "phrasing.json"
 """What a language model said, and why it was refused."""
@@ -99,6 +99,7 @@ def coach(
     """
     endpoint = Endpoint.from_environment() if phrase else None
     path, folder = Path(recording), Path(out)
+    check_output(folder)
     log = read_recording(path)
     index = car_index(log, str(car), path)
     with Pool(1) as pool, stage_progress(progress, (DRIVES,)) as on_match:

@@ -20,6 +20,7 @@ from nathlon.selection.config import Config
 from nathlon.selection.run import GATE, KERNELS
 from nathlon.selection.single_run import single_run
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 
 
 class GateResult:
@@ -99,6 +100,7 @@ def gate(
     [reference, *more] = named_sources(champion)
     if more:
         raise InputError(f"{champion}: holds {len(more) + 1} checkpoints, expected one champion")
+    check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         together, settings = entered(pool, [reference, *named_sources(candidates)], settings)
         first, *others = together

@@ -46,9 +46,7 @@ def vote(
     reason: Reason,
     approve: Annotated[
         str | None,
-        typer.Option(
-            metavar=NAMES, help="Those that are fit, with commas between; those ranked by default."
-        ),
+        typer.Option(metavar=NAMES, help="Those that are fit, with commas between; those ranked by default."),
     ] = None,
     rank: Annotated[
         str, typer.Option(metavar=NAMES, help="The best first, with commas between; need not be all.")

@@ -12,6 +12,7 @@ import typer
 from nathlon.commands.options import AsJson, Out
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
+from nathlon.sim.whole_file import check_output
 from nathlon.terminal import print_json, say, tell, warn
 
 
@@ -52,6 +53,12 @@ def replay(
     if recover:
         _recover(Path(source), as_json)
         return
+    if html is not None:
+        check_output(html.parent)
+    if video is not None:
+        check_output(video, is_file=True)
+    if race is not None:
+        check_output(out)
     from nathlon.arena.film_recording import holds_film
     from nathlon.arena.store import Store
     from nathlon.publishing.replays import record_stored_race
@@ -95,6 +102,7 @@ def _make_film(path: Path, video: Path | None, made: dict[str, Any]) -> Path | N
     from nathlon.reports.film_replay import write_film_replay
 
     rerun = made["replay"] = path.with_suffix(".rrd")
+    check_output(rerun, is_file=True)
     return _written(rerun, lambda: write_film_replay(film, rerun))
 
 
@@ -127,6 +135,7 @@ def _make_race(
     from nathlon.reports.replay import write_replay
 
     rerun = made["replay"] = path.with_suffix(".rrd")
+    check_output(rerun, is_file=True)
     return _written(rerun, lambda: write_replay(log, rerun, follow))
 
 

@@ -80,6 +80,8 @@ def find_sources(given: Iterable[str | Path], people: bool = False) -> list[str]
     """
     found: list[str] = []
     for one in map(str, given):
+        if not one:
+            raise InputError("'': names no policy, expected a path or name")
         if one == GENERALIST:
             found.append(str(generalist()))
         elif one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir():
