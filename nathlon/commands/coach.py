@@ -40,6 +40,8 @@ def coach(
         )
     if result.refused:
         warn(f"What the model said is refused, it is not in the facts: {'; '.join(result.refused)}")
+    if result.unasked:
+        warn(f"The words are the coach's own: {result.unasked}")
     if as_json:
         print_json(result.facts.model_dump(mode="json"))
         return
