@@ -99,10 +99,10 @@ def _make_film(path: Path, video: Path | None, made: dict[str, Any]) -> Path | N
 
         made["video"] = _written(video, lambda: write_film_video(film, video))
         return None
-    from nathlon.reports.film_replay import write_film_replay
-
     rerun = made["replay"] = path.with_suffix(".rrd")
     check_output(rerun, is_file=True)
+    from nathlon.reports.film_replay import write_film_replay
+
     return _written(rerun, lambda: write_film_replay(film, rerun))
 
 
@@ -132,10 +132,10 @@ def _make_race(
         made["video"] = _written(video, lambda: write_video(log, video, follow, start_s, end_s))
     if html or video:
         return None
-    from nathlon.reports.replay import write_replay
-
     rerun = made["replay"] = path.with_suffix(".rrd")
     check_output(rerun, is_file=True)
+    from nathlon.reports.replay import write_replay
+
     return _written(rerun, lambda: write_replay(log, rerun, follow))
 
 
