@@ -6,12 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from nathlon.arena.recording import write_recording
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
 from tests.checkpoints import BUNDLED
 from tests.command_line import nathlon, refused
-from tests.race_logs import oval_race
 
 COMMANDS = (
     ["evaluate", BUNDLED[0], "--out", "taken"],
@@ -71,13 +69,3 @@ def test_nothing_is_left_of_a_check(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"):
         check_output(tmp_path / "astray")
     assert [path.name for path in tmp_path.iterdir()] == ["astray"]
-
-
-def test_a_replay_that_would_lie_in_a_closed_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def closed(path: Path, is_file: bool = False) -> None:
-        raise InputError(f"{path}: cannot be written")
-
-    write_recording(tmp_path / "race.mcap", oval_race(cars=2, duration_s=1.0))
-    monkeypatch.setattr("nathlon.commands.replay.check_output", closed)
-    refused(nathlon("replay", "race.mcap", "--no-open", cwd=tmp_path), "race.rrd: cannot be written")
-    assert not (tmp_path / "race.rrd").exists()
