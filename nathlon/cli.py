@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import sys
-
-import typer
+from collections.abc import Callable, Sequence
+from itertools import takewhile
 
 from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
@@ -15,6 +15,7 @@ from nathlon.commands.committee_app import committee
 from nathlon.commands.drive import drive
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
+from nathlon.commands.groups import Group
 from nathlon.commands.incident import incident
 from nathlon.commands.league import league
 from nathlon.commands.matrix import matrix
@@ -36,44 +37,39 @@ from nathlon.commands.worker import worker
 from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
-from nathlon.terminal import warn
+from nathlon.streams import standard_streams
+from nathlon.terminal import print_json, warn
 
-app = typer.Typer(
-    help="Which of my thousands of racing checkpoints do I send to the race, and why?",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # rich takes longer to load than the help to read
-)
+app = Group("Which of my thousands of racing checkpoints do I send to the race, and why?")
 for command in (
     demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, worker, status, report, train, polish,
     league, ablate, recipes, race, drive, serve, replay, twin, incident, coach, export, observation,
 ):  # fmt: skip
     app.command()(command)
 
-track = typer.Typer(help="Import circuits, make up new ones, and look at them.", no_args_is_help=True)
+track = Group("Import circuits, make up new ones, and look at them.")
 track.command("import")(import_track)
 track.command("generate")(generate_track)
 track.command("limit")(limit_track)
 track.command("show")(show_track)
 app.add_typer(track, name="track")
 
-car = typer.Typer(help="Check car files, tune cars and make up new ones.", no_args_is_help=True)
+car = Group("Check car files, tune cars and make up new ones.")
 car.command("check")(check_car)
 car.command("generate")(generate_car)
 car.command("tune")(tune_car)
 app.add_typer(car, name="car")
 
-world = typer.Typer(help="Look at simulators whose policies can be selected among.", no_args_is_help=True)
+world = Group("Look at simulators whose policies can be selected among.")
 world.command("check")(check_world)
 world.command("list")(list_worlds)
 app.add_typer(world, name="world")
 
-reward = typer.Typer(help="Rewards for training.", no_args_is_help=True)
+reward = Group("Rewards for training.")
 reward.command("design")(design_reward)
 app.add_typer(reward, name="reward")
 
-store = typer.Typer(help="Look after stores.", no_args_is_help=True)
+store = Group("Look after stores.")
 store.command("copy")(copy_store)
 store.command("clean")(clean_store)
 app.add_typer(store, name="store")
@@ -88,20 +84,46 @@ class _OneLine(logging.Formatter):
 
 
 def main() -> None:
-    """Entry point: bad input is one sentence and exit code 2."""
+    """Entry point: bad input is one sentence and exit code 2; `--json` prints JSON on every code."""
     if logging.lastResort:
         logging.lastResort.setFormatter(_OneLine())
+    is_closed = sys.stdout is None
+    with standard_streams() as (results, remarks):
+        code = _ended(_refuse_closed if is_closed else app)
+        if code and _wants_json(sys.argv[1:]) and not results.last:
+            error = remarks.last.removeprefix("nathlon: ").removeprefix("Error: ")
+            _ended(lambda: print_json({"error": error, "code": code}))
+    sys.exit(code)
+
+
+def _ended(command: Callable[[], object]) -> int:
+    """The exit code of a command that was called; bad input is said on standard error."""
     try:
-        app()
+        try:
+            command()
+        finally:
+            sys.stdout.flush()
+    except SystemExit as end:
+        return int(end.code or 0)
     except InputError as error:
         warn(f"nathlon: {error}")
-        sys.exit(2)
     except OSError as error:
         if error.filename is None:
             raise
         # A file or folder that its owner does not share, wherever it came up.
         warn(f"nathlon: {error.filename}: {error.strerror}; expected a file or folder that can be used")
-        sys.exit(2)
+    else:
+        return 0
+    return 2
+
+
+def _refuse_closed() -> None:
+    raise InputError("standard output: is closed, expected one that can be written")
+
+
+def _wants_json(arguments: Sequence[str]) -> bool:
+    """Whether `--json` is among the options."""
+    return "--json" in takewhile(lambda argument: argument != "--", arguments)
 
 
 if __name__ == "__main__":

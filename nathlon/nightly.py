@@ -33,6 +33,7 @@ from nathlon.selection.run import DONE, WAITING, OnMatch, Run
 from nathlon.selection.watching import Watched, watch
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 
 NIGHT = "night-"
 """What the names of nights begin with in the store."""
@@ -88,6 +89,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         InputError: if a watched folder, the store or the engine cannot be used, a watched folder is empty in
             which earlier nights found checkpoints, or what is to be sent is gone.
     """
+    check_output(Path(config.out))
     with Store(config.store) as store, Pool(workers) as pool:
         check_world(pool, config.world)
         config = config.suited

@@ -34,6 +34,10 @@ Name = Annotated[str, Field(max_length=200), AfterValidator(_printable)]
 """What is printed in tables and reports: it must not steer a terminal."""
 
 
+Named = Annotated[str, Field(min_length=1)]
+"""A path or another's name; an empty one would be the current folder."""
+
+
 class Section(BaseModel):
     """A table of a data file: no unknown fields, no numbers that are not finite, never changed."""
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import tempfile
 import threading
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from nathlon.sim.errors import InputError
 from nathlon.sim.process import HOST, has_ended, start_of
 
 MACHINE = f"{zlib.crc32(HOST.encode()):08x}"
@@ -41,6 +43,26 @@ def whole_file(path: Path) -> Iterator[Path]:
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def check_output(path: Path, is_file: bool = False) -> None:
+    """Make sure, before the work for it begins, that output can be written; nothing is left of the attempt.
+
+    Args:
+        path: a folder, which will be made if it is not there, or a file in a folder that is there.
+        is_file: whether it is a file.
+
+    Raises:
+        InputError: if nothing can be written there.
+    """
+    try:
+        if is_file and path.is_dir():
+            raise InputError(f"{path}: is a folder, expected a file to write")
+        folders = [path.parent] if is_file else [path, *path.absolute().parents]
+        with tempfile.TemporaryFile(dir=next(filter(os.path.lexists, folders), folders[0])):
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _sweep(folder: Path) -> None:

@@ -25,7 +25,7 @@ from nathlon.reports.cars import car_index
 from nathlon.reports.coach import CoachFacts
 from nathlon.reports.coach_page import CoachDrawing, Sentences, Traces, write_coach_page
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import check_output, whole_file
 
 PHRASING = "phrasing.json"
 """What a language model said, and why it was refused."""
@@ -45,12 +45,14 @@ class CoachResult:
         page: map, traces, clips and words (.html).
         refused: what a language model said that is not in the facts, if that is why the sentences are the
             coach's own; empty otherwise.
+        unasked: why the language model could not be asked, if that is why; empty otherwise.
     """
 
     def __init__(self, folder: Path, facts: CoachFacts, text: str, phrased: Phrased | None = None) -> None:
         self.folder, self.facts, self.text = folder, facts, text
-        given_up = phrased is not None and phrased.text is None
-        self.refused = tuple(phrased.attempts[-1].refused) if phrased is not None and given_up else ()
+        self.refused, self.unasked = tuple[str, ...](), "" if phrased is None else phrased.unasked
+        if phrased is not None and phrased.text is None and not phrased.unasked:
+            self.refused = tuple(phrased.attempts[-1].refused)
         self.facts_file, self.text_file = folder / "coach.json", folder / "coach.txt"
         self.page = folder / "index.html"
 
@@ -89,16 +91,17 @@ def coach(
         against: `champion`, `limit`, or the recording of another race.
         out: folder for what it leaves.
         phrase: whether a language model is to phrase the sentences: the one that the environment names by
-            `NATHLON_MODEL_URL`, `NATHLON_MODEL` and `NATHLON_MODEL_KEY`. What is not in the facts is refused.
+            `NATHLON_MODEL_URL`, `NATHLON_MODEL` and `NATHLON_MODEL_KEY`. What is not in the facts is refused;
+            where it cannot be asked the sentences are the coach's own.
         progress: whether to show it, on standard error.
 
     Raises:
         InputError: if a recording cannot be read, the car has completed no lap, there is no lap to compare it
-            with, or the folder cannot be written; if no model is named that could phrase it, or it cannot be
-            asked.
+            with, or the folder cannot be written; if no model is named that could phrase it.
     """
     endpoint = Endpoint.from_environment() if phrase else None
     path, folder = Path(recording), Path(out)
+    check_output(folder)
     log = read_recording(path)
     index = car_index(log, str(car), path)
     with Pool(1) as pool, stage_progress(progress, (DRIVES,)) as on_match:

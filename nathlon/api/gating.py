@@ -21,6 +21,7 @@ from nathlon.selection.config import Config
 from nathlon.selection.run import GATE, KERNELS
 from nathlon.selection.single_run import single_run
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 
 
 class GateResult:
@@ -97,6 +98,7 @@ def gate(
     settings = configured(config, seed, workers=workers)
     if world is not None:
         settings = settings.model_copy(update={"world": world})
+    check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         endings = endings_of(pool, settings.world)
         [reference, *more] = named_sources(champion, endings=endings)

@@ -22,6 +22,7 @@ from nathlon.settings_matrix.cells import plan_cells
 from nathlon.settings_matrix.matrix import run_matrix
 from nathlon.settings_matrix.replays import record_worst
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 
 
 class MatrixResult:
@@ -82,6 +83,7 @@ def matrix(
     if world is not None:
         settings = settings.model_copy(update={"world": world})
     driver = _one(policy)
+    check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         settings = at_home(pool, [driver], settings)
         other = (

@@ -18,6 +18,7 @@ from nathlon.arena.recording import write_recording
 from nathlon.publishing.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.whole_file import check_output
 
 
 class RaceResult:
@@ -79,6 +80,8 @@ def race(
         InputError: if one cannot drive, a name is unknown, or there are more entrants than places.
     """
     sources = named_sources(entrants, people=True)
+    if record is not None:
+        check_output(Path(record))
     with Pool(1) as pool:
         entered = enter_all(pool, sources, circuit, car)
         timed = drive_qualifying(pool, entered, circuit, car, seed) if qualify else None

@@ -22,6 +22,7 @@ from nathlon.reports.recipes import write_recipes
 from nathlon.reports.recipes_page import headline, write_recipes_page
 from nathlon.selection.config import Config
 from nathlon.selection.single_run import single_run
+from nathlon.sim.whole_file import check_output
 
 
 class RecipesResult:
@@ -79,6 +80,7 @@ def recipes(
     settings = configured(config, seed, pairs=pairs, workers=workers)
     if world is not None:
         settings = settings.model_copy(update={"world": world})
+    check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         files = checkpoints_of(found, endings_of(pool, settings.world))
         sources = [str(path) for paths in files.values() for path in paths]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import Literal
@@ -83,7 +84,7 @@ def design_reward(
         config: shipped name or path of a training configuration: circuit, car, rollouts and networks.
         proposer: `embedded` puts formulas together and breeds them, `model` asks a language model.
         judge: `rule` goes by what is measured, `people` are asked in a browser on this machine, `model` asks
-            one that sees pictures.
+            one that sees pictures, which `NATHLON_JUDGE` may name apart.
         rule: an expression of what is measured.
         rounds, candidates, kept: of formulas: rounds, those proposed in each, those trained of these.
         updates, final_updates: of a candidate's training, and of the winner's last.
@@ -123,10 +124,13 @@ def design_reward(
         DesignSettings,
         "the design",
     )
-    said = _transcripts(settings, folder, transcripts)
+    proposed, judged = _transcripts(settings, folder, transcripts)
     torch.set_num_threads(threads)
     with sole_user(folder), progress_bars(progress) as bars:
         design = Design(folder, settings)
+        if not (folder / TRANSCRIPTS).exists():
+            for endpoint in {said.endpoint for said in (proposed, judged) if said and said.endpoint}:
+                endpoint.check()
         task_id = bars.add_task("updates", total=design.updates, note="")
 
         def on_progress(done: int, note: str) -> None:
@@ -135,16 +139,29 @@ def design_reward(
         def on_round() -> None:
             write_reward_page(drawing(design), folder / PAGE)
 
-        design.run(_proposer(settings, said), _judge(settings, design, said, port), on_progress, on_round)
+        design.run(
+            _proposer(settings, proposed), _judge(settings, design, judged, port), on_progress, on_round
+        )
     assert design.final is not None, "it has come to its end"
     return RewardDesign(folder.absolute(), design.final)
 
 
-def _transcripts(settings: DesignSettings, folder: Path, earlier: str | Path | None) -> Transcripts | None:
-    if "model" not in (settings.proposer, settings.judge):
-        return None
-    endpoint = None if earlier is not None else Endpoint.from_environment()
-    return Transcripts(folder / TRANSCRIPTS, endpoint, None if earlier is None else Path(earlier))
+def _transcripts(
+    settings: DesignSettings, folder: Path, earlier: str | Path | None
+) -> tuple[Transcripts | None, Transcripts | None]:
+    """By which the proposer and the judge are asked, for what is a model."""
+
+    def asked(role: str, endpoint: Callable[[], Endpoint]) -> Transcripts | None:
+        if role != "model":
+            return None
+        if earlier is not None:
+            return Transcripts(folder / TRANSCRIPTS, None, Path(earlier))
+        return Transcripts(folder / TRANSCRIPTS, endpoint())
+
+    return (
+        asked(settings.proposer, Endpoint.from_environment),
+        asked(settings.judge, Endpoint.judge_from_environment),
+    )
 
 
 def _proposer(settings: DesignSettings, said: Transcripts | None) -> Proposer:

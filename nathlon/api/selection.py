@@ -23,6 +23,7 @@ from nathlon.reports.verdict import Verdict, verdict
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.evaluation import OnVerdict, evaluate
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 
 POINTS = ("points_per_race", "points_low", "points_high")
 
@@ -176,6 +177,7 @@ def select(
     settings = configured(config, seed, shortlist, pairs, workers)
     if world is not None:
         settings = settings.model_copy(update={"world": world})
+    check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         sources = named_sources(checkpoints, endings=endings_of(pool, settings.world))
         entrants, settings = entered(pool, sources, settings)

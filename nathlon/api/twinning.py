@@ -21,6 +21,7 @@ from nathlon.reports.cars import car_index
 from nathlon.reports.twin import Side, Twins, outcome
 from nathlon.reports.twin_page import write_twin_page
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 from nathlon.twins.checks import check_moment, check_one_start
 from nathlon.twins.rebuild import Rebuilt, rebuild
 from nathlon.twins.running import OnRace, race_both, see_again
@@ -102,6 +103,7 @@ def twin(
     if (other is None) == (policy is None):
         raise InputError("twin: expected either a policy in the car's place or another recording")
     path, folder = Path(recording), Path(out)
+    check_output(folder)
     log = read_recording(path)
     index = car_index(log, str(car), path)
     known = _Known(store, {name: _one_source(each, name) for name, each in (entrants or {}).items()})

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import os
-import urllib.error
-import urllib.request
 from collections.abc import Sequence
 from typing import NamedTuple, Required, TypedDict
 
+import anyio
+import anyio.from_thread
+import httpx
 from pydantic import BaseModel, Field, ValidationError
 
+from nathlon.asking.refusals import explanation, pause_s
 from nathlon.sim.errors import InputError
 
 URL, MODEL, KEY = "NATHLON_MODEL_URL", "NATHLON_MODEL", "NATHLON_MODEL_KEY"
 """Variables of the environment: the interface's address up to `/v1`, the model's name, and a key if any."""
+JUDGE_URL, JUDGE, JUDGE_KEY = "NATHLON_JUDGE_URL", "NATHLON_JUDGE", "NATHLON_JUDGE_KEY"
+"""The same for a judge that is another model; without an address of its own, at the same one."""
 PATIENCE_S = 120.0
+"""For an answer in all, with every try."""
+TRIES = 5
 MOST_BYTES = 1 << 20
+GREETING = "Answer with the word yes."
 
 
 class Part(TypedDict, total=False):
@@ -66,29 +72,110 @@ class Endpoint(NamedTuple):
         Raises:
             InputError: if it names none.
         """
-        url, model = os.environ.get(URL, ""), os.environ.get(MODEL, "")
-        if not url.startswith(("http://", "https://")):
-            raise InputError(f"{URL} is {url!r}, expected the address of a model, http://localhost:8000/v1")
-        if not model:
-            raise InputError(f"{MODEL} is not set, expected the name of a model")
-        return cls(url.rstrip("/"), model, os.environ.get(KEY, ""))
+        return cls(_address(URL), _model(MODEL), _key(KEY))
 
-    def say(self, messages: Sequence[Message]) -> str:
-        """The model's answer to a conversation.
+    @classmethod
+    def judge_from_environment(cls) -> Endpoint:
+        """The one that the environment names as the judge, or else the same as for all else.
 
         Raises:
-            InputError: if it cannot be reached, or answers with something else.
+            InputError: if it names none.
         """
-        content = json.dumps({"model": self.model, "messages": list(messages), "temperature": 0}).encode()
-        headers = {"Content-Type": "application/json"}
+        model = _model(JUDGE if os.environ.get(JUDGE) else MODEL)
+        # A key goes to the address that it was given for, and no other.
+        url, key = (JUDGE_URL, JUDGE_KEY) if os.environ.get(JUDGE_URL) else (URL, KEY)
+        return cls(_address(url), model, _key(key))
+
+    def check(self) -> None:
+        """Have it say a word, so that a wrong address, name or key shows before the work.
+
+        Raises:
+            InputError: if it cannot be asked.
+        """
+        self.say([{"role": "user", "content": GREETING}])
+
+    def say(self, messages: Sequence[Message]) -> str:
+        """The model's answer to a conversation, within PATIENCE_S.
+
+        A server that is busy is asked again, when it says so.
+
+        Raises:
+            InputError: if it cannot be reached, does not answer in time, or answers with something else.
+        """
+        try:
+            # In a thread, as a notebook has a loop of its own.
+            with anyio.from_thread.start_blocking_portal() as portal:
+                answer = portal.call(self._ask, messages)
+            return _Answer.model_validate_json(answer).choices[0].message.content
+        except TimeoutError:
+            raise self._failed(f"no whole answer in {PATIENCE_S:g} s") from None
+        except ValidationError:
+            raise self._failed("it answers otherwise than the chat interface does") from None
+        except (httpx.HTTPError, httpx.InvalidURL, OSError, ImportError, ValueError) as error:
+            # ImportError: of what a proxy that the environment names would need.
+            raise self._failed(str(error) or type(error).__name__) from None
+
+    async def _ask(self, messages: Sequence[Message]) -> bytes:
+        content = {"model": self.model, "messages": list(messages)}
+        # What is compressed may be a thousand times as large as it looks.
+        headers = {"Accept-Encoding": "identity"}
         if self.key:
             headers["Authorization"] = f"Bearer {self.key}"
-        request = urllib.request.Request(f"{self.url}/chat/completions", content, headers)
-        try:
-            with urllib.request.urlopen(request, timeout=PATIENCE_S) as response:
-                answer = response.read(MOST_BYTES)
-            return _Answer.model_validate_json(answer).choices[0].message.content
-        except (OSError, urllib.error.URLError) as error:
-            raise InputError(f"{self.url}: the model cannot be asked: {error}") from None
-        except ValidationError:
-            raise InputError(f"{self.url}: answers otherwise than the chat interface does") from None
+        url = httpx.URL(self.url)
+        url = url.copy_with(path=f"{url.path.rstrip('/')}/chat/completions")
+        with anyio.fail_after(PATIENCE_S):
+            async with httpx.AsyncClient(headers=headers, timeout=None) as client:
+                for attempt in range(TRIES):
+                    async with client.stream("POST", url, json=content) as response:
+                        body = await self._read(response)
+                    wait_s = pause_s(response, attempt)
+                    if wait_s is None or attempt == TRIES - 1 or wait_s > _left_s():
+                        break
+                    await anyio.sleep(wait_s)
+        if response.is_success:
+            return body
+        raise self._failed(explanation(response, body, self.key))
+
+    async def _read(self, response: httpx.Response) -> bytes:
+        body = b""
+        async for part in response.aiter_raw():
+            body += part
+            if len(body) > MOST_BYTES:
+                raise self._failed(f"it answers with more than {MOST_BYTES >> 20} MiB")
+        return body
+
+    def _failed(self, why: str) -> InputError:
+        place = self.url.partition("?")[0]
+        return InputError(f"{place}: the model {self.model!r} cannot be asked: {why}")
+
+
+def _left_s() -> float:
+    return anyio.current_effective_deadline() - anyio.current_time()
+
+
+def _address(name: str) -> str:
+    given = os.environ.get(name, "")
+    try:
+        url = httpx.URL(given)
+        is_one = url.scheme in ("http", "https") and bool(url.host) and 0 < (url.port or 1) < 1 << 16
+    except (httpx.InvalidURL, ValueError):
+        is_one = False
+    if not is_one or not given.isprintable() or " " in given:
+        raise InputError(f"{name} is {given!r}, expected the address of a model, http://localhost:8000/v1")
+    if url.userinfo:
+        raise InputError(f"{name} has a name or password in it, expected the key in a variable of its own")
+    return given.rstrip("/")
+
+
+def _model(name: str) -> str:
+    given = os.environ.get(name, "")
+    if not given:
+        raise InputError(f"{name} is not set, expected the name of a model")
+    return given
+
+
+def _key(name: str) -> str:
+    given = os.environ.get(name, "")
+    if not all("!" <= letter <= "~" for letter in given):
+        raise InputError(f"{name} has spaces, line ends or letters beyond ASCII, expected a key without")
+    return given

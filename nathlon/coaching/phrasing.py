@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 from nathlon.asking.chat import Endpoint, Message
 from nathlon.reports.coach import CoachFacts
+from nathlon.sim.errors import InputError
 
 ATTEMPTS = 2
 MOST_CHARACTERS = 20_000
@@ -59,10 +60,12 @@ class Phrased(NamedTuple):
     Attributes:
         text: the model's, or None if all it said was refused.
         attempts: what it said.
+        unasked: why it could not be asked; empty if it could.
     """
 
     text: str | None
     attempts: tuple[Attempt, ...]
+    unasked: str = ""
 
 
 def phrase(facts: CoachFacts, notes: str, endpoint: Endpoint) -> Phrased:
@@ -72,14 +75,14 @@ def phrase(facts: CoachFacts, notes: str, endpoint: Endpoint) -> Phrased:
         facts: of which names are known.
         notes: the coach's own sentences.
         endpoint: the model.
-
-    Raises:
-        InputError: if it cannot be asked.
     """
     messages: list[Message] = [{"role": "system", "content": TASK}, {"role": "user", "content": notes}]
     attempts: list[Attempt] = []
     for _ in range(ATTEMPTS):
-        reply = endpoint.say(messages).strip()
+        try:
+            reply = endpoint.say(messages).strip()
+        except InputError as error:
+            return Phrased(None, tuple(attempts), str(error))
         attempts.append(Attempt(reply=reply, refused=unfounded(facts, notes, reply)))
         if not attempts[-1].refused:
             return Phrased(reply + "\n", tuple(attempts))

@@ -11,6 +11,7 @@ import typer
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
 from nathlon.policies.sources.finding import check_given, find_sources
+from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ def battery(
     from nathlon.selection.single_run import single_run
 
     settings = configured(config, seed, workers=workers)
+    check_output(out)
     path = out / "store.sqlite"
     with Pool(worker_count(settings.workers)) as pool:
         sources = find_sources(entrants, endings=endings_of(pool, settings.world))

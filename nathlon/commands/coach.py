@@ -9,7 +9,7 @@ import typer
 
 from nathlon.commands.options import AsJson, Out
 from nathlon.commands.selection import stoppable
-from nathlon.terminal import say, warn
+from nathlon.terminal import print_json, say, warn
 
 
 def coach(
@@ -40,8 +40,10 @@ def coach(
         )
     if result.refused:
         warn(f"What the model said is refused, it is not in the facts: {'; '.join(result.refused)}")
+    if result.unasked:
+        warn(f"The words are the coach's own: {result.unasked}")
     if as_json:
-        print(result.facts.model_dump_json(indent=1))
+        print_json(result.facts.model_dump(mode="json"))
         return
     for line in result.text.splitlines():
         say(line)

@@ -6,10 +6,11 @@ from typing import Annotated, Literal
 
 import typer
 
+from nathlon.commands.groups import NAMES, Group
 from nathlon.commands.options import StoreName
 from nathlon.commands.place import Place
 
-committee = typer.Typer(help="Ask the committee, vote and decide.", no_args_is_help=True)
+committee = Group("Ask the committee, vote and decide.")
 
 Question = Annotated[
     Literal["shortlist", "selection"] | None,
@@ -44,9 +45,12 @@ def vote(
     member: Member,
     reason: Reason,
     approve: Annotated[
-        str | None, typer.Option(help="Those that are fit, with commas between; those ranked by default.")
+        str | None,
+        typer.Option(metavar=NAMES, help="Those that are fit, with commas between; those ranked by default."),
     ] = None,
-    rank: Annotated[str, typer.Option(help="The best first, with commas between; need not be all.")] = "",
+    rank: Annotated[
+        str, typer.Option(metavar=NAMES, help="The best first, with commas between; need not be all.")
+    ] = "",
     question: Question = None,
     as_json: AsJson = False,
 ) -> None:

@@ -9,7 +9,7 @@ import typer
 
 from nathlon.commands.options import AsJson
 from nathlon.policies.sources import check_source
-from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 from nathlon.terminal import tell
 
 
@@ -20,8 +20,7 @@ def export(
 ) -> None:
     """Write a checkpoint as an ONNX graph, which other programs can run and nathlon can race."""
     check_source(str(checkpoint))
-    if not onnx.parent.is_dir():
-        raise InputError(f"{onnx.parent}: no such folder, expected one for the ONNX file")
+    check_output(onnx, is_file=True)
     from nathlon.policies.checkpoint import load_checkpoint
     from nathlon.policies.sources.onnx import export_onnx
 

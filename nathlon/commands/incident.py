@@ -9,6 +9,7 @@ import typer
 
 from nathlon.commands.options import AsJson
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
 from nathlon.terminal import say, tell
 
 
@@ -40,6 +41,7 @@ def incident(
     from nathlon.incidents.folder import add_incident
     from nathlon.incidents.freeze import freeze
 
+    check_output(out)
     log = read_recording(recording)
     beside = recording.resolve().parent.parent / "store.sqlite"
     known = store or (str(beside) if beside.exists() else None)
@@ -67,6 +69,6 @@ def _file_name(name: str) -> str:
 def named_policy(text: str, option: str) -> tuple[str, str]:
     """Name and source of a policy that an option gives as NAME=FILE."""
     name, given, file = text.rpartition("=")
-    if not given:
+    if not given or not file:
         raise InputError(f"{option} is {text!r}, expected NAME=FILE")
     return name, file

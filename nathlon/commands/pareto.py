@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import stoppable
 from nathlon.policies.sources.finding import check_given, find_sources
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import check_output, whole_file
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def pareto(
     from nathlon.selection.single_run import single_run
 
     settings = configured(config, seed, workers=workers)
+    check_output(out)
     path = out / "store.sqlite"
     with Pool(worker_count(settings.workers)) as pool:
         sources = find_sources(checkpoints, endings=endings_of(pool, settings.world))

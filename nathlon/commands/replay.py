@@ -12,6 +12,7 @@ import typer
 from nathlon.commands.options import AsJson, Out
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
+from nathlon.sim.whole_file import check_output
 from nathlon.terminal import print_json, say, tell, warn
 
 
@@ -52,6 +53,12 @@ def replay(
     if recover:
         _recover(Path(source), as_json)
         return
+    if html is not None:
+        check_output(html.parent)
+    if video is not None:
+        check_output(video, is_file=True)
+    if race is not None:
+        check_output(out)
     from nathlon.arena.film_recording import holds_film
     from nathlon.arena.store import Store
     from nathlon.publishing.replays import record_stored_race
@@ -92,9 +99,10 @@ def _make_film(path: Path, video: Path | None, made: dict[str, Any]) -> Path | N
 
         made["video"] = _written(video, lambda: write_film_video(film, video))
         return None
+    rerun = made["replay"] = path.with_suffix(".rrd")
+    check_output(rerun, is_file=True)
     from nathlon.reports.film_replay import write_film_replay
 
-    rerun = made["replay"] = path.with_suffix(".rrd")
     return _written(rerun, lambda: write_film_replay(film, rerun))
 
 
@@ -124,9 +132,10 @@ def _make_race(
         made["video"] = _written(video, lambda: write_video(log, video, follow, start_s, end_s))
     if html or video:
         return None
+    rerun = made["replay"] = path.with_suffix(".rrd")
+    check_output(rerun, is_file=True)
     from nathlon.reports.replay import write_replay
 
-    rerun = made["replay"] = path.with_suffix(".rrd")
     return _written(rerun, lambda: write_replay(log, rerun, follow))
 
 

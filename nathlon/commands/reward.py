@@ -27,7 +27,10 @@ def design_reward(
         Proposer, typer.Option(help="embedded, or a language model: NATHLON_MODEL_URL, NATHLON_MODEL.")
     ] = "embedded",
     judge: Annotated[
-        Judge, typer.Option(help="rule, people in a browser, or a language model that sees pictures.")
+        Judge,
+        typer.Option(
+            help="rule, people in a browser, or a language model that sees pictures: NATHLON_JUDGE."
+        ),
     ] = "rule",
     rule: Annotated[
         str | None, typer.Option(help="How measured clips are judged: an expression, more is better.")

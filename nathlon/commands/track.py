@@ -11,6 +11,7 @@ import typer
 from nathlon.bounds import LARGEST_SEED
 from nathlon.commands.options import AsJson
 from nathlon.sim.names import file_stem
+from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def import_track(
     """Make a circuit of a centre line from the TUM racetrack database, as the folder NAME."""
     from nathlon.sim.track.importing import import_circuit
 
+    check_output(out)
     _tell(import_circuit(file, name, out), as_json)
 
 
@@ -43,6 +45,7 @@ def generate_track(
     """Make up a circuit, as the folder STYLE-SEED; the same seed gives the same circuit."""
     from nathlon.sim.track.generating import write_generated
 
+    check_output(out)
     _tell(write_generated(out, seed, style, length), as_json)
 
 
@@ -95,6 +98,7 @@ def show_track(
 
     circuit = load_track(name)
     path = out or Path(f"{file_stem(circuit.name)}.png")
+    check_output(path, is_file=True)
     draw_map(circuit, path)
     sections = [_described(circuit, section) for section in circuit.sections]
     if as_json:

@@ -23,7 +23,7 @@ from nathlon.pareto import STANDARD, came_through, in_contention, pareto
 from nathlon.pareto.objective import OWN, RACE, TIME_TRIAL, Objective, objectives_table, own_runs
 from nathlon.selection.run import Answer, Run
 from nathlon.selection.trials import against, draw_seeds
-from nathlon.sim.data_file import Section
+from nathlon.sim.data_file import Named, Section
 from nathlon.sim.errors import InputError
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -48,7 +48,7 @@ class FilterSettings(Section):
     """
 
     scenario: str = "sprint"
-    opponents: Annotated[tuple[str, ...], Field(min_length=1)] = (
+    opponents: Annotated[tuple[Named, ...], Field(min_length=1)] = (
         "driver:pace=0.88",
         "driver:pace=0.93",
         "driver:pace=0.98",

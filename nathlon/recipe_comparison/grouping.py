@@ -41,8 +41,10 @@ def recipe_folders(given: Iterable[str]) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for text in given:
-        name, is_named, place = text.rpartition("=")
-        folder = Path(place if is_named else text)
+        name, _, place = text.rpartition("=")
+        if not place:
+            raise InputError(f"{text!r}: names no folder, expected FOLDER or NAME=FOLDER")
+        folder = Path(place)
         if not folder.is_dir():
             raise InputError(f"{folder}: no such folder, expected one with the training runs of a recipe")
         name = name or folder.resolve().name

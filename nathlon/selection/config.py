@@ -28,7 +28,7 @@ from nathlon.policies.sources.identity import policy_id
 from nathlon.publishing.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.settings_matrix.settings import MatrixSettings
-from nathlon.sim.data_file import Section, read_toml
+from nathlon.sim.data_file import Named, Section, read_toml
 
 SectionT = TypeVar("SectionT", bound=Section)
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -46,7 +46,7 @@ class NightlySettings(Section):
         max_fault_share: of the car runs and of the new files; beyond it the night fails for its health.
     """
 
-    anchors: tuple[str, ...] = ("driver:pace=0.95",)
+    anchors: tuple[Named, ...] = ("driver:pace=0.95",)
     incumbents: Annotated[int, Field(ge=0, le=1000)] = 3
     max_fault_share: Share = 0.1
 
@@ -67,16 +67,16 @@ class Config(Section):
         recordings: which races of the tournament leave one.
     """
 
-    checkpoints: tuple[str, ...] = ("checkpoints",)
+    checkpoints: tuple[Named, ...] = ("checkpoints",)
     circuit: str = "lindenring"
     car: str = "gt3"
-    world: str = RACING
-    store: str = "nathlon.sqlite"
-    out: str = "nights"
+    world: Named = RACING
+    store: Named = "nathlon.sqlite"
+    out: Named = "nights"
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 1
     workers: Annotated[int, Field(ge=1, le=MOST_WORKERS)] | None = None
     engine: Literal["local", "ray"] = "local"
-    engine_address: str = "auto"
+    engine_address: Named = "auto"
     recordings: Kept = "all"
     pareto: FilterSettings = FilterSettings()
     battery: BatterySettings = BatterySettings()

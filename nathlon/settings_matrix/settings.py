@@ -8,11 +8,11 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from nathlon.n_athlon.measures import MEASURES, OWN
-from nathlon.sim.data_file import Section
+from nathlon.sim.data_file import Named, Section
 from nathlon.sim.scenario import Delay
 
 Margin = Annotated[float, Field(ge=0, le=1e6)]
-Levels = Annotated[tuple[str, ...], Field(max_length=200)]
+Levels = Annotated[tuple[Named, ...], Field(max_length=200)]
 
 
 MARGINS: Mapping[str, float] = {

@@ -113,6 +113,8 @@ def find_sources(given: Iterable[str | Path], people: bool = False, endings: Ite
     found: list[str] = []
     refused: list[InputError] = []
     for one in map(str, given):
+        if not one:
+            raise InputError("'': names no policy, expected a path or name")
         if one == GENERALIST:
             found.append(str(generalist()))
         elif _is_folder(one):

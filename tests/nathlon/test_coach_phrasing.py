@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from nathlon.api.coaching import CoachResult
 from nathlon.asking.chat import KEY, MODEL, URL, Endpoint
 from nathlon.coaching.phrasing import phrase, unfounded
 from nathlon.coaching.words import tell
 from nathlon.reports.coach import CoachFacts
 from nathlon.sim.errors import InputError
-from tests.scripted_model import Model
+from tests.command_line import nathlon
+from tests.scripted_model import Model, answer, raw_model
 
 FACTS = CoachFacts.model_validate(
     {
@@ -120,3 +124,17 @@ def test_a_model_that_is_none_is_refused(model: Model, monkeypatch: pytest.Monke
     monkeypatch.delenv(MODEL, raising=False)
     with pytest.raises(InputError, match="NATHLON_MODEL is not set"):
         Endpoint.from_environment()
+
+
+def test_advice_does_not_depend_on_a_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with raw_model(answer(401, '{"error": "no such key"}')) as (url, _):
+        phrased = phrase(FACTS, NOTES, Endpoint(url, "small", "secret"))
+    assert (phrased.text, phrased.attempts) == (None, ())
+    assert phrased.unasked.endswith("cannot be asked: it answers 401 Told: no such key")
+    result = CoachResult(tmp_path, FACTS, NOTES, phrased)
+    monkeypatch.setattr("nathlon.coach", lambda *_, **__: result)
+    monkeypatch.setattr("nathlon.arena.workers.start_server", lambda: None)
+    done = nathlon("coach", "race.mcap", "--car", "0", "--phrase", "--json", cwd=tmp_path)
+    assert done.returncode == 0
+    assert json.loads(done.stdout) == json.loads(FACTS.model_dump_json())
+    assert done.stderr == f"The words are the coach's own: {phrased.unasked}\n"

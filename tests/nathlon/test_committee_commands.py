@@ -81,7 +81,7 @@ def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
             r"^'elm' is not a candidate, expected",
         ),
         (("vote", "--member", "eve", "--rank", "amber", "--reason", "x"), r"^'eve' is not on the committee"),
-        (("vote", "--member", "ann", "--rank", "amber", "--reason", ""), r"^reason is empty"),
+        (("vote", "--member", "ann", "--rank", "amber", "--reason", ""), r"^--reason: is empty"),
         (("decide", "--member", "ann"), r"waits for 2 more"),
         (("decide", "--member", "eve"), r"^'eve' is not on the committee"),
         (("reopen", "--member", "ann", "--reason", "x"), r"^no decision is closed"),

@@ -35,7 +35,7 @@ from nathlon.reward_design.wording import Model as Wordsmith
 from nathlon.sim.errors import InputError
 from tests.opened_page import faults, overhear, picture, until
 from tests.reward_designs import STARTS, TASK, filmed, settings
-from tests.scripted_model import Model
+from tests.scripted_model import Model, answer, raw_model
 from tests.trainings import TOML
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
@@ -215,6 +215,16 @@ def test_a_model_that_is_not_named_is_asked_for(monkeypatch: pytest.MonkeyPatch,
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(InputError, match="NATHLON_MODEL_URL"):
         nathlon.design_reward(TASK, tmp_path, proposer="model")
+
+
+def test_a_wrong_key_shows_before_the_first_drive(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(Design, "run", lambda *_: pytest.fail("somebody drives"))
+    with raw_model(answer(401, "no such key")) as (url, heard):
+        monkeypatch.setenv(URL, url)
+        monkeypatch.setenv(MODEL, "small")
+        with pytest.raises(InputError, match="it answers 401 Told: no such key"):
+            nathlon.design_reward(TASK, tmp_path, judge="model", progress=False)
+    assert len(heard) == 1
 
 
 def asked(films: Path, studio: Studio, count: int) -> Question:
