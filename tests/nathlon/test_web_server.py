@@ -20,6 +20,8 @@ from tests.sockets import PATIENCE_S
 
 MANY = 300
 PART = bytes(1 << 16)
+CLOSE = b"\x88\x80\0\0\0\0"
+"""A frame that ends a WebSocket, masked."""
 
 
 class Asked:
@@ -27,10 +29,11 @@ class Asked:
 
     Attributes:
         cut: set when somebody who takes nothing is waited for no longer.
+        sent: parts that a WebSocket has taken.
     """
 
     def __init__(self) -> None:
-        self.cut = asyncio.Event()
+        self.cut, self.sent = asyncio.Event(), 0
 
     async def answer(self, request: Request) -> Response:
         match path_of(request):
@@ -52,6 +55,7 @@ class Asked:
         with suppress(Gone):
             while True:
                 await connection.send(PART)
+                self.sent += 1
                 await asyncio.sleep(0.0)
         self.cut.set()
 
@@ -196,3 +200,23 @@ def test_a_fault_of_our_own_is_an_answer_and_told_once(caplog: pytest.LogCapture
 
     on_site(check)
     assert [record.message for record in caplog.records] == ["/fault cannot be answered"]
+
+
+def test_a_page_that_takes_leave_does_not_hinder_the_end() -> None:
+    async def look() -> None:
+        asked = Asked()
+        async with opened(asked) as address:
+            site = Site(address, asked)
+            reader, writer = await site.dial(site.opening())
+            async with asyncio.timeout(PATIENCE_S):
+                await reader.readuntil(b"\r\n\r\n")
+                # What it does not take keeps its connection open.
+                sent = -1
+                while sent != asked.sent:
+                    sent = asked.sent
+                    await asyncio.sleep(0.2)
+                writer.write(CLOSE)
+                await asyncio.sleep(0.2)
+        writer.close()
+
+    asyncio.run(look())
