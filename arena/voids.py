@@ -22,8 +22,9 @@ class NotJudged:
     Attributes:
         entrant: its id.
         stage, test: where, as in RESULTS.
-        void: runs that count for nobody.
-        runs: in all; mirrored pairs and blocks of a free-for-all are one each.
+        void: units that count for nobody.
+        runs: units in all.
+        unit: what they are: a `run`, a mirrored `pair`, or a `block` of a free-for-all.
     """
 
     entrant: str
@@ -31,6 +32,7 @@ class NotJudged:
     test: str
     void: int
     runs: int
+    unit: str = "run"
 
 
 def is_void() -> pl.Expr:
@@ -45,7 +47,7 @@ def void_races(results: pl.DataFrame) -> int:
 
 def not_judged_by_tests(results: pl.DataFrame) -> list[NotJudged]:
     """Who under test cannot be judged by RESULTS of the filter or the n-athlon; ordered by entrant."""
-    runs = results.with_columns(void=is_void(), run=pl.col("race"))
+    runs = results.with_columns(void=is_void(), run=pl.col("race"), unit=pl.lit("run"))
     return _not_judged(runs.filter(pl.col("team") == TESTED))
 
 
@@ -54,17 +56,29 @@ def not_judged_by_meetings(results: pl.DataFrame) -> list[NotJudged]:
 
     Its runs are units of evidence: mirrored pairs, or blocks of a free-for-all.
     """
+    return _not_judged(units_met(results))
+
+
+def units_met(results: pl.DataFrame) -> pl.DataFrame:
+    """The rows of RESULTS of a tournament, with `run` and `unit` of their evidence and whether it is `void`."""
     met = results.filter(pl.col("team") != BACKGROUND)
-    units = met.with_columns(run=pl.col("race") // pl.col("entrant").n_unique().over("match"))
-    return _not_judged(units.with_columns(void=pl.col("ending").is_in(VOID_ENDINGS).any().over(RUN)))
+    races = pl.col("entrant").n_unique().over("match")
+    return met.with_columns(
+        run=pl.col("race") // races,
+        unit=pl.when(races > 2).then(pl.lit("block")).otherwise(pl.lit("pair")),
+    ).with_columns(void=pl.col("ending").is_in(VOID_ENDINGS).any().over(RUN))
 
 
 def _not_judged(rows: pl.DataFrame) -> list[NotJudged]:
     """Those with the greatest share of void runs first: whoever met them is not blamed for these runs."""
-    runs = rows.group_by("stage", "test", *RUN, "entrant").agg(pl.col("void").any())
+    runs = rows.group_by("stage", "test", *RUN, "entrant").agg(
+        pl.col("void").any(), pl.col("unit").first()
+    )
     found: list[NotJudged] = []
     while True:
-        shares = runs.group_by("entrant", "stage", "test").agg(pl.col("void").sum(), runs=pl.len())
+        shares = runs.group_by("entrant", "stage", "test").agg(
+            pl.col("void").sum(), pl.col("unit").max(), runs=pl.len()
+        )
         shares = shares.with_columns(share=pl.col("void") / pl.col("runs")).filter(pl.col("share") > MOST)
         worst = shares.filter(pl.col("share") == pl.col("share").max()).sort("entrant", "stage", "test")
         if worst.is_empty():

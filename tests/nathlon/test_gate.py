@@ -76,7 +76,7 @@ def test_a_skill_test_may_decide(tmp_path: Path) -> None:
 
 
 def test_the_champion_is_no_candidate(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="only candidate"):
+    with pytest.raises(InputError, match="driver: is the champion itself"):
         nathlon.gate("driver", "driver", tmp_path / "out", config=configuration(tmp_path), progress=False)
 
 
