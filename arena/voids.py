@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 
 import polars as pl
@@ -11,6 +12,9 @@ from nathlon.arena.results import VOID_ENDINGS
 
 MOST = 0.5
 """Whoever has a greater share of void runs in a test is not judged by the rest: it may void what it loses."""
+
+NOTABLE = 2.0
+"""Times the others' share of void races: whoever has more is named."""
 
 RUN = ("match", "run")
 
@@ -45,6 +49,28 @@ def void_races(results: pl.DataFrame) -> int:
     return int(results.filter(is_void()).select(pl.struct("match", "race").n_unique()).item())
 
 
+def most_void(results: pl.DataFrame, among: Container[str]) -> tuple[str, int, int] | None:
+    """Who has by far the greatest share of void races, with how many are and how many it had.
+
+    Args:
+        results: RESULTS.
+        among: ids of those that it may be.
+
+    Returns:
+        None where it is no more than twice that of the others together, or one race alone.
+    """
+    own = results.with_columns(void=is_void()).filter(pl.col("team") != BACKGROUND)
+    races = own.unique(["match", "race", "entrant"])
+    counts = races.group_by("entrant").agg(pl.col("void").sum(), races=pl.len())
+    ranked = counts.sort(pl.col("void") / pl.col("races"), "entrant", descending=[True, False])
+    for entrant, void, had in ranked.iter_rows():
+        if entrant in among:
+            others = counts.filter(pl.col("entrant") != entrant).sum()
+            share = others["void"].item() / others["races"].item() if counts.height > 1 else 0.0
+            return (entrant, void, had) if void > 1 and void > NOTABLE * share * had else None
+    return None
+
+
 def not_judged_by_tests(results: pl.DataFrame) -> list[NotJudged]:
     """Who under test cannot be judged by RESULTS of the filter or the n-athlon; ordered by entrant."""
     runs = results.with_columns(void=is_void(), run=pl.col("race"), unit=pl.lit("run"))
@@ -60,7 +86,7 @@ def not_judged_by_meetings(results: pl.DataFrame) -> list[NotJudged]:
 
 
 def units_met(results: pl.DataFrame) -> pl.DataFrame:
-    """The rows of RESULTS of a tournament, with `run` and `unit` of their evidence and whether it is `void`."""
+    """The rows of RESULTS of a tournament, with `run` and `unit` of their evidence, and if it is `void`."""
     met = results.filter(pl.col("team") != BACKGROUND)
     races = pl.col("entrant").n_unique().over("match")
     return met.with_columns(
@@ -71,9 +97,7 @@ def units_met(results: pl.DataFrame) -> pl.DataFrame:
 
 def _not_judged(rows: pl.DataFrame) -> list[NotJudged]:
     """Those with the greatest share of void runs first: whoever met them is not blamed for these runs."""
-    runs = rows.group_by("stage", "test", *RUN, "entrant").agg(
-        pl.col("void").any(), pl.col("unit").first()
-    )
+    runs = rows.group_by("stage", "test", *RUN, "entrant").agg(pl.col("void").any(), pl.col("unit").first())
     found: list[NotJudged] = []
     while True:
         shares = runs.group_by("entrant", "stage", "test").agg(

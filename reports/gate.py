@@ -136,7 +136,7 @@ class GateReport(Part):
 
     @property
     def exit_code(self) -> int:
-        """0 if all candidates pass, 1 if one fails; or else 3 if one could not be judged, 4 if one is open."""
+        """0 if all candidates pass, 1 if one fails; else 3 if one could not be judged, 4 if one is open."""
         if self.verdict == Decision.CANNOT_TELL and any(one.not_judged for one in self.candidates):
             return NOT_JUDGED
         return EXIT_CODES[self.verdict]
@@ -167,8 +167,8 @@ class GateReport(Part):
             told.append(f"{self.void:,} of {self.races:,} races are void and count for nobody.")
         if self.champion_faults:
             told.append(
-                f"{self.champion} itself ended {self.champion_faults:,} of {self.champion_runs:,} runs by its "
-                "own fault."
+                f"{self.champion} itself ended {self.champion_faults:,} of {self.champion_runs:,} runs by "
+                "its own fault."
             )
         told += [
             f"Same file as {one.name}: {', '.join(map(printable, one.also))}."

@@ -226,8 +226,8 @@ def _open(case: _Case, judged: Judged) -> str:
     if case.fails:
         return "left open, as the candidate fails"
     if judged.needed is not None:
-        return f"the budget is spent: if the difference stays as it is, about {judged.needed:,} units decide"
-    return "" if judged.note else "the budget is spent, and the difference lies where no number of units decides"
+        return f"the budget is spent; if the difference stays as it is, about {judged.needed:,} units decide"
+    return "" if judged.note else "the budget is spent, and no number of units decides such a difference"
 
 
 def _questions(

@@ -262,9 +262,7 @@ def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Q
 
     def judge(results: pl.DataFrame) -> Judged | None:
         ours, theirs = (_runs(results, one.id, pl.col("best_lap_s"), NO_LAP.alias("broken")) for one in pair)
-        both = ours.join(theirs, on="seed", suffix="_theirs").filter(
-            ~pl.col("void"), ~pl.col("void_theirs")
-        )
+        both = ours.join(theirs, on="seed", suffix="_theirs").filter(~pl.col("void"), ~pl.col("void_theirs"))
         whole = both.filter(~pl.col("broken"), ~pl.col("broken_theirs"))
         if whole.is_empty():
             return None

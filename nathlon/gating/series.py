@@ -52,7 +52,7 @@ class Lost(NamedTuple):
         if self.not_judged:
             return f"{told}, so this is not judged"
         if self.hides(share):
-            return f"{told}; it may have voided {self.doubtful}, more than {100 * share:g} %, so it cannot pass"
+            return f"{told}, {self.doubtful} maybe by its doing: above {100 * share:g} % it cannot pass"
         return f"{told} and count for nobody"
 
 

@@ -83,7 +83,8 @@ class Driving:
     ) -> NDArray[np.float64]:
         """(cells, runs) how much worse the policy was, NaN where one of the two set no mark.
 
-        Cells in which most runs of one of the two are void have nothing but NaN. Relative measures in shares of the baseline's mean mark in the cell.
+        Cells in which most runs of one of the two are void have nothing but NaN. Relative
+        measures in shares of the baseline's mean mark in the cell.
         """
         how, phases = self.measures[measure], tuple(phases)
         rows = []
