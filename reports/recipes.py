@@ -68,7 +68,8 @@ def void_units(recipes: pl.DataFrame, scores: pl.DataFrame) -> str:
         return ""
     told = f"{void:,} of {void + int(scores['units'].sum()):,} mirrored pairs are void and count for nobody"
     lost = [
-        f"{row['not_judged']} training runs of {row['recipe']} ({row['runs']} are left)"
+        f"{row['not_judged']} training run{'s' if row['not_judged'] > 1 else ''} of {row['recipe']} "
+        f"({row['runs']} left)"
         for row in recipes.to_dicts()
         if row["not_judged"]
     ]

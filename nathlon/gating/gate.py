@@ -175,6 +175,7 @@ def _gated(case: _Case, settings: GateSettings) -> Gated:
     counted = _faults(case, settings)
     names = {one.id: one.name for one in case.pair}
     not_judged = [one for lost in case.lost() for one in lost.not_judged]
+    not_judged.sort(key=lambda one: one.entrant != case.pair.candidate.id)
     return Gated(
         name=case.pair.candidate.name,
         entrant=case.pair.candidate.id,

@@ -87,7 +87,7 @@ class Driving:
         measures in shares of the baseline's mean mark in the cell.
         """
         how, phases = self.measures[measure], tuple(phases)
-        rows = []
+        rows: list[list[float]] = []
         for cell in cells:
             if self.void[cell].hides:
                 rows.append([])
