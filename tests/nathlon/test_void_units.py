@@ -85,7 +85,7 @@ def duels_gated(folder: Path, spoil: Spoil) -> GateReport:
     config = configured(
         folder,
         world,
-        "[gate]\npoints = 5.0\npairs = 40\nblock = 40\nbreakdowns = 0.1\nalpha = 0.2\nbeta = 0.2\n",
+        "[gate]\npoints = 5.0\npairs = 72\nblock = 72\n",
     )
     return run_gate(begun(folder, [first, other], spoil), first, [other], config)
 
@@ -100,12 +100,12 @@ def test_a_gate_whose_races_are_all_void_judges_nobody(tmp_path: Path) -> None:
     report = duels_gated(tmp_path, lambda *_: ALL)
     assert (report.verdict, report.exit_code) == (Decision.CANNOT_TELL, 3)
     assert report.headline == "new could not be judged beside old: most runs of new and old are void."
-    assert all("40 of 40 pairs are void" in page for page in told(report))
-    assert report.void == report.races == 80
+    assert all("72 of 72 pairs are void" in page for page in told(report))
+    assert report.void == report.races == 144
     [gated] = report.candidates
     assert {finding.verdict for finding in gated.findings} == {Decision.CANNOT_TELL}
     assert {(one.name, one.void, one.runs, one.unit) for one in gated.not_judged} == {
-        (name, 40, 40, "pair") for name in ("new", "old")
+        (name, 72, 72, "pair") for name in ("new", "old")
     }
 
 
@@ -113,13 +113,13 @@ def test_void_pairs_are_no_evidence_for_a_candidate(tmp_path: Path) -> None:
     """An eighth of the pairs may hide any loss; a few are said and hinder nobody."""
     report = duels_gated(tmp_path, lambda *_: pl.col("race") % 16 == 0)
     assert (report.verdict, report.exit_code) == (Decision.CANNOT_TELL, 4)
-    assert all("5 of 40 pairs are void, 5 maybe by its doing" in page for page in told(report))
+    assert all("9 of 72 pairs are void, 9 maybe by its doing" in page for page in told(report))
     few = tmp_path / "few"
     few.mkdir()
     report = duels_gated(few, lambda *_: pl.col("race") == 0)
     assert report.verdict == Decision.PASS
-    assert all("1 of 40 pairs are void and count for nobody" in page for page in told(report))
-    assert report.remarks == ["1 of 80 races are void and count for nobody."]
+    assert all("1 of 72 pairs are void and count for nobody" in page for page in told(report))
+    assert report.remarks == ["1 of 144 races are void and count for nobody."]
 
 
 def test_who_voids_its_own_runs_is_not_ruled_to_complete_them(tmp_path: Path) -> None:
