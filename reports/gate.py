@@ -7,6 +7,8 @@ from xml.etree import ElementTree
 
 from nathlon.arena.decision import Decision
 from nathlon.reports.part import Part
+from nathlon.reports.summary import Voided
+from nathlon.sim.names import printable
 from nathlon.sim.whole_file import whole_file
 
 VERSION = 1
@@ -14,6 +16,8 @@ VERSION = 1
 
 MARKS = {Decision.PASS: "✓ pass", Decision.FAIL: "✗ fail", Decision.CANNOT_TELL: "? cannot tell"}
 EXIT_CODES = {Decision.PASS: 0, Decision.FAIL: 1, Decision.CANNOT_TELL: 4}
+NOT_JUDGED = 3
+"""Exit code where nobody fails, but somebody could not be judged, as most of its runs are void."""
 
 
 class Finding(Part):
@@ -27,6 +31,8 @@ class Finding(Part):
         note: a sentence on what the verdict rests on, or does not; empty where there is nothing to say.
         units: of evidence: mirrored pairs of races, or runs.
         most: units that the budget allowed.
+        void: units that count for nobody.
+        needed: units that would decide, if the difference stays as it is; None where that is not known.
         verdict: on this measure alone.
         set_aside: why it was not asked, if it was not.
     """
@@ -39,6 +45,8 @@ class Finding(Part):
     high: float | None = None
     units: int = 0
     most: int = 0
+    void: int = 0
+    needed: int | None = None
     verdict: Decision = Decision.CANNOT_TELL
     set_aside: str | None = None
     note: str = ""
@@ -56,22 +64,32 @@ class Finding(Part):
         if self.set_aside is not None:
             return f"{self.measure}: not asked: {self.set_aside}"
         if self.margin is None:
-            return f"{self.measure}: {self.difference:g} in {self.units} runs"
-        bounds = f" ({self.bounds})" if self.bounds else ""
-        said = (
-            f"{self.measure} {self.unit}: {self.difference or 0.0:+.3g}{bounds}, "
-            f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
-        )
+            said = f"{self.measure}: {self.difference:g} in {self.units} runs"
+        elif self.difference is None:
+            said = f"{self.measure} {self.unit}: not judged"
+        else:
+            bounds = f" ({self.bounds})" if self.bounds else ""
+            said = (
+                f"{self.measure} {self.unit}: {self.difference:+.3g}{bounds}, "
+                f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
+            )
         return f"{said}; {self.note}" if self.note else said
 
 
 class Gated(Part):
-    """A candidate and what the gate says of it."""
+    """A candidate and what the gate says of it.
+
+    Attributes:
+        not_judged: it, or the champion beside it, where most of their units are void.
+        also: other files with the same contents.
+    """
 
     name: str
     entrant: str
     verdict: Decision
     findings: tuple[Finding, ...]
+    not_judged: tuple[Voided, ...] = ()
+    also: tuple[str, ...] = ()
 
     @property
     def notes(self) -> list[str]:
@@ -85,7 +103,10 @@ class GateReport(Part):
     Attributes:
         alpha: probability to pass a candidate that is worse by a margin.
         beta: probability, in each measure, to fail one that is as good.
-        races: that it rests on.
+        races: that it rests on, void ones included.
+        void: races that count for nobody.
+        champion_faults, champion_runs: runs of the champion's cars that ended by its own fault, and all.
+        champion_also: candidates that were left out, as they are the champion's own file.
         wall_s: how long it took.
     """
 
@@ -101,6 +122,10 @@ class GateReport(Part):
     wall_s: float
     versions: dict[str, str]
     candidates: tuple[Gated, ...]
+    void: int = 0
+    champion_faults: int = 0
+    champion_runs: int = 0
+    champion_also: tuple[str, ...] = ()
     version: int = VERSION
 
     @property
@@ -111,18 +136,49 @@ class GateReport(Part):
 
     @property
     def exit_code(self) -> int:
-        """0 if all candidates pass, 1 if one fails, 4 if nobody fails but of one it cannot be told."""
+        """0 if all candidates pass, 1 if one fails; else 3 if one could not be judged, 4 if one is open."""
+        if self.verdict == Decision.CANNOT_TELL and any(one.not_judged for one in self.candidates):
+            return NOT_JUDGED
         return EXIT_CODES[self.verdict]
 
     @property
     def headline(self) -> str:
         """The verdicts in a sentence."""
+        return " ".join(map(self._said, self.candidates))
+
+    def _said(self, candidate: Gated) -> str:
+        if candidate.verdict == Decision.CANNOT_TELL and candidate.not_judged:
+            void = " and ".join(dict.fromkeys(one.name for one in candidate.not_judged))
+            return (
+                f"{candidate.name} could not be judged beside {self.champion}: most runs of {void} are void."
+            )
         said = {
             Decision.PASS: "may replace",
             Decision.FAIL: "may not replace",
             Decision.CANNOT_TELL: "may or may not be as good as",
         }
-        return " ".join(f"{c.name} {said[c.verdict]} {self.champion}." for c in self.candidates)
+        return f"{candidate.name} {said[candidate.verdict]} {self.champion}."
+
+    @property
+    def remarks(self) -> list[str]:
+        """What else stands beside the verdicts, in sentences."""
+        told = []
+        if self.void:
+            told.append(f"{self.void:,} of {self.races:,} races are void and count for nobody.")
+        if self.champion_faults:
+            told.append(
+                f"{self.champion} itself ended {self.champion_faults:,} of {self.champion_runs:,} runs by "
+                "its own fault."
+            )
+        told += [
+            f"Same file as {one.name}: {', '.join(map(printable, one.also))}."
+            for one in self.candidates
+            if one.also
+        ]
+        if self.champion_also:
+            left = ", ".join(map(printable, self.champion_also))
+            told.append(f"Same file as the champion {self.champion}, left out: {left}.")
+        return told
 
 
 def junit(report: GateReport) -> bytes:
@@ -151,6 +207,7 @@ def junit(report: GateReport) -> bytes:
             told = ElementTree.SubElement(case, tag, message=finding.sentence)
             if tag != "skipped":
                 told.set("type", finding.verdict)
+        ElementTree.SubElement(suite, "system-out").text = "\n".join([report.headline, *report.remarks])
         suite.set("tests", str(len(candidate.findings)))
         for kind, count in counts.items():
             suite.set(kind, str(count))
@@ -161,6 +218,8 @@ def junit(report: GateReport) -> bytes:
 def markdown(report: GateReport) -> str:
     """The report for a pull request or the summary of a CI job."""
     lines = [f"### {MARKS[report.verdict]}: {escaped(report.headline)}", ""]
+    if report.remarks:
+        lines += [escaped(" ".join(report.remarks)), ""]
     for candidate in report.candidates:
         lines += [
             f"**{escaped(candidate.name)}** against {escaped(report.champion)}",

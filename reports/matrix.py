@@ -14,6 +14,8 @@ VERSION = 1
 """Of `matrix.json`: raised when a field goes or changes its meaning, not when one is added."""
 
 Said = Literal["worse", "unconfirmed", "no sign"]
+NOT_JUDGED = 3
+"""Exit code where a cell could not be judged, as most of its runs are void."""
 
 
 class Measured(Part):
@@ -57,7 +59,9 @@ class CellReport(Part):
     """A cell.
 
     Attributes:
-        runs: of policy and baseline, each.
+        runs: of policy and baseline, each, from starts from which neither is void.
+        policy_void, baseline_void: runs of each that are void, and compared in nothing.
+        judged: whether no more than half of either's runs are.
         policy_broken, baseline_broken: runs of these in which they broke down, which are compared in nothing
             else.
         findings: in the order of the report's measures.
@@ -71,6 +75,9 @@ class CellReport(Part):
     delay_s: float
     place: int
     runs: int
+    policy_void: int = 0
+    baseline_void: int = 0
+    judged: bool = True
     policy_broken: int = 0
     baseline_broken: int = 0
     findings: tuple[Finding, ...]
@@ -110,8 +117,10 @@ class MatrixReport(Part):
     Attributes:
         false_discovery_rate: the share, to be expected, of findings called worse that are not.
         screening_runs: of policy and baseline in every cell.
-        runs: in all.
-        policy_broken, baseline_broken: of the half of each, those in which it broke down.
+        runs: that are compared, in all.
+        starts: from which policy and baseline have driven, or should have.
+        policy_void, baseline_void: runs from these that are void, of each.
+        policy_broken, baseline_broken: of the half of `runs` of each, those in which it broke down.
         breaks_more: whether the policy surely does so more often, from the same starts.
         set_aside: sentences on what could not be driven.
     """
@@ -125,6 +134,9 @@ class MatrixReport(Part):
     false_discovery_rate: float
     screening_runs: int
     runs: int
+    starts: int = 0
+    policy_void: int = 0
+    baseline_void: int = 0
     policy_broken: int = 0
     baseline_broken: int = 0
     breaks_more: bool = False
@@ -145,10 +157,34 @@ class MatrixReport(Part):
     def headline(self) -> str:
         """What it comes to."""
         cells = "1 cell" if len(self.cells) == 1 else f"{len(self.cells):,} cells"
-        breaks = " It breaks down more often." if self.breaks_more else ""
+        more = " It breaks down more often." if self.breaks_more else ""
+        if self.not_judged == len(self.cells):
+            return f"{self.policy} could not be judged beside {self.baseline}: most runs are void.{more}"
+        if self.not_judged:
+            more = f" {self.not_judged:,} could not be judged: most of their runs are void.{more}"
         if not self.worse:
-            return f"{self.policy} is nowhere proven to be worse than {self.baseline}: {cells}.{breaks}"
-        return f"{self.policy} is worse than {self.baseline} in {self.worse:,} of {cells}.{breaks}"
+            return f"{self.policy} is nowhere proven to be worse than {self.baseline}: {cells}.{more}"
+        return f"{self.policy} is worse than {self.baseline} in {self.worse:,} of {cells}.{more}"
+
+    @property
+    def not_judged(self) -> int:
+        """Number of cells in which most runs of policy or baseline are void."""
+        return sum(not cell.judged for cell in self.cells)
+
+    @property
+    def exit_code(self) -> int:
+        """0, or 3 if a cell could not be judged."""
+        return NOT_JUDGED if self.not_judged else 0
+
+    @property
+    def void_runs(self) -> str:
+        """How many runs are void, and whose; empty where none are."""
+        if not self.policy_void + self.baseline_void:
+            return ""
+        return (
+            f"{self.policy_void:,} of {self.starts:,} runs of {self.policy} and {self.baseline_void:,} of "
+            f"{self.baseline} are void: these starts are compared in nothing."
+        )
 
     @property
     def completion(self) -> str:

@@ -17,7 +17,9 @@ SCORES = pl.Schema(
         "entrant": pl.String,
         "name": pl.String,
         "task": pl.String,  # a race against a reference
-        "units": pl.Int64,  # mirrored pairs
+        "units": pl.Int64,  # mirrored pairs that are not void
+        "void": pl.Int64,  # those that are
+        "judged": pl.Boolean,  # whether most units of checkpoint and reference are not
         "points": pl.Float64,  # team points a race, less the reference's
         "error": pl.Float64,  # standard error of `points`; null below two units
         "contacts": pl.Int64,  # of all its cars
@@ -30,7 +32,8 @@ _ESTIMATES = ("points", "iqm", "gap", "better", "at_fault_per_km")
 RECIPES = pl.Schema(
     {
         "recipe": pl.String,
-        "runs": pl.Int64,
+        "runs": pl.Int64,  # whose last checkpoint could be judged
+        "not_judged": pl.Int64,  # runs whose last checkpoint could not in some task, see SCORES
         "checkpoints": pl.Int64,
         **{
             f"{name}{bound}": pl.Float64 for name in _ESTIMATES for bound in ("", "_low", "_high")
@@ -42,12 +45,35 @@ RECIPES = pl.Schema(
 )
 """One row a recipe. `points` are the mean over runs, `iqm` that of the middle half. `gap` is how far runs
 fall short of the references' points, `better` the probability that a run scores more than one of the first,
-with bounds that hold for all recipes together.
+with bounds that hold for all recipes together. They hold whatever runs that could not be judged would have
+scored.
 """
+NOT_JUDGED = 3
+"""Exit code where a training run could not be judged, as most of its units are void."""
 
 
 CONFIDENCE = 0.95
 """Of intervals, and of all comparisons with the first recipe together."""
+
+
+def exit_code(scores: pl.DataFrame) -> int:
+    """Of SCORES: 0, or 3 if a checkpoint could not be judged."""
+    return NOT_JUDGED if scores.filter(~pl.col("judged")).height else 0
+
+
+def void_units(recipes: pl.DataFrame, scores: pl.DataFrame) -> str:
+    """How many units of SCORES are void, and who could not be judged for them; empty where none are."""
+    void = int(scores["void"].sum())
+    if not void:
+        return ""
+    told = f"{void:,} of {void + int(scores['units'].sum()):,} mirrored pairs are void and count for nobody"
+    lost = [
+        f"{row['not_judged']} training run{'s' if row['not_judged'] > 1 else ''} of {row['recipe']} "
+        f"({row['runs']} left)"
+        for row in recipes.to_dicts()
+        if row["not_judged"]
+    ]
+    return f"{told}; could not be judged: {', '.join(lost)}." if lost else f"{told}."
 
 
 def too_few(runs: int, others: int, recipes: int) -> bool:

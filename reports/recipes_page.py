@@ -9,7 +9,7 @@ from typing import Any
 
 import polars as pl
 
-from nathlon.reports.recipes import too_few
+from nathlon.reports.recipes import too_few, void_units
 from nathlon.reports.recipes_figure import recipes_picture
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
 from nathlon.sim.whole_file import whole_file
@@ -36,16 +36,21 @@ def headline(recipes: pl.DataFrame) -> str:
     first, *others = recipes.to_dicts()
     better = [row["recipe"] for row in others if (row["better_low"] or 0.0) > 0.5]
     worse = [row["recipe"] for row in others if row["better_high"] is not None and row["better_high"] < 0.5]
-    if not others:
+    lost = [row["recipe"] for row in (first, *others) if not row["runs"]]
+    if not others and not lost:
         return f"{first['recipe']}: {_interval(first, *CELLS[0][::2])} points a race"
     told = []
     if better:
         told.append(f"better than {first['recipe']}: {', '.join(better)}")
     if worse:
         told.append(f"worse than {first['recipe']}: {', '.join(worse)}")
-    if not told:
+    if lost:
+        told.append(f"could not be judged, as most of its pairs are void: {', '.join(lost)}")
+    elif not told:
         told.append(f"no recipe is surely better or worse than {first['recipe']}")
-    few = [row["recipe"] for row in others if too_few(row["runs"], first["runs"], len(others))]
+    few = [
+        row["recipe"] for row in others if row["runs"] and too_few(row["runs"], first["runs"], len(others))
+    ]
     if few:
         told.append(f"too few runs to prove it: {', '.join(few)}")
     text = "; ".join(told)
@@ -69,10 +74,13 @@ def write_recipes_page(
     picture = recipes_picture(recipes, scores)
     with whole_file(folder / "recipes.png") as partial:
         partial.write_bytes(picture)
-    return write_page_file(render_recipes(recipes, picture, place, references), folder / "index.html")
+    void = void_units(recipes, scores)
+    return write_page_file(render_recipes(recipes, picture, place, references, void), folder / "index.html")
 
 
-def render_recipes(recipes: pl.DataFrame, picture: bytes, place: str, references: Sequence[str]) -> str:
+def render_recipes(
+    recipes: pl.DataFrame, picture: bytes, place: str, references: Sequence[str], void: str = ""
+) -> str:
     """The page's HTML, which needs no network and runs no script."""
     return render_page(
         "recipes.html",
@@ -80,6 +88,7 @@ def render_recipes(recipes: pl.DataFrame, picture: bytes, place: str, references
         headline=headline(recipes),
         place=place,
         references=references,
+        void=void,
         heads=[head for _, head, _ in CELLS],
         rows=[row | {"cells": cells(row)} for row in recipes.to_dicts()],
         few=bool((recipes["runs"] < FEW).any()),

@@ -167,6 +167,16 @@ class Voided(Part):
     test: str
     void: int
     runs: int
+    unit: str = "run"
+
+
+class MostVoid(Part):
+    """Who has by far the greatest share of void races: how many of those that it had."""
+
+    name: str
+    entrant: str
+    void: int
+    races: int
 
 
 class Scene(Part):
@@ -231,6 +241,7 @@ class Summary(Part):
         car_runs: cars times races.
         faults, void: of them ended by a policy's fault, and by one of the simulator or the machine.
         not_judged: entrants that cannot be sent, as most of their runs are void.
+        most_void: who has by far the greatest share of void races; None where nobody has.
         excluded: what was set aside before anything ran.
         gone: finalists that could not be sent, as their files had gone or changed when it was decided.
         notes: what else is to be said of the files, in sentences.
@@ -267,6 +278,7 @@ class Summary(Part):
     notes: tuple[str, ...] = ()
     also: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     not_judged: tuple[Voided, ...] = ()
+    most_void: MostVoid | None = None
     stages_set_aside: dict[str, str] = Field(default_factory=dict)
     unit_deviation: float | None = None
     effect: float | None = None
@@ -282,7 +294,13 @@ class Summary(Part):
     @property
     def void_runs(self) -> str:
         """How many runs are void, and who could not be judged for them; '' where none are."""
-        return void_runs(self.void, self.car_runs, self.not_judged)
+        told = void_runs(self.void, self.car_runs, self.not_judged)
+        if self.not_judged or self.most_void is None:
+            return told
+        most = self.most_void
+        return (
+            f"{told[:-1]}, most often for {most.name}: {most.void:,} of its {most.races:,} {self.episodes}."
+        )
 
     @property
     def an_episode(self) -> str:
@@ -307,7 +325,11 @@ def void_runs(void: int, car_runs: int, not_judged: Sequence[Voided]) -> str:
     counted = f"{void:,} of {car_runs:,} car runs {'is' if void == 1 else 'are'} void and count for nobody"
     if not not_judged:
         return f"{counted}."
-    first = [f"{one.name} ({one.void:,} of {one.runs:,} in the {STAGES[one.stage]})" for one in not_judged]
+    first = [
+        f"{one.name} ({one.void:,} of {one.runs:,} {one.unit}{'' if one.runs == 1 else 's'} in the "
+        f"{STAGES[one.stage]})"
+        for one in not_judged
+    ]
     more = len(first) - NAMED
     shown = [*first[:NAMED], f"{more:,} more"] if more > 0 else first
     return f"{counted}; could not be judged: {', '.join(shown)}."

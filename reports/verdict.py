@@ -8,8 +8,9 @@ from typing import Any
 
 import polars as pl
 
+from nathlon.arena.voids import is_void
 from nathlon.reports.selection import Selection
-from nathlon.reports.summary import Decided, Summary
+from nathlon.reports.summary import STAGES, Decided, Summary
 
 Row = Mapping[str, Any]
 
@@ -58,8 +59,7 @@ def _judged(selection: Selection) -> Verdict:
     approval = f"approved on {sent[0].approved_by} of {_count(decision.ballots, 'ballot')}"
     own = next((row for row in ranking if row["entrant"] == entrant), None)
     if own is None:
-        alone = f"It was the only finalist, so no {selection.summary.episode} supports the choice."
-        proof: tuple[str, ...] = (alone,)
+        proof: tuple[str, ...] = (_alone(selection, entrant),)
     else:
         candidates = {standing.entrant for standing in decision.standings}
         confidence = f"{selection.summary.confidence:.0%} interval"
@@ -72,6 +72,21 @@ def _judged(selection: Selection) -> Verdict:
     return Verdict(
         f"Send {name}{though}", (f"The committee sends {name}, {approval}: {_reasons(decision)}.", *proof)
     )
+
+
+def _alone(selection: Selection, entrant: str) -> str:
+    """Of the only finalist: what the choice rests on."""
+    own = selection.results.filter(pl.col("entrant") == entrant, ~is_void())
+    runs = own.unique(["match", "race"])["stage"].to_list()
+    summary = selection.summary
+    stages = [
+        f"{_count(runs.count(stage), summary.episode, summary.episodes)} of the {called}"
+        for stage, called in STAGES.items()
+        if stage in runs
+    ]
+    if not stages:
+        return f"It was the only finalist, so no {summary.episode} supports the choice."
+    return f"It was the only finalist: the choice rests on its {_listed(stages, 'and')}."
 
 
 def _better_anchors(selection: Selection, candidates: set[str]) -> list[str]:
@@ -252,8 +267,8 @@ def _stages_so_far(selection: Selection) -> tuple[str, ...]:
     )
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"
+def _count(number: int, what: str, several: str = "") -> str:
+    return f"{number:,} {what if number == 1 else several or what + 's'}"
 
 
 def _listed(names: Sequence[str], conjunction: str) -> str:

@@ -1,8 +1,8 @@
 """A world without physics in which policies lap alone: how often they break down is known.
 
-A policy is a file whose name says how: `old` never breaks down and `fragile-20` does in 20 % of its runs,
-drawn by its name and the run's seed. All lap in 100 s, within half a second, and score 1 s less as a point
-more; who breaks down scores nothing like it.
+A policy is a file whose name says how: `old` never breaks down, `fragile-20` does in 20 % of its runs, drawn
+by its name and the run's seed, and `illegal-20` ends as many by an illegal action. All lap in 100 s, within
+half a second, and score 1 s less as a point more; who breaks down scores nothing like it.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ class PlantedLaps:
                 breaks, lap = rng.uniform() < rate, 100.0 + rng.normal(0.0, 0.5)
                 score = -200.0 if breaks else 100.0 - lap
                 facts = match.seat_facts(index, 0) | {"place": 1, "points": score, "score": score}
-                ended = {"ending": "stuck"} if breaks else {"ending": "finished", "best_lap_s": lap}
+                fault = "illegal_action" if name.startswith("illegal") else "stuck"
+                ended = {"ending": fault} if breaks else {"ending": "finished", "best_lap_s": lap}
                 rows.append(facts | ended)
             yield number, pl.DataFrame(rows, schema=RESULTS)
 

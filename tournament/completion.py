@@ -81,6 +81,13 @@ class Completion:
             return Decision.PASS
         return Decision.FAIL if breaks_more(seen.alone, seen.other) >= 1 / self.beta else Decision.CANNOT_TELL
 
+    def needed(self, broken: int) -> int:
+        """Runs after which so many breakdowns are few enough to pass."""
+        most = clean_sweep(self.rate, self.alpha)
+        while len(found := enough(self.rate, self.alpha, most)) <= broken:
+            most *= 2
+        return found[broken]
+
     def ruled_out(self, seen: Completed) -> float | None:
         """The least rate of breakdowns with which the runs so far would pass; None where none would."""
 

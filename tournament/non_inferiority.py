@@ -15,7 +15,7 @@ if it does in each of them, and no level needs a correction for their number.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import ceil, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +43,8 @@ class Sample(NamedTuple):
 
 EARLY = 2.0
 """Times Wald's bound: the logarithm of the ratio at which one fails before the first look."""
+MOST_UNITS = 1e6
+"""Beyond so many, no number of units is said to decide."""
 LOSS = 10.0
 """Margins: of a rare loss that a unit may show, such as all points of a skill test."""
 
@@ -80,14 +82,31 @@ class NonInferiority:
         """What the units so far say."""
         if sample.units < FEWEST:
             return Decision.CANNOT_TELL
-        deviation = max(sample.deviation, TINY)
-        t, margin = sample.mean / deviation, self.margin / deviation
-        ratio = log_likelihood_ratio(sample.units, t, min(t, -margin), max(t, 0.0))
+        ratio = self._ratio(sample)
         fail, passed = wald_bounds(self.alpha, self.beta)
         early = sample.units < self.first
         if ratio <= (EARLY * fail if early else fail):
             return Decision.FAIL
         return Decision.CANNOT_TELL if early or ratio < passed or sample.units < self.sweep else Decision.PASS
+
+    def needed(self, sample: Sample) -> int | None:
+        """Units that decide, if mean and deviation stay as they are.
+
+        None below `FEWEST` units, and where the mean lies so that no number does.
+        """
+        if sample.units < FEWEST:
+            return None
+        each = self._ratio(sample) / sample.units
+        fail, passed = wald_bounds(self.alpha, self.beta)
+        least = self.first if each < 0 else max(self.first, self.sweep)
+        units = (fail if each < 0 else passed) / each if each else np.inf
+        return max(ceil(units), least) if units < MOST_UNITS else None
+
+    def _ratio(self, sample: Sample) -> float:
+        """The logarithm of the likelihood ratio: positive for what is not inferior."""
+        deviation = max(sample.deviation, TINY)
+        t, margin = sample.mean / deviation, self.margin / deviation
+        return float(log_likelihood_ratio(sample.units, t, min(t, -margin), max(t, 0.0)))
 
     def interval(self, sample: Sample) -> tuple[float | None, float | None]:
         """Bounds of the mean that hold at all looks together, each missed with probability alpha.

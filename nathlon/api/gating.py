@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -56,7 +57,7 @@ class GateResult:
         return pl.DataFrame(rows, infer_schema_length=None)
 
     def __repr__(self) -> str:
-        lines = [self.report.headline]
+        lines = [self.report.headline, *self.report.remarks]
         for candidate in self.report.candidates:
             lines += [f"{candidate.name}: {finding.sentence}" for finding in candidate.findings]
         return "\n".join(lines)
@@ -107,8 +108,10 @@ def gate(
         sources = named_sources(candidates, endings=endings)
         together, settings = entered(pool, [reference, *sources], settings)
         first, *others = together
+        if reference in sources:
+            first = replace(first, also=(reference, *first.also))
         if not others:
-            raise InputError(f"{reference}: is the only candidate, expected policies to compare with it")
+            raise InputError(f"{', '.join(first.also)}: is the champion itself, expected another policy")
         output = OutputFolder(Path(out))
         with (
             stage_progress(progress, (KERNELS, "battery", GATE)) as on_match,

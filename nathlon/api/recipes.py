@@ -18,7 +18,7 @@ from nathlon.publishing.output import OutputFolder
 from nathlon.recipe_comparison.grouping import attempts, checkpoints_of, recipe_folders
 from nathlon.recipe_comparison.scores import SEED, STAGE, score
 from nathlon.recipe_comparison.summary import summarise
-from nathlon.reports.recipes import write_recipes
+from nathlon.reports.recipes import void_units, write_recipes
 from nathlon.reports.recipes_page import headline, write_recipes_page
 from nathlon.selection.config import Config
 from nathlon.selection.single_run import single_run
@@ -38,7 +38,8 @@ class RecipesResult:
         self.folder, self.recipes, self.scores = folder, recipes, scores
 
     def __repr__(self) -> str:
-        return f"{headline(self.recipes)}\nReport: {self.folder / 'index.html'}"
+        told = filter(None, (headline(self.recipes), void_units(self.recipes, self.scores)))
+        return "\n".join([*told, f"Report: {self.folder / 'index.html'}"])
 
     def _repr_html_(self) -> str:
         picture = base64.b64encode((self.folder / "recipes.png").read_bytes()).decode()

@@ -26,8 +26,8 @@ def gate(
 ) -> None:
     """Say whether a candidate may replace the champion, for people and for CI.
 
-    Exit code 0: it may, being no worse by more than the margins. 1: it may not. 4: the budget was too small
-    to tell.
+    Exit code 0: it may, being no worse by more than the margins. 1: it may not. 3: somebody could not be
+    judged, as most of its runs are void. 4: the budget was too small to tell.
     """
     check_given([*checkpoints, champion])
     from nathlon.arena.workers import start_server
@@ -60,5 +60,7 @@ def gate(
             for note in candidate.notes:
                 say(note)
         say(result.report.headline)
+        for remark in result.report.remarks:
+            say(remark)
         say(f"Page         {out / 'index.html'}")
     sys.exit(result.report.exit_code)

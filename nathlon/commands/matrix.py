@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers, WorldName
 from nathlon.commands.selection import stoppable
 from nathlon.terminal import new_table, print_json, print_table, say
+
+if TYPE_CHECKING:
+    from nathlon.reports.matrix import MatrixReport
 
 SHOWN = 12
 """Cells in the table; the page has them all."""
@@ -30,12 +34,13 @@ def matrix(
     """Find the settings in which a policy is worse than a baseline.
 
     The section matrix of the configuration has circuits, cars, tyres, scenarios, starting places and delays.
+
+    Exit code 0: done. 3: a cell could not be judged, as most of its runs are void.
     """
     from nathlon.arena.workers import start_server
 
     start_server()
     import nathlon
-    from nathlon.reports.matrix_page import differences
 
     with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.matrix(
@@ -51,7 +56,14 @@ def matrix(
     report = result.report
     if as_json:
         print_json(report.model_dump(mode="json"))
-        return
+    else:
+        _print(report, out)
+    sys.exit(report.exit_code)
+
+
+def _print(report: MatrixReport, out: Path) -> None:
+    from nathlon.reports.matrix_page import differences
+
     worst = [cell for cell in report.ordered() if cell.verdict == "worse"][:SHOWN]
     if worst:
         table = new_table("What got worse first", lean=True)
@@ -62,7 +74,7 @@ def matrix(
         print_table(table)
     for sentence in report.set_aside:
         say(f"Not driven: {sentence}")
-    if report.completion:
-        say(report.completion)
+    for sentence in filter(None, (report.completion, report.void_runs)):
+        say(sentence)
     say(report.headline)
     say(f"Page         {out / 'index.html'}")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Pairs, Workers, WorldName
 from nathlon.commands.selection import stoppable
 from nathlon.terminal import new_table, print_json, print_table, say
+
+if TYPE_CHECKING:
+    from nathlon.api.recipes import RecipesResult
 
 
 def recipes(
@@ -27,7 +31,10 @@ def recipes(
     world: WorldName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say which way of training is better, over its seeds and not by its luckiest checkpoint."""
+    """Say which way of training is better, over its seeds and not by its luckiest checkpoint.
+
+    Exit code 0: done. 3: a checkpoint could not be judged, as most of its races are void.
+    """
     from nathlon.recipe_comparison.grouping import recipe_folders
 
     recipe_folders(folders)
@@ -35,7 +42,7 @@ def recipes(
 
     start_server()
     import nathlon
-    from nathlon.reports.recipes_page import CELLS, cells, headline
+    from nathlon.reports.recipes import exit_code
 
     with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.recipes(
@@ -50,13 +57,25 @@ def recipes(
         )
     if as_json:
         print_json({"recipes": result.recipes.to_dicts(), "scores": result.scores.to_dicts()})
-        return
+    else:
+        _print(result, out)
+    sys.exit(exit_code(result.scores))
+
+
+def _print(result: RecipesResult, out: Path) -> None:
+    from nathlon.reports.recipes import void_units
+    from nathlon.reports.recipes_page import CELLS, cells, headline
+
     table = new_table("Ends of training runs", lean=True)
     for column in ("Recipe", "Runs", *(head for _, head, _ in CELLS), "Best", "Scored", "Expected"):
         table.add_column(column, justify="left" if column in ("Recipe", "Best") else "right")
     for row in result.recipes.to_dicts():
-        scored = (f"{row['best_points']:+.1f}", f"{row['best_expected']:+.1f}")
-        table.add_row(row["recipe"], str(row["runs"]), *cells(row), row["best"], *scored)
+        best = ("", "", "")
+        if row["best"] is not None:
+            best = (row["best"], f"{row['best_points']:+.1f}", f"{row['best_expected']:+.1f}")
+        table.add_row(row["recipe"], str(row["runs"]), *cells(row), *best)
     print_table(table)
     say(headline(result.recipes) + ".")
+    if void := void_units(result.recipes, result.scores):
+        say(void)
     say(f"Page         {out / 'index.html'}")

@@ -12,30 +12,28 @@ import polars as pl
 from nathlon.arena.decision import Decision
 from nathlon.arena.entrance import check_opponents
 from nathlon.arena.entrant import Entrant
-from nathlon.arena.results import POLICY_FAULTS, RESULTS
+from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
+from nathlon.arena.voids import MOST, void_races
 from nathlon.arena.worlds.registry import home
 from nathlon.gating.questions import (
     BROKEN,
     NO_LAP,
     Errors,
     Judged,
-    Pair,
     Question,
-    Series,
     at_fault_question,
     completion_question,
     lap_question,
     points_question,
-    race_series,
     test_question,
-    trial_series,
 )
+from nathlon.gating.series import Lost, Pair, Series, race_series, trial_series
 from nathlon.gating.settings import GateSettings
 from nathlon.n_athlon import marking_matches
 from nathlon.n_athlon.measures import measured
 from nathlon.n_athlon.skill import Marks, Skill, load_skills
 from nathlon.reports.gate import Finding, Gated, GateReport
-from nathlon.reports.summary import versions
+from nathlon.reports.summary import versions, voided
 from nathlon.selection.config import Config
 from nathlon.selection.round_robin import entered_there, plan
 from nathlon.selection.run import GATE, Run
@@ -68,17 +66,28 @@ class _Case:
     @property
     def open(self) -> list[Question]:
         """What is not decided yet; nothing once the candidate has failed."""
-        if self.failed or any(judged.verdict == Decision.FAIL for judged in self.decided.values()):
+        if self.fails:
             return []
         return [question for question in self.asked if question.name not in self.decided]
 
-    def faults(self) -> tuple[int, int]:
-        """How many runs of cars ended by the candidate's fault, and how many there were."""
-        own = [
-            table.filter(pl.col("entrant") == self.pair.candidate.id)["ending"]
-            for table in self.results.values()
-        ]
-        return sum(int(endings.is_in(POLICY_FAULTS).sum()) for endings in own), sum(map(len, own))
+    @property
+    def fails(self) -> bool:
+        """Whether nothing can save the candidate."""
+        return self.failed or any(judged.verdict == Decision.FAIL for judged in self.decided.values())
+
+    def lost(self) -> list[Lost]:
+        """What is void, series by series."""
+        series = {id(question.series): question.series for question in self.asked}
+        return [series[key].lost(table) for key, table in self.results.items()]
+
+    def endings(self, who: Entrant) -> pl.Series:
+        """How the runs of one's cars ended."""
+        own = [table.filter(pl.col("entrant") == who.id)["ending"] for table in self.results.values()]
+        return pl.concat(own) if own else pl.Series(dtype=pl.String)
+
+    def faults(self, who: Entrant) -> int:
+        """How many of these by its fault."""
+        return int(self.endings(who).is_in(POLICY_FAULTS).sum())
 
 
 def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config: Config) -> GateReport:
@@ -103,11 +112,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
     for begin in range(0, max(question.series.most for question in cases[0].asked), settings.block):
         if not _round(run, cases, slice(begin, begin + settings.block), settings):
             break
-    races = sum(
-        table.select(pl.struct("match", "race").n_unique()).item()
-        for case in cases
-        for table in case.results.values()
-    )
+    tables = [table for case in cases for table in case.results.values()]
     return GateReport(
         champion=champion.name,
         champion_id=champion.id,
@@ -117,7 +122,11 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
         seed=config.seed,
         alpha=settings.alpha,
         beta=settings.beta,
-        races=races,
+        races=sum(table.select(pl.struct("match", "race").n_unique()).item() for table in tables),
+        void=sum(map(void_races, tables)),
+        champion_faults=sum(case.faults(champion) for case in cases),
+        champion_runs=sum(len(case.endings(champion)) for case in cases),
+        champion_also=champion.also,
         wall_s=round(time.perf_counter() - began, 1),
         versions=versions(),
         candidates=tuple(_gated(case, settings) for case in cases),
@@ -148,45 +157,78 @@ def _round(run: Run, cases: Sequence[_Case], units: slice, settings: GateSetting
 def _judge(case: _Case, settings: GateSettings) -> None:
     """Decide what can be decided."""
     for question in case.open:
-        judged = _judged(case, question)
+        judged = _judged(case, question, settings)
         if judged is not None and judged.verdict != Decision.CANNOT_TELL:
             case.decided[question.name] = judged
-    case.failed = case.faults()[0] > settings.max_faults
+    case.failed = case.faults(case.pair.candidate) > settings.max_faults
 
 
-def _judged(case: _Case, question: Question) -> Judged | None:
+def _judged(case: _Case, question: Question, settings: GateSettings) -> Judged | None:
     results = case.results.get(id(question.series))
-    return None if results is None else question.judge(results)
+    return None if results is None else question.answer(results, settings.breakdowns or 0.0)
 
 
 def _gated(case: _Case, settings: GateSettings) -> Gated:
-    faults, runs = case.faults()
-    counted = Finding(
+    findings = [_finding(case, question, settings) for question in case.asked]
+    # Where nothing is measured, nothing speaks for the candidate.
+    measured = together([finding.verdict for finding in findings if finding.set_aside is None])
+    counted = _faults(case, settings)
+    names = {one.id: one.name for one in case.pair}
+    not_judged = [one for lost in case.lost() for one in lost.not_judged]
+    not_judged.sort(key=lambda one: one.entrant != case.pair.candidate.id)
+    return Gated(
+        name=case.pair.candidate.name,
+        entrant=case.pair.candidate.id,
+        verdict=together([measured, counted.verdict]),
+        findings=(*findings, counted),
+        not_judged=voided(not_judged, names),
+        also=case.pair.candidate.also,
+    )
+
+
+def _faults(case: _Case, settings: GateSettings) -> Finding:
+    """The runs that ended by the candidate's fault; of most it has to be known how they ended."""
+    candidate, champion = case.pair
+    endings, faults = case.endings(candidate), case.faults(candidate)
+    void = int(endings.is_in(VOID_ENDINGS).sum())
+    verdict = Decision.CANNOT_TELL if void > MOST * len(endings) else Decision.PASS
+    notes = []
+    if void:
+        notes.append(f"{void} more runs are void")
+    if theirs := case.faults(champion):
+        notes.append(f"{theirs} of {len(case.endings(champion))} runs of the champion ended by its own fault")
+    return Finding(
         measure="faults",
         unit="in all",
         margin=None,
         difference=float(faults),
-        units=runs,
-        verdict=Decision.FAIL if faults > settings.max_faults else Decision.PASS,
-    )
-    findings = [*(_finding(case, question) for question in case.asked), counted]
-    asked = [finding.verdict for finding in findings if finding.set_aside is None]
-    return Gated(
-        name=case.pair.candidate.name,
-        entrant=case.pair.candidate.id,
-        verdict=together(asked),
-        findings=tuple(findings),
+        units=len(endings) - void,
+        void=void,
+        verdict=Decision.FAIL if faults > settings.max_faults else verdict,
+        note="; ".join(notes),
     )
 
 
-def _finding(case: _Case, question: Question) -> Finding:
+def _finding(case: _Case, question: Question, settings: GateSettings) -> Finding:
     plain = Finding(
         measure=question.name, unit=question.unit, margin=question.margin, most=question.series.most
     )
-    judged = case.decided.get(question.name) or _judged(case, question)
+    judged = case.decided.get(question.name) or _judged(case, question, settings)
     if judged is None:
         return plain.model_copy(update={"set_aside": "nothing of the kind is measured"})
+    if judged.verdict == Decision.CANNOT_TELL:
+        note = "; ".join(filter(None, (judged.note, _open(case, judged))))
+        judged = judged._replace(note=note)
     return plain.model_copy(update=judged._asdict())
+
+
+def _open(case: _Case, judged: Judged) -> str:
+    """Why there was no more to tell by; empty where its note says so already."""
+    if case.fails:
+        return "left open, as the candidate fails"
+    if judged.needed is not None:
+        return f"the budget is spent; if the difference stays as it is, about {judged.needed:,} units decide"
+    return "" if judged.note else "the budget is spent, and no number of units decides such a difference"
 
 
 def _questions(

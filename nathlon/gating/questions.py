@@ -7,7 +7,7 @@ would have shown one (`clean_sweep`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple
@@ -16,15 +16,12 @@ import numpy as np
 import polars as pl
 
 from nathlon.arena.decision import Decision
-from nathlon.arena.entrant import Entrant
-from nathlon.arena.match import TESTED, Match
-from nathlon.arena.results import VOID_ENDINGS
-from nathlon.arena.tested import BREAKDOWNS, entrant_rows
+from nathlon.arena.match import TESTED
+from nathlon.arena.tested import BREAKDOWNS, RACE, entrant_rows
+from nathlon.arena.voids import is_void
+from nathlon.gating.series import Pair, Series
 from nathlon.n_athlon.measures import Measure
 from nathlon.n_athlon.skill import Marks, Skill
-from nathlon.selection.round_robin import Fixture
-from nathlon.selection.run import GATE
-from nathlon.selection.trials import against
 from nathlon.tournament.completion import Completed, Completion, clean_sweep
 from nathlon.tournament.evidence import Evidence, appearances
 from nathlon.tournament.non_inferiority import NonInferiority, Sample, least_deviation
@@ -37,43 +34,27 @@ NO_LAP = BROKEN | pl.col("best_lap_s").is_null()
 """Likewise of a time trial, which wants a lap."""
 
 
-class Pair(NamedTuple):
-    """A candidate and whose place it would take."""
-
-    candidate: Entrant
-    champion: Entrant
-
-
-@dataclass(frozen=True)
-class Series:
-    """Matches whose results answer some questions; the same ones never run twice.
-
-    Attributes:
-        most: units or runs in all.
-        matches: those of some of the units.
-    """
-
-    most: int
-    matches: Callable[[slice], list[Match]]
-
-
 class Judged(NamedTuple):
     """What the units of a question so far come to.
 
     Attributes:
         verdict: on it.
-        difference: as measured, more being better.
+        difference: as measured, more being better; None where nothing was.
         low, high: its bounds, which hold at all looks together; None where they are not known.
         units: of evidence.
         note: a sentence on what the verdict rests on, or does not; empty where there is nothing to say.
+        needed: units that would decide, if the difference stays as it is; None where that is not known.
+        void: units that count for nobody.
     """
 
     verdict: Decision
-    difference: float
+    difference: float | None
     low: float | None
     high: float | None
     units: int
     note: str = ""
+    needed: int | None = None
+    void: int = 0
 
 
 @dataclass(frozen=True)
@@ -92,6 +73,26 @@ class Question:
     margin: float
     series: Series
     judge: Callable[[pl.DataFrame], Judged | None]
+
+    def answer(self, results: pl.DataFrame, spare: float) -> Judged | None:
+        """What the results come to, void units among them; None where nothing is measured.
+
+        Void units may hide what the candidate would have lost. So it does not pass where it may have voided
+        more than a share of them, and nothing is said where most of one's units are void.
+
+        Args:
+            results: RESULTS of the series.
+            spare: the share.
+        """
+        said, lost = self.judge(results), self.series.lost(results)
+        if lost.not_judged or (said is None and lost.units and lost.void == lost.units):
+            return Judged(Decision.CANNOT_TELL, None, None, None, 0, lost.sentence(spare), void=lost.void)
+        if said is None or not lost.void:
+            return said
+        note = "; ".join(filter(None, (said.note, lost.sentence(spare))))
+        if said.verdict == Decision.PASS and lost.hides(spare):
+            said = said._replace(verdict=Decision.CANNOT_TELL)
+        return said._replace(note=note, void=lost.void)
 
 
 @dataclass(frozen=True)
@@ -123,35 +124,9 @@ class Errors:
 def mean_judged(test: NonInferiority, sample: Sample, note: str = "") -> Judged:
     """What a mean of differences comes to."""
     low, high = test.interval(sample)
-    return Judged(test.verdict(sample), sample.mean, low, high, round(sample.units), note)
-
-
-def race_series(fixtures: Sequence[Fixture], most: int) -> Series:
-    """Mirrored races of the two against each other."""
-    return Series(
-        most, lambda units: [made.match(units, GATE) for made in fixtures if made.meeting.seeds[units]]
-    )
-
-
-def trial_series(
-    scenario: str,
-    pair: Pair,
-    opponents: Sequence[str],
-    slots: Sequence[int],
-    seeds: Sequence[int],
-    in_order: bool = False,
-) -> Series:
-    """The same runs of both, one after the other, each among the same opponents."""
-
-    def matches(units: slice) -> list[Match]:
-        begin = units.start % len(slots)
-        turned = [*slots[begin:], *slots[:begin]]
-        return [
-            against(GATE, scenario, scenario, entrant, opponents, turned, seeds[units], in_order)
-            for entrant in (pair.candidate, pair.champion)
-        ]
-
-    return Series(len(seeds), matches)
+    verdict = test.verdict(sample)
+    needed = test.needed(sample) if verdict == Decision.CANNOT_TELL else None
+    return Judged(verdict, sample.mean, low, high, round(sample.units), note, needed)
 
 
 def points_question(
@@ -207,6 +182,9 @@ def completion_question(
 ) -> Question:
     """In how many of its runs the candidate breaks down, and whether more often than the champion.
 
+    A run that it has voided, and the champion has not, may be one more: it counts as a breakdown for what is
+    ruled out, and for nothing else.
+
     Args:
         rate: of breakdowns that matters, a share of the runs.
         broken: whether a row of RESULTS is such a run.
@@ -216,29 +194,46 @@ def completion_question(
     def judge(results: pl.DataFrame) -> Judged | None:
         ours, theirs = (_runs(results, entrant.id, broken.alias("broken")) for entrant in pair)
         both = ours.join(theirs, on="seed", suffix="_theirs")
-        if both.is_empty():
+        doubtful = both.filter(pl.col("void"), ~pl.col("void_theirs")).height
+        whole = both.filter(~pl.col("void"), ~pl.col("void_theirs"))
+        if whole.is_empty():
             return None
-        mine, other = both["broken"], both["broken_theirs"]
+        mine, other = whole["broken"], whole["broken_theirs"]
         seen = Completed(
-            both.height, int((mine & other).sum()), int((mine & ~other).sum()), int((~mine & other).sum())
+            whole.height, int((mine & other).sum()), int((mine & ~other).sum()), int((~mine & other).sum())
         )
-        out = test.ruled_out(seen)
+        feared = seen._replace(runs=seen.runs + doubtful, alone=seen.alone + doubtful)
+        verdict = test.verdict(seen)
+        if verdict == Decision.PASS and test.verdict(feared) != Decision.PASS:
+            verdict = Decision.CANNOT_TELL
+        out = test.ruled_out(feared)
         return Judged(
-            test.verdict(seen),
+            verdict,
             -100.0 * seen.broken / seen.runs,
             None if out is None else -100.0 * out,
             None,
-            seen.runs,
-            completion_note(seen, test, out),
+            feared.runs,
+            completion_note(seen, doubtful, verdict, test, out),
         )
 
     return Question(name, "in % of runs", 100.0 * rate, series, judge)
 
 
-def completion_note(seen: Completed, test: Completion, ruled_out: float | None) -> str:
-    """What the runs of a completion question can say, and what they cannot."""
-    verdict = test.verdict(seen)
+def completion_note(
+    seen: Completed, doubtful: int, verdict: Decision, test: Completion, ruled_out: float | None
+) -> str:
+    """What the runs of a completion question can say, and what they cannot.
+
+    Args:
+        seen: runs that are not void.
+        doubtful: runs that the candidate may have voided.
+        verdict: on both.
+        test: of them.
+        ruled_out: the least rate of breakdowns that is.
+    """
     told = f"it broke down in {seen.broken} of {seen.runs} runs, the champion in {seen.others_broken}"
+    if doubtful:
+        told += f"; {doubtful} void runs of its own may be breakdowns too"
     if verdict == Decision.PASS:
         return f"{told}; a rate of breakdowns above {100 * (ruled_out or 0.0):.1f} % is ruled out"
     if verdict == Decision.FAIL:
@@ -246,9 +241,13 @@ def completion_note(seen: Completed, test: Completion, ruled_out: float | None) 
     if seen.others_broken >= test.rate * seen.runs:
         return f"{told}: it cannot be judged by a champion that breaks down itself"
     sweep = clean_sweep(test.rate, test.alpha)
-    if seen.runs < sweep:
+    runs, broken = seen.runs + doubtful, seen.broken + doubtful
+    if runs < sweep:
         return f"{told}; fewer than {sweep} runs cannot rule out {100 * test.rate:g} %"
-    return f"{told}; {100 * test.rate:g} % are not ruled out"
+    told = f"{told}; {100 * test.rate:g} % are not ruled out"
+    if broken >= test.rate * runs:
+        return told
+    return f"{told} before {test.needed(broken)} runs without a further breakdown"
 
 
 def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Question:
@@ -263,7 +262,7 @@ def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Q
 
     def judge(results: pl.DataFrame) -> Judged | None:
         ours, theirs = (_runs(results, one.id, pl.col("best_lap_s"), NO_LAP.alias("broken")) for one in pair)
-        both = ours.join(theirs, on="seed", suffix="_theirs")
+        both = ours.join(theirs, on="seed", suffix="_theirs").filter(~pl.col("void"), ~pl.col("void_theirs"))
         whole = both.filter(~pl.col("broken"), ~pl.col("broken_theirs"))
         if whole.is_empty():
             return None
@@ -279,12 +278,11 @@ def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Q
 
 
 def _runs(results: pl.DataFrame, entrant: str, *columns: pl.Expr) -> pl.DataFrame:
-    """Some columns of the valid runs of one under test, after `seed`."""
+    """Some columns of the runs of one under test, after `seed`, and whether each is `void`."""
     own = results.filter(pl.col("match").is_in(_tested(results, entrant)))
-    void = own.filter(pl.col("ending").is_in(VOID_ENDINGS)).select("match", "race")
-    return (
-        entrant_rows(own).join(void, on=["match", "race"], how="anti").select("seed", *columns).sort("seed")
-    )
+    void = own.filter(is_void()).select(*RACE, void=True).unique()
+    runs = entrant_rows(own).join(void, on=RACE, how="left")
+    return runs.select("seed", *columns, pl.col("void").fill_null(value=False)).sort("seed")
 
 
 def _tested(results: pl.DataFrame, entrant: str) -> list[str]:

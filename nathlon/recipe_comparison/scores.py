@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ import polars as pl
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
+from nathlon.arena.voids import not_judged_by_meetings, units_met
 from nathlon.recipe_comparison.grouping import Attempt
 from nathlon.reports.recipes import SCORES
 from nathlon.selection.config import Config
@@ -47,6 +48,9 @@ def score(
 ) -> pl.DataFrame:
     """Race every checkpoint of some training runs in every task: SCORES.
 
+    Whoever has most of its units in a race void has no points in it, and nobody has any against such a
+    reference.
+
     Raises:
         InputError: if there is no reference, or nothing that two teams race.
     """
@@ -57,6 +61,7 @@ def score(
         for one, match in _matches(run, list(checkpoints.values()), task).items()
     }
     results = run.results(STAGE, list(matches.values()))
+    not_judged = {(one.entrant, one.test) for one in not_judged_by_meetings(results)}
     frames = {str(key): frame for (key,), frame in results.partition_by("match", as_dict=True).items()}
     rows = [
         {
@@ -66,7 +71,7 @@ def score(
             "entrant": one.id,
             "name": one.name,
             "task": task,
-            **_figures(frames[match.key], one.id),
+            **_figures(frames[match.key], one.id, not_judged),
         }
         for attempt in attempts
         for one in attempt.checkpoints
@@ -112,21 +117,34 @@ def _matches(run: Run, checkpoints: Sequence[Entrant], task: Task) -> dict[str, 
     }
 
 
-def _figures(results: pl.DataFrame, entrant: str) -> dict[str, float | int | None]:
-    """What a checkpoint made of its units against a reference."""
+def _figures(
+    results: pl.DataFrame, entrant: str, not_judged: Container[tuple[str, str]]
+) -> dict[str, float | int | bool | None]:
+    """What a checkpoint made of its units against a reference.
+
+    Args:
+        results: RESULTS of their match.
+        entrant: id of the checkpoint.
+        not_judged: ids of those of whom nothing is said, with the race's name.
+    """
     seen = appearances(results)
     points = pl.col("points")
     by_unit = seen.group_by(*UNIT, maintain_order=True).agg(
         gap=points.filter(pl.col("entrant") == entrant).sum()
         - points.filter(pl.col("entrant") != entrant).sum()
     )["gap"]
+    met = units_met(results)
+    void = met.filter("void").select("match", "run").unique().height
+    judged = not any(pair in not_judged for pair in met.select("entrant", "test").unique().iter_rows())
     own = seen.filter(pl.col("entrant") == entrant).sum()
-    km = own["km"].item() or None
+    some = judged and len(by_unit) > 0
     return {
         "units": len(by_unit),
-        "points": by_unit.mean() if len(by_unit) else None,
-        "error": by_unit.std() / len(by_unit) ** 0.5 if len(by_unit) > 1 else None,
+        "void": void,
+        "judged": some,
+        "points": by_unit.mean() if some else None,
+        "error": by_unit.std() / len(by_unit) ** 0.5 if some and len(by_unit) > 1 else None,
         "contacts": own["contacts"].item(),
         "at_fault": own["at_fault"].item(),
-        "km": km,
+        "km": own["km"].item() or None,
     }

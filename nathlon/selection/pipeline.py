@@ -15,7 +15,7 @@ import polars as pl
 
 from nathlon.arena.entrant import Entrant, entrants_table
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
-from nathlon.arena.voids import NotJudged
+from nathlon.arena.voids import NotJudged, most_void
 from nathlon.arena.worlds.registry import load_world
 from nathlon.committee import ask
 from nathlon.committee.decision import Decision
@@ -26,7 +26,7 @@ from nathlon.pareto.filter import run_filter
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import is_still
 from nathlon.reports.forecast import Forecast
-from nathlon.reports.summary import Sent, SetAside, Summary, TestMarks, ranked, versions, voided
+from nathlon.reports.summary import MostVoid, Sent, SetAside, Summary, TestMarks, ranked, versions, voided
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
 from nathlon.selection.forecasting import earlier, effect, forecast, habits_of
@@ -144,7 +144,8 @@ def _summary(
     others = tables["ranking"].height - references
     world = load_world(config.world)
     by_score = not world.circuits and all(world.setup(name).points == "score" for name in world.scenarios)
-    endings = run.store.results_of_run(run.name)["ending"]
+    results = run.store.results_of_run(run.name)
+    endings = results["ending"]
     names = {entrant.id: entrant.name for entrant in field.entrants}
     return Summary(
         stages=tuple(run.stages),
@@ -171,6 +172,7 @@ def _summary(
         faults=int(endings.is_in(POLICY_FAULTS).sum()),
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         not_judged=voided(not_judged, names),
+        most_void=_most_void(results, names),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
         gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
         notes=field.notes,
@@ -179,3 +181,11 @@ def _summary(
         },
         stages_set_aside=stages_set_aside,
     )
+
+
+def _most_void(results: pl.DataFrame, names: dict[str, str]) -> MostVoid | None:
+    found = most_void(results, names)
+    if found is None:
+        return None
+    entrant, void, races = found
+    return MostVoid(name=names[entrant], entrant=entrant, void=void, races=races)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from nathlon.arena.match import TESTED, Match
 from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.tested import BREAKDOWNS, entrant_rows
+from nathlon.arena.voids import MOST
 from nathlon.arena.worlds.registry import home
 from nathlon.n_athlon.measures import Measure, Row, measured
 from nathlon.selection.run import MATRIX, Run
@@ -45,27 +46,52 @@ class Driven(NamedTuple):
 
 
 @dataclass
+class Void:
+    """Void runs of a cell.
+
+    Attributes:
+        starts: from which both have driven, or should have.
+        policy, baseline: runs of each that are void.
+    """
+
+    starts: int = 0
+    policy: int = 0
+    baseline: int = 0
+
+    @property
+    def hides(self) -> bool:
+        """Whether most runs of one of the two are void: the rest says nothing of it."""
+        return max(self.policy, self.baseline) > MOST * self.starts
+
+
+@dataclass
 class Driving:
     """All runs so far.
 
     Attributes:
         measures: by name.
-        runs: by cell, those of the screening and of the confirmation.
+        runs: by cell, those of the screening and of the confirmation that are void for neither.
+        void: by cell, those that are.
     """
 
     measures: Mapping[str, Measure]
     runs: dict[Cell, tuple[list[Driven], list[Driven]]] = field(default_factory=dict)
+    void: dict[Cell, Void] = field(default_factory=dict)
 
     def differences(
         self, cells: Sequence[Cell], measure: str, phases: Iterable[int] = (SCREENING, CONFIRMATION)
     ) -> NDArray[np.float64]:
         """(cells, runs) how much worse the policy was, NaN where one of the two set no mark.
 
-        Relative measures in shares of the baseline's mean mark in the cell.
+        Cells in which most runs of one of the two are void have nothing but NaN. Relative
+        measures in shares of the baseline's mean mark in the cell.
         """
         how, phases = self.measures[measure], tuple(phases)
-        rows = []
+        rows: list[list[float]] = []
         for cell in cells:
+            if self.void[cell].hides:
+                rows.append([])
+                continue
             base = self.marks(cell, measure)[1] if how.relative else 1.0
             rows.append(
                 [
@@ -113,7 +139,9 @@ def begin(plan: Plan, measures: Iterable[str]) -> Driving:
     """
     world = home(next(iter(plan.pairs.values())).policy)
     return Driving(
-        {name: measured(name, world) for name in measures}, {cell: ([], []) for cell in plan.cells}
+        {name: measured(name, world) for name in measures},
+        {cell: ([], []) for cell in plan.cells},
+        {cell: Void() for cell in plan.cells},
     )
 
 
@@ -151,10 +179,16 @@ def drive(
     frames = {str(key): frame for (key,), frame in results.partition_by("match", as_dict=True).items()}
     for setting, here, both in made:
         policy, baseline = (_marks(frames[match.key], driving.measures) for match in both)
-        for race in sorted(policy.keys() & baseline.keys()):
+        for race in range(len(both[0].races)):
+            cell = Cell(setting, here[race % len(here)])
+            lost = driving.void[cell]
+            lost.starts += 1
+            lost.policy += race not in policy
+            lost.baseline += race not in baseline
+            if race not in policy or race not in baseline:
+                continue
             (policy_marks, policy_broke), (baseline_marks, baseline_broke) = policy[race], baseline[race]
             marks = {name: (policy_marks[name], baseline_marks[name]) for name in driving.measures}
-            cell = Cell(setting, here[race % len(here)])
             driving.runs[cell][phase].append(Driven(both, race, marks, (policy_broke, baseline_broke)))
 
 

@@ -86,6 +86,8 @@ def run_matrix(run: Run, plan: Plan, config: Config) -> tuple[MatrixReport, Matr
         ) from None
     drive(run, plan, driving, plan.settings(), SCREENING, slice(0, asked.runs), asked.opponents)
     margins = {name: margin for name, margin in asked.margins.items() if _is_measured(plan, driving, name)}
+    if all(lost.hides for lost in driving.void.values()):
+        margins = dict(asked.margins)  # nobody knows what would be measured
     if not margins:
         raise InputError("section matrix: margins: nothing of the kind is measured here")
     matrix = Matrix(plan, driving, margins)
@@ -104,6 +106,8 @@ def estimates(matrix: Matrix, measure: str) -> Shrunk:
     differences = matrix.driving.differences(cells, measure)
     known = np.isfinite(differences).any(axis=1)
     mean, error = np.full((2, len(cells)), np.nan)
+    if not known.any():
+        return Shrunk(mean, error)
     some = differences[known]
     here = shrink(np.nanmean(some, axis=1), variances_of_means(some), _levels(cells)[known])
     mean[known], error[known] = here
@@ -177,6 +181,7 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         for how in [matrix.driving.measures[name]]
     )
     completed = matrix.driving.completed()
+    lost = list(matrix.driving.void.values())
     idle = [name for name in config.matrix.margins if name not in matrix.margins]
     return MatrixReport(
         policy=pair.policy.name,
@@ -188,6 +193,9 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         false_discovery_rate=config.matrix.false_discovery_rate,
         screening_runs=config.matrix.runs,
         runs=2 * sum(len(screening) + len(fresh) for screening, fresh in driven),
+        starts=sum(one.starts for one in lost),
+        policy_void=sum(one.policy for one in lost),
+        baseline_void=sum(one.baseline for one in lost),
         policy_broken=completed.broken,
         baseline_broken=completed.others_broken,
         breaks_more=breaks_more(completed.alone, completed.other) >= 1 / config.matrix.false_discovery_rate,
@@ -207,7 +215,7 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
         for measure, name in enumerate(matrix.margins):
             mean, error = float(shrunk[measure].mean[number]), float(shrunk[measure].error[number])
             known = bool(np.isfinite(mean))
-            policy, baseline = matrix.driving.marks(cell, name)
+            policy, baseline = matrix.driving.marks(cell, name) if known else (None, None)
             findings.append(
                 Finding(
                     worse=mean if known else None,
@@ -219,6 +227,7 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
                 )
             )
         screening, fresh = matrix.driving.runs[cell]
+        lost = matrix.driving.void[cell]
         yield CellReport(
             circuit=cell.setting.circuit,
             car=cell.setting.car,
@@ -227,6 +236,9 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
             delay_s=cell.setting.delay_s,
             place=cell.place,
             runs=len(screening) + len(fresh),
+            policy_void=lost.policy,
+            baseline_void=lost.baseline,
+            judged=not lost.hides,
             policy_broken=sum(one.broken[0] for one in (*screening, *fresh)),
             baseline_broken=sum(one.broken[1] for one in (*screening, *fresh)),
             findings=tuple(findings),

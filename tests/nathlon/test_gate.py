@@ -12,6 +12,7 @@ import nathlon
 from nathlon.arena.decision import Decision
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
+from tests import planted_laps
 from tests.command_line import nathlon as command
 
 QUICK = """
@@ -76,8 +77,24 @@ def test_a_skill_test_may_decide(tmp_path: Path) -> None:
 
 
 def test_the_champion_is_no_candidate(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="only candidate"):
+    with pytest.raises(InputError, match="driver: is the champion itself"):
         nathlon.gate("driver", "driver", tmp_path / "out", config=configuration(tmp_path), progress=False)
+
+
+def test_files_with_the_same_contents_are_said(tmp_path: Path) -> None:
+    planted = f"{planted_laps.__file__}:PLANTED"
+    config = tmp_path / "laps.toml"
+    config.write_text(f"world = {json.dumps(planted)}\nworkers = 1\n[pareto]\ntime_trial = 'solo'\n")
+    for name in ("old", "new", "twin", "copy"):
+        (tmp_path / f"{name}.onnx").write_text("old" if name in ("old", "copy") else "new")
+    old, new, twin, copy = (str(tmp_path / f"{name}.onnx") for name in ("old", "new", "twin", "copy"))
+    with pytest.raises(InputError, match=rf"{old}, {copy}: is the champion itself"):
+        nathlon.gate([old, copy], old, tmp_path / "out", config=config, progress=False)
+    result = nathlon.gate([old, copy, new, twin], old, tmp_path / "out", config=config, progress=False)
+    assert result.report.remarks == [
+        f"Same file as new: {twin}.",
+        f"Same file as the champion old, left out: {old}, {copy}.",
+    ]
 
 
 def test_wrong_settings_are_one_sentence(tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ def scores_of(**recipes: list[list[float]]) -> pl.DataFrame:
         {
             "recipe": recipe, "run": f"seed {seed}", "step": 1000 * step, "entrant": f"{recipe}{seed}{step}",
             "name": f"{recipe}-{seed}-{step}", "task": "4v4", "units": 8, "points": points, "error": 0.5,
-            "contacts": 4, "at_fault": seed, "km": 10.0,
+            "contacts": 4, "at_fault": seed, "km": 10.0, "void": 0, "judged": True,
         }
         for recipe, runs in recipes.items()
         for seed, run in enumerate(runs, 1)

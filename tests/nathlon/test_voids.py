@@ -128,6 +128,7 @@ def test_whoever_voids_most_of_its_finals_is_not_sent_and_the_others_are_judged(
     told = verdict(selection)
     assert told.headline == "Send two, though all could not be judged"
     assert "could not be judged: all (" in told.sentences[-1]
+    assert told.sentences[-1].endswith(" pairs in the round robin).")
 
 
 def test_whoever_cannot_be_filtered_or_tested_goes_no_further(tmp_path: Path) -> None:
@@ -146,6 +147,28 @@ def test_a_few_void_episodes_are_told_and_nobody_is_left_out(tmp_path: Path) -> 
     told = verdict(selection)
     assert told.headline == "Send all"
     assert told.sentences[-1].endswith("car runs are void and count for nobody.")
+
+
+def test_whoever_has_most_void_episodes_is_named(tmp_path: Path) -> None:
+    selection, _ = selected(
+        tmp_path, lambda _, names: pl.col("race") % 3 == 0 if names[0] == "none" else NOTHING
+    )
+    most = selection.summary.most_void
+    assert most is not None
+    assert most.name == "none"
+    assert (
+        verdict(selection)
+        .sentences[-1]
+        .endswith(f" count for nobody, most often for none: {most.void} of its {most.races} episodes.")
+    )
+
+
+def test_the_only_finalist_rests_on_its_tests(tmp_path: Path) -> None:
+    selection, _ = selected(tmp_path, lambda stage, names: ALL if names[0] in NAMES[1:] else NOTHING)
+    said = verdict(selection).sentences[1]
+    assert said.startswith("It was the only finalist: the choice rests on its ")
+    assert "episodes of the filter and" in said
+    assert said.endswith(" episodes of the n-athlon.")
 
 
 def test_what_the_machine_interrupted_is_run_again_and_not_kept(tmp_path: Path) -> None:

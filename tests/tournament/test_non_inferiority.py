@@ -117,3 +117,13 @@ def test_all_must_pass() -> None:
     assert together([yes, open_]) == open_
     assert together([yes, open_, no]) == no
     assert together([]) == open_
+
+
+@pytest.mark.parametrize("mean", [0.3, 0.0, -0.2, -0.4, -0.6])
+def test_it_says_after_how_many_such_units_it_decides(mean: float) -> None:
+    needed = TEST.needed(Sample(20, mean, 2.0))
+    assert needed is not None
+    assert TEST.verdict(Sample(needed, mean, 2.0)) != Decision.CANNOT_TELL
+    assert TEST.verdict(Sample(needed - 1, mean, 2.0)) == Decision.CANNOT_TELL
+    assert TEST.needed(Sample(2, mean, 2.0)) is None
+    assert TEST.needed(Sample(20, -0.25, 2.0)) is None, "midway no number decides"
