@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.watch import Watch
-from nathlon.policies.apart import TimedOutError
 from nathlon.policies.checkpoint import NetworkPolicy
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.isolation import Apart
+from nathlon.policies.patience import TimedOutError
 from nathlon.policies.planning import Mppi, decide
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources.human import Person

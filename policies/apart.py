@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.child import Child, ChildError, LateError
 from nathlon.policies.load import load_policy
-from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S
+from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S, TimedOutError
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources import COMPOSITE, PLUGIN, suffix_of
 from nathlon.sim.errors import InputError
@@ -19,10 +19,6 @@ from nathlon.sim.process import command_of
 
 if TYPE_CHECKING:
     from nathlon.sim.wire import Arrays
-
-
-class TimedOutError(InputError):
-    """A policy has not answered in time."""
 
 
 def is_guest(name: str) -> bool:

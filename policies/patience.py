@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from nathlon.sim.errors import InputError
 from nathlon.sim.process import scheduled
 
 ANSWER_S = 10.0
@@ -16,6 +17,10 @@ WORLD_ANSWER_S = 60.0
 """One that has not made a step for so long hangs."""
 LOOK_S = 1.0
 """Between two looks at a process, at most."""
+
+
+class TimedOutError(InputError):
+    """A policy has not answered in time."""
 
 
 class Waiting:

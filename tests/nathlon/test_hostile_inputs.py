@@ -297,7 +297,7 @@ def test_commands_refuse_spoilt_files(tmp_path: Path, arguments: tuple[str, ...]
 
 
 @pytest.mark.parametrize(
-    "name", ["", ",", "a,a", "\x1b[2J", "\0", "x" * 1_000_000, "\udcff", "../..", "nan", "\n", "rule:x"]
+    "name", [",", "a,a", "\x1b[2J", "\0", "x" * 1_000_000, "\udcff", "../..", "nan", "\n", "rule:x"]
 )
 def test_the_committee_takes_any_words(tmp_path: Path, name: str) -> None:
     store = tmp_path / "store.sqlite"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,14 @@ from tests.command_line import refused
 WORLD = f"{planted_cells.__file__}:PLANTED"
 REPOSITORY = Path(__file__).parent.parent.parent
 SPECIALIST = REPOSITORY / "policies" / "bundled" / "lindenring" / "lindenring-again-056k.safetensors"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_path() -> Iterator[None]:
+    """The world's neighbours are not for other tests: one is called `cuda`, as a package of PyTorch's."""
+    before = sys.path[:]
+    yield
+    sys.path[:] = before
 
 
 @pytest.fixture

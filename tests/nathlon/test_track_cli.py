@@ -55,8 +55,8 @@ def test_a_shipped_circuit_is_shown_by_name(tmp_path: Path) -> None:
 def test_what_cannot_be_shown_is_one_sentence(tmp_path: Path) -> None:
     for arguments, words in (
         (["monza"], "circuit 'monza' is unknown"),
-        (["lindenring", "--out", str(tmp_path)], "is a folder, expected the name of a picture"),
-        (["lindenring", "--out", str(tmp_path / "no" / "map.png")], "map.png: the map cannot be written"),
+        (["lindenring", "--out", str(tmp_path)], "is a folder, expected a file to write"),
+        (["lindenring", "--out", str(tmp_path / "no" / "map.png")], "map.png: cannot be written"),
     ):
         with pytest.raises(InputError, match=words):
             CliRunner().invoke(app, ["track", "show", *arguments], catch_exceptions=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import subprocess
 import sys
@@ -234,7 +235,7 @@ def test_training_says_whose_fault_it_is(tmp_path: Path) -> None:
     config.write_text(TOML.replace('opponents = ["driver"]', 'opponents = ["plugin:exits"]'))
     done = command("train", config, "--out", tmp_path / "run", "--json", cwd=tmp_path)
     refused(done, "nathlon: plugin:exits: ended its process")
-    assert done.stdout == ""
+    assert json.loads(done.stdout) == {"error": "plugin:exits: ended its process", "code": 2}
 
 
 def test_what_it_prints_is_no_output_of_ours(site: Path) -> None:
