@@ -179,7 +179,7 @@ def repeated(confidence: float, looks: int) -> float:
     looks come after equal shares of the units, and all intervals have the same confidence (Pocock,
     Biometrika 64, 1977).
     """
-    return float(2 * ndtr(brentq(lambda c: _all_within(c, looks) - confidence, 1.0, 10.0)) - 1)
+    return float(2 * ndtr(brentq(lambda c: _all_within(c, looks) - confidence, 0.1, 10.0)) - 1)
 
 
 def _all_within(bound: float, looks: int) -> float:

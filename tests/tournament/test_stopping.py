@@ -193,3 +193,10 @@ def test_repeated_intervals_have_pococks_bounds() -> None:
     bounds = {looks: ndtri((1 + repeated(0.95, looks)) / 2) for looks in (1, 2, 3, 4, 5, 10)}
     published = {1: 1.960, 2: 2.178, 3: 2.289, 4: 2.361, 5: 2.413, 10: 2.555}
     assert bounds == pytest.approx(published, abs=0.001)
+
+
+@pytest.mark.parametrize("confidence", [0.2, 0.6])
+def test_one_look_has_the_confidence_that_is_asked_for(confidence: float) -> None:
+    """A gate may be as bold as alpha 0.4."""
+    assert repeated(confidence, 1) == pytest.approx(confidence)
+    assert repeated(confidence, 24) > confidence
