@@ -67,7 +67,7 @@ def digest_of(facts: Mapping[str, Any]) -> str:
 def check_place(facts: Any, where: str) -> None:
     """Raise an InputError for surroundings that do not say where matches are raced."""
     if not isinstance(facts, dict) or not all(isinstance(facts.get(name), str) for name in PLACE):
-        raise InputError(f"{where}: damaged surroundings, expected them to name {', '.join(PLACE)}")
+        raise InputError(f"{where}: are damaged, expected them to name {', '.join(PLACE)}")
 
 
 def check_entry(entry: Queued, facts: Mapping[str, Any], where: str) -> None:

@@ -15,7 +15,7 @@ from nathlon.arena.entrance import check_world
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue import Taker, difference
-from nathlon.arena.queue_entry import check_place, digest_of
+from nathlon.arena.queue_entry import KEY_SHOWN, check_place, digest_of
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import RACING
 from nathlon.sim.errors import InputError
@@ -121,7 +121,7 @@ class Abilities:
     def _prepare(self, digest: str) -> None:
         """Make ready for matches of some surroundings, or raise an InputError: they cannot be run here."""
         facts = self._store.surroundings(digest)
-        check_place(facts, self._store.name)
+        check_place(facts, f"{self._store.name}: surroundings {digest[:KEY_SHOWN]!r}")
         world, where = facts["world"], f"{self._store.name}: scenario {facts['scenario']!r}"
         if world not in self._worlds:
             raise InputError(

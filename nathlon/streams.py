@@ -53,11 +53,27 @@ class Stream:
 class Results(Stream):
     """Standard output."""
 
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__(stream)
+        self._lost: InputError | None = None
+
+    def flush(self) -> None:
+        """See `TextIO.flush`.
+
+        Raises:
+            InputError: if something has been lost; also if whoever wrote it took no notice.
+        """
+        super().flush()
+        lost, self._lost = self._lost, None
+        if lost:
+            raise lost
+
     def on_lost(self, error: OSError) -> None:
         """Raise InputError."""
-        raise InputError(
+        self._lost = InputError(
             f"standard output: cannot be written: {error.strerror}; expected room, and a reader that stays"
-        ) from None
+        )
+        raise self._lost from None
 
 
 @contextmanager

@@ -283,7 +283,7 @@ def test_surroundings_that_are_none_stop_no_worker(
     with Store(target) as store:
         post(store, duels(world, tmp_path / "here"))
         change(target, sa.text("UPDATE surroundings SET facts = :facts"), facts=facts)
-        with refused("damaged surroundings"):
+        with refused("are damaged, expected them to name"):
             work_through(store, pool, world)
 
 
