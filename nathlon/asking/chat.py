@@ -124,7 +124,9 @@ class Endpoint(NamedTuple):
         url = httpx.URL(self.url)
         url = url.copy_with(path=f"{url.path.rstrip('/')}/chat/completions")
         with anyio.fail_after(PATIENCE_S):
-            async with httpx.AsyncClient(headers=headers, timeout=None) as client:
+            # One that a server is about to close must not be used for the next try.
+            fresh = httpx.Limits(max_keepalive_connections=0)
+            async with httpx.AsyncClient(headers=headers, timeout=None, limits=fresh) as client:
                 for attempt in range(TRIES):
                     async with client.stream("POST", url, json=content) as response:
                         body = await self._read(response)
