@@ -21,7 +21,7 @@ MOST_BYTES = 1 << 29
 """Size of a file, and of all that is packed in it."""
 
 POINTER = b"version https://git-lfs.github.com/spec/"
-"""What stands in place of a file that git-lfs has not fetched begins with; see
+"""How the pointer begins that stands for a file which git-lfs has not fetched; see
 https://github.com/git-lfs/git-lfs/blob/main/docs/spec.md."""
 
 _LONGEST_REASON = 300

@@ -47,8 +47,6 @@ def draw_map(track: Track, path: Path) -> None:
     Raises:
         InputError: if the picture cannot be written.
     """
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder, expected the name of a picture")
     # A dollar sign in a name begins no formula.
     with matplotlib.rc_context({"text.parse_math": False}):
         figure = _drawn(track)
