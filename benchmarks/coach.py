@@ -39,21 +39,21 @@ from benchmarks.result import write_result
 from benchmarks.time_trial import drive_alone
 from nathlon.arena.entrant import enter
 from nathlon.arena.race_log import RaceLog
-from nathlon.coaching.coach import Coach
-from nathlon.coaching.lap import Lap
-from nathlon.coaching.lap import laps_of as laps_driven
-from nathlon.coaching.parts import Part, parts_of
-from nathlon.coaching.reference import Reference
-from nathlon.driving.finalists import champions
+from nathlon.lab.coach.coach import Coach
+from nathlon.lab.coach.lap import Lap
+from nathlon.lab.coach.lap import laps_of as laps_driven
+from nathlon.lab.coach.parts import Part, parts_of
+from nathlon.lab.coach.reference import Reference
+from nathlon.lab.drive.finalists import champions
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.driver import Driver
 from nathlon.policies.training.coached import read_coach
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.trainer import Trainer
-from nathlon.progress import progress_bars
 from nathlon.sim.errors import InputError
 from nathlon.terminal import say
+from nathlon.terminal.progress import progress_bars
 
 GOAL = 0.9
 """Share of planted faults that are to be the first cause."""

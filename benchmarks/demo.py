@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.result import write_result
-from nathlon.reports.summary import Summary, read_summary
+from nathlon.results.summary import Summary, read_summary
 
 HERE = Path(__file__).parent.parent
 VERDICT = "Sent "

@@ -29,15 +29,15 @@ from benchmarks.scripted_drivers import WHEEL, ScriptedDriver, Style
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.recorder import record_races
 from nathlon.arena.runner import run_match
-from nathlon.driving.aids import AidedCar, Aids
-from nathlon.driving.choice import Choice, Offer, Plan, plan
-from nathlon.driving.difficulty import Difficulty, field
-from nathlon.driving.heat import Driven
-from nathlon.driving.keeping import keep
+from nathlon.lab.drive.aids import AidedCar, Aids
+from nathlon.lab.drive.choice import Choice, Offer, Plan, plan
+from nathlon.lab.drive.difficulty import Difficulty, field
+from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.keeping import keep
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.human import Person
 from nathlon.policies.temper import TEMPERS
-from nathlon.publishing.output import OutputFolder
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.car import load_car
 from nathlon.sim.world import World
 

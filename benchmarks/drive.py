@@ -30,13 +30,13 @@ from websockets.typing import Origin
 
 from benchmarks.result import write_result
 from benchmarks.scripted_drivers import KEYS, UNAIDED, WHEEL, built_in_driver_alone, drive_alone
-from nathlon.driving.choice import Choice, Offer
-from nathlon.driving.desk import INPUT
-from nathlon.driving.finalists import champions
-from nathlon.driving.frames import HEAD, RACING
-from nathlon.driving.room import Room
-from nathlon.driving.server import DriveServer, serve_drives
-from nathlon.publishing.output import OutputFolder
+from nathlon.lab.drive.choice import Choice, Offer
+from nathlon.lab.drive.desk import INPUT
+from nathlon.lab.drive.finalists import champions
+from nathlon.lab.drive.frames import HEAD, RACING
+from nathlon.lab.drive.room import Room
+from nathlon.lab.drive.server import DriveServer, serve_drives
+from nathlon.selection.publish.output import OutputFolder
 
 CIRCUITS = ("porto-sereno", "lindenring", "grandes-landes")
 STYLES = {"keys": KEYS, "wheel": WHEEL, "unaided": UNAIDED}

@@ -26,10 +26,10 @@ from playwright.sync_api import Browser, sync_playwright
 from benchmarks.result import write_result
 from benchmarks.scripted_drivers import Style, built_in_driver_alone
 from benchmarks.steered_page import PAD, PADS, STYLES, LedClock, steer
-from nathlon.driving.choice import Offer
-from nathlon.driving.room import Room
-from nathlon.driving.server import DriveServer, serve_drives
-from nathlon.publishing.output import OutputFolder
+from nathlon.lab.drive.choice import Offer
+from nathlon.lab.drive.room import Room
+from nathlon.lab.drive.server import DriveServer, serve_drives
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.track import load_track
 
 CIRCUIT, CAR = "porto-sereno", "gt3"

@@ -22,12 +22,12 @@ from nathlon.api.selection import entered
 from nathlon.arena.pool import Pool
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.sources.finding import find_sources
-from nathlon.progress import stage_progress
-from nathlon.reports.summary import Summary
+from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
 from nathlon.selection.pipeline import select
 from nathlon.selection.single_run import single_run
+from nathlon.terminal.progress import stage_progress
 
 
 def measure(circuit: str, nights: int, folder: Path, workers: int) -> list[dict[str, Any]]:

@@ -36,9 +36,9 @@ from benchmarks.result import write_result
 from nathlon.arena.decision import Decision
 from nathlon.arena.statistics import Floats
 from nathlon.arena.tested import BREAKDOWNS
-from nathlon.gating.questions import Errors
-from nathlon.gating.settings import GateSettings
-from nathlon.pareto.objective import TIME_TRIAL
+from nathlon.judge.gate.questions import Errors
+from nathlon.selection.gate_settings import GateSettings
+from nathlon.selection.pareto.objective import TIME_TRIAL
 from nathlon.tournament.completion import Completed, Completion
 from nathlon.tournament.evidence import UNIT, appearances, differences
 from nathlon.tournament.non_inferiority import Sample, least_deviation, together

@@ -22,7 +22,7 @@ from rich.console import Console
 from benchmarks.error_rates.gates import SETTINGS, Runs, judged
 from benchmarks.result import write_result
 from nathlon.arena.statistics import Floats
-from nathlon.gating.questions import Errors
+from nathlon.judge.gate.questions import Errors
 
 SEED = 2_031
 LAP_S = 100.0

@@ -21,20 +21,20 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import home
-from nathlon.n_athlon import marked, marking_matches, skill_matches
-from nathlon.n_athlon.measures import measured
-from nathlon.n_athlon.skill import load_skills
-from nathlon.pareto.filter import Plan
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.load import load_file
-from nathlon.progress import stage_progress
+from nathlon.selection.battery import marked, marking_matches, skill_matches
+from nathlon.selection.battery.measures import measured
+from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
+from nathlon.selection.pareto.filter import Plan
 from nathlon.selection.pipeline import select
 from nathlon.selection.round_robin import plan
 from nathlon.selection.run import Run
 from nathlon.selection.single_run import single_run
 from nathlon.sim.data_file import DATA
+from nathlon.terminal.progress import stage_progress
 
 FRESH = 20_261_125
 """Seed of the fresh races."""

@@ -25,14 +25,14 @@ from benchmarks.result import write_result
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
-from nathlon.generations.generation import Generation, Met, members, read_generation
-from nathlon.generations.league import NAME
-from nathlon.generations.table import GENERATIONS, table
-from nathlon.progress import stage_progress
+from nathlon.lab.league.generation import Generation, Met, members, read_generation
+from nathlon.lab.league.league import NAME
+from nathlon.lab.league.table import GENERATIONS, table
 from nathlon.selection.config import Config
 from nathlon.selection.round_robin import TournamentSettings, run_round_robin
 from nathlon.selection.single_run import single_run
 from nathlon.sim.errors import InputError
+from nathlon.terminal.progress import stage_progress
 
 CIRCUIT, CAR = "lindenring", "gt3"
 DUEL = ("pairs", "difference", "difference_low", "difference_high")

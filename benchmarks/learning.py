@@ -42,10 +42,10 @@ from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.state import REPLAY_FILE
 from nathlon.policies.training.trainer import Trainer
-from nathlon.progress import progress_bars
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
 from nathlon.terminal import say
+from nathlon.terminal.progress import progress_bars
 
 CORES = 2
 MOST_OFF_COURSE = 0.01

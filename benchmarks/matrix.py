@@ -26,7 +26,7 @@ from benchmarks.planted_cells import MARGINS, truth
 from benchmarks.result import write_result
 from nathlon.api.matrix import MatrixResult
 from nathlon.selection.config import Config
-from nathlon.settings_matrix.settings import MatrixSettings
+from nathlon.selection.matrix_settings import MatrixSettings
 
 REPOSITORY = Path(__file__).parent.parent
 CHECKPOINT = REPOSITORY / "policies" / "bundled" / "lindenring" / "lindenring-again-056k.safetensors"

@@ -32,7 +32,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import RESULTS
 from nathlon.arena.store import Finished, Store
 from nathlon.selection.field import Field
-from nathlon.selection.nights_pool import KEPT, after, best_first, rank_nights
+from nathlon.selection.nightly.pool import KEPT, after, best_first, rank_nights
 from nathlon.tournament.tallies import Tally
 
 NIGHTS, GOAL_S, GOAL_MB = 1000, 5.0, 300

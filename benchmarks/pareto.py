@@ -18,9 +18,9 @@ from benchmarks.result import write_result
 from nathlon.arena.entrant import Entrant, enter, only_once
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.pareto.filter import FilterSettings, run_filter
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import read_card, save_checkpoint
+from nathlon.selection.pareto.filter import FilterSettings, run_filter
 from nathlon.selection.run import Run
 
 CIRCUIT, CAR = "lindenring", "gt3"

@@ -13,14 +13,14 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recorder import record_races
 from nathlon.arena.watch import Watch
-from nathlon.coaching.lap import Lap
-from nathlon.coaching.parts import Part, marks
+from nathlon.lab.coach.lap import Lap
+from nathlon.lab.coach.parts import Part, marks
 from nathlon.policies.driver import Driver, Follower
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.driver.envelope import envelope
 from nathlon.policies.driver.speed_profile import profile
 from nathlon.policies.policy import Batch, Policy
-from nathlon.reports.coach import CauseKind
+from nathlon.results.coach import CauseKind
 from nathlon.sim.car import load_car
 from nathlon.sim.track import load_track
 

@@ -26,9 +26,9 @@ from rich.progress import track
 
 from benchmarks.result import write_result
 from nathlon.arena.statistics import group_sums
-from nathlon.pareto import nondominated_probability
-from nathlon.pareto.filter import FilterSettings, undecided
-from nathlon.pareto.objective import Measured
+from nathlon.selection.pareto import nondominated_probability
+from nathlon.selection.pareto.filter import FilterSettings, undecided
+from nathlon.selection.pareto.objective import Measured
 
 SEED = 2028
 

@@ -29,10 +29,10 @@ from playwright.sync_api import Page, sync_playwright
 from benchmarks.result import write_result
 from nathlon.arena.results import RESULTS, TABLES
 from nathlon.reports.page import write_page
-from nathlon.reports.selection import Selection
 from nathlon.reports.spreadsheet import write_spreadsheet
-from nathlon.reports.summary import Summary
 from nathlon.reports.tables import write_tables
+from nathlon.results.selection import Selection
+from nathlon.results.summary import Summary
 
 CHECKPOINTS, SURVIVORS, FINALISTS, RACES, CARS = 2000, 60, 13, 5000, 8
 TESTS = 14

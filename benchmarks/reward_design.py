@@ -9,7 +9,7 @@ Ctrl-C.
 Figures: `settings`; `rounds`, of each the candidates with `formula`, `tac`, `refused`, and of those trained
 `strength`, `marks` of the rule and `lap_s`; `formula` of the winner; for `designed` and `by_hand`: `lap_s`,
 the median of eight time trials (null unless half of them were completed), `clean` of them without leaving the
-course, `marks`, and the means of `nathlon.reward_design.measures.MEASURES` of a clip; `points`, by how many
+course, `marks`, and the means of `nathlon.lab.reward.measures.MEASURES` of a clip; `points`, by how many
 team points a race the designed one beats the other, 4v4, and its interval; and `processor_s` of all of it in
 this process, over all its starts.
 """
@@ -30,17 +30,17 @@ from benchmarks.result import write_result
 from benchmarks.time_trial import drive_alone
 from nathlon.arena.entrant import enter
 from nathlon.arena.pool import run_matches
+from nathlon.lab.reward.clips import Studio
+from nathlon.lab.reward.design import FINAL, Design
+from nathlon.lab.reward.judging import Rule
+from nathlon.lab.reward.library import DRIVER
+from nathlon.lab.reward.measures import marks, mean, measure, read_rule
+from nathlon.lab.reward.sampling import Sampler
+from nathlon.lab.reward.settings import DesignSettings
+from nathlon.lab.reward.trying import train
 from nathlon.policies.load import load_policy
 from nathlon.policies.training.config import CONFIGS, read_config
 from nathlon.policies.training.log import Status
-from nathlon.reward_design.clips import Studio
-from nathlon.reward_design.design import FINAL, Design
-from nathlon.reward_design.judging import Rule
-from nathlon.reward_design.library import DRIVER
-from nathlon.reward_design.measures import marks, mean, measure, read_rule
-from nathlon.reward_design.sampling import Sampler
-from nathlon.reward_design.settings import DesignSettings
-from nathlon.reward_design.trying import train
 from nathlon.selection.round_robin import tournament_matches
 from nathlon.sim.whole_file import whole_file
 from nathlon.terminal import say

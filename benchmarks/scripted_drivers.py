@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.scripted_traffic import ScriptedTraffic
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import Observer, run_match
-from nathlon.driving.aids import RETURN_S, STEER_S, AidedCar, Aids, Controls, pressed
+from nathlon.lab.drive.aids import RETURN_S, STEER_S, AidedCar, Aids, Controls, pressed
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.knowledge import along, clip
 from nathlon.policies.policy import Policy

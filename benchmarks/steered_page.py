@@ -16,10 +16,10 @@ import numpy as np
 from playwright.sync_api import Page
 
 from benchmarks.scripted_drivers import KEY_PRESS, KEYS, WHEEL, ScriptedDriver, Style
-from nathlon.driving.aids import Controls
-from nathlon.driving.clock import Clock
-from nathlon.driving.heat import Heat
-from nathlon.driving.room import Room
+from nathlon.lab.drive.aids import Controls
+from nathlon.lab.drive.clock import Clock
+from nathlon.lab.drive.heat import Heat
+from nathlon.lab.drive.room import Room
 
 PAD = "Scripted pad"
 PADS = f"""

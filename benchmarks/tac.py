@@ -28,15 +28,15 @@ from numpy.typing import NDArray
 from scipy.stats import kendalltau
 
 from benchmarks.result import write_result
+from nathlon.lab.reward.alignment import returns
+from nathlon.lab.reward.candidates import Brief
+from nathlon.lab.reward.clips import Clips, Studio
+from nathlon.lab.reward.judging import EQUAL
+from nathlon.lab.reward.library import DRIVER, library
+from nathlon.lab.reward.measures import RULE, marks, measure, read_rule
+from nathlon.lab.reward.sampling import Sampler
+from nathlon.lab.reward.vetting import vet
 from nathlon.policies.training.config import CONFIGS, read_config
-from nathlon.reward_design.alignment import returns
-from nathlon.reward_design.candidates import Brief
-from nathlon.reward_design.clips import Clips, Studio
-from nathlon.reward_design.judging import EQUAL
-from nathlon.reward_design.library import DRIVER, library
-from nathlon.reward_design.measures import RULE, marks, measure, read_rule
-from nathlon.reward_design.sampling import Sampler
-from nathlon.reward_design.vetting import vet
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 

@@ -35,20 +35,20 @@ FOLDERS = {"docs/decisions": "decisions/README.md", "docs/lab": "lab/README.md"}
 
 SETTINGS = {
     "Config": "nathlon.selection.config",
-    "FilterSettings": "nathlon.pareto.filter",
-    "Objective": "nathlon.pareto.objective",
-    "BatterySettings": "nathlon.n_athlon",
-    "CommitteeSettings": "nathlon.committee.rules",
-    "Rule": "nathlon.committee.rules",
-    "Gates": "nathlon.committee.rules",
+    "FilterSettings": "nathlon.selection.pareto.filter",
+    "Objective": "nathlon.selection.pareto.objective",
+    "BatterySettings": "nathlon.selection.battery",
+    "CommitteeSettings": "nathlon.selection.committee.rules",
+    "Rule": "nathlon.selection.committee.rules",
+    "Gates": "nathlon.selection.committee.rules",
     "TournamentSettings": "nathlon.selection.round_robin",
-    "GateSettings": "nathlon.gating.settings",
-    "MatrixSettings": "nathlon.settings_matrix.settings",
+    "GateSettings": "nathlon.selection.gate_settings",
+    "MatrixSettings": "nathlon.selection.matrix_settings",
     "NightlySettings": "nathlon.selection.config",
     "Event": "nathlon.tournament.event",
     "EventRace": "nathlon.tournament.event",
-    "Skill": "nathlon.n_athlon.skill",
-    "Gains": "nathlon.n_athlon.skill",
+    "Skill": "nathlon.selection.battery.skill",
+    "Gains": "nathlon.selection.battery.skill",
 }
 """The models of the configuration by name, and their modules."""
 

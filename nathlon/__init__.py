@@ -17,18 +17,18 @@ TYPE_CHECKING = False  # so named, type checkers take it for true; `typing` take
 if TYPE_CHECKING:
     from typing import Any
 
-    from nathlon.api.coaching import CoachResult, coach
-    from nathlon.api.gating import GateResult, gate
+    from nathlon.api.coach import CoachResult, coach
+    from nathlon.api.gate import GateResult, gate
     from nathlon.api.league import LeagueResult, league
     from nathlon.api.matrix import MatrixResult, matrix
-    from nathlon.api.planning import plan
-    from nathlon.api.racing import RaceResult, race
+    from nathlon.api.plan import plan
+    from nathlon.api.race import RaceResult, race
     from nathlon.api.recipes import RecipesResult, recipes
-    from nathlon.api.reward_design import RewardDesign, design_reward
+    from nathlon.api.reward import RewardDesign, design_reward
     from nathlon.api.selection import SelectionResult, select
-    from nathlon.api.training import TrainingResult, train
-    from nathlon.api.twinning import TwinResult, twin
-    from nathlon.api.working import work
+    from nathlon.api.train import TrainingResult, train
+    from nathlon.api.twin import TwinResult, twin
+    from nathlon.api.worker import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.arena.worlds.formula import Formula
     from nathlon.policies.environments.formula_reward import FormulaReward
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
     from nathlon.policies.load import load_policy
     from nathlon.policies.policy import Policy
-    from nathlon.reports.forecast import Forecast
+    from nathlon.results.forecast import Forecast
     from nathlon.selection.config import Config
     from nathlon.sim import parallel_env
     from nathlon.sim.errors import InputError
@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     from nathlon.sim.observation import ObservationSpec
 
 _FROM = {
-    "CoachResult": "nathlon.api.coaching",
+    "CoachResult": "nathlon.api.coach",
     "Config": "nathlon.selection.config",
-    "Forecast": "nathlon.reports.forecast",
+    "Forecast": "nathlon.results.forecast",
     "Formula": "nathlon.arena.worlds.formula",
     "FormulaReward": "nathlon.policies.environments.formula_reward",
-    "GateResult": "nathlon.api.gating",
+    "GateResult": "nathlon.api.gate",
     "InputError": "nathlon.sim.errors",
     "LeagueResult": "nathlon.api.league",
     "MatrixResult": "nathlon.api.matrix",
@@ -57,30 +57,30 @@ _FROM = {
     "Policy": "nathlon.policies.policy",
     "Quantity": "nathlon.sim.expressions",
     "RaceGymEnv": "nathlon.policies.environments.race_gym_env",
-    "RaceResult": "nathlon.api.racing",
+    "RaceResult": "nathlon.api.race",
     "RaceVectorEnv": "nathlon.policies.environments.race_vector_env",
     "RecipesResult": "nathlon.api.recipes",
-    "RewardDesign": "nathlon.api.reward_design",
+    "RewardDesign": "nathlon.api.reward",
     "SelectionResult": "nathlon.api.selection",
-    "TrainingResult": "nathlon.api.training",
-    "TwinResult": "nathlon.api.twinning",
+    "TrainingResult": "nathlon.api.train",
+    "TwinResult": "nathlon.api.twin",
     "load_policy": "nathlon.policies.load",
     "GymnasiumWorld": "nathlon.arena.worlds.environment",
     "Declared": "nathlon.arena.worlds.environment",
     "PettingZooWorld": "nathlon.arena.worlds.environment",
-    "coach": "nathlon.api.coaching",
-    "design_reward": "nathlon.api.reward_design",
-    "gate": "nathlon.api.gating",
+    "coach": "nathlon.api.coach",
+    "design_reward": "nathlon.api.reward",
+    "gate": "nathlon.api.gate",
     "league": "nathlon.api.league",
     "matrix": "nathlon.api.matrix",
     "parallel_env": "nathlon.sim",
-    "plan": "nathlon.api.planning",
-    "race": "nathlon.api.racing",
+    "plan": "nathlon.api.plan",
+    "race": "nathlon.api.race",
     "recipes": "nathlon.api.recipes",
     "select": "nathlon.api.selection",
-    "train": "nathlon.api.training",
-    "twin": "nathlon.api.twinning",
-    "work": "nathlon.api.working",
+    "train": "nathlon.api.train",
+    "twin": "nathlon.api.twin",
+    "work": "nathlon.api.worker",
 }
 
 __all__ = [

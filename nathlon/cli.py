@@ -37,8 +37,8 @@ from nathlon.commands.worker import worker
 from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
-from nathlon.streams import standard_streams
 from nathlon.terminal import print_json, warn
+from nathlon.terminal.streams import standard_streams
 
 app = Group("Which of my thousands of racing checkpoints do I send to the race, and why?")
 for command in (

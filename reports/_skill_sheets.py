@@ -9,7 +9,7 @@ import polars as pl
 from xlsxwriter.utility import xl_range, xl_range_abs, xl_rowcol_to_cell
 
 from nathlon.reports._sheets import BLUES, ENTRANT, ORIGIN, Column, add_table, write_cell, write_sheet
-from nathlon.reports.selection import Selection
+from nathlon.results.selection import Selection
 
 WEIGHTS = 0
 """The row of the weights, above the table; the first row of the table's body is FIRST."""

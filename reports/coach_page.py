@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.race_log import RaceLog
-from nathlon.reports.coach import CoachFacts
 from nathlon.reports.player import player_script, player_style
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
+from nathlon.results.coach import CoachFacts
 from nathlon.sim.track import load_track
 
 STEP_M = 4.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from nathlon.reports.matrix import CellReport, Finding, MatrixReport, Measured
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
+from nathlon.results.matrix import CellReport, Finding, MatrixReport, Measured
 
 DIMENSIONS = {
     "scenario": "scenario",

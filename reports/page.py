@@ -6,9 +6,9 @@ from pathlib import Path
 
 from nathlon.reports.payload import payload
 from nathlon.reports.player import player_script, player_style
-from nathlon.reports.selection import Selection
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 from nathlon.reports.verdict import verdict
+from nathlon.results.selection import Selection
 
 PAGE = "index.html"
 VENDOR = Path(__file__).parent / "vendor"

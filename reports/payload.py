@@ -9,8 +9,8 @@ import polars as pl
 
 from nathlon.arena.results import ENDINGS, RESULTS, TABLES
 from nathlon.reports.race_data import circuit_data, race_data
-from nathlon.reports.selection import Previous, Selection
 from nathlon.reports.verdict import verdict
+from nathlon.results.selection import Previous, Selection
 
 Columns = dict[str, list[Any]]
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import polars as pl
 
-from nathlon.reports.recipes import too_few, void_units
 from nathlon.reports.recipes_figure import recipes_picture
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
+from nathlon.results.recipes import too_few, void_units
 from nathlon.sim.whole_file import whole_file
 
 FEW = 5

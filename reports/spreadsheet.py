@@ -23,8 +23,8 @@ from nathlon.reports._sheets import (
     write_sheet,
 )
 from nathlon.reports._skill_sheets import write_skills, write_weighted
-from nathlon.reports.selection import Selection
-from nathlon.reports.summary import Summary
+from nathlon.results.selection import Selection
+from nathlon.results.summary import Summary
 from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes

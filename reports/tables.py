@@ -8,7 +8,7 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.reports.selection import Selection
+from nathlon.results.selection import Selection
 from nathlon.sim.whole_file import whole_file
 
 FORMULA = r"^[=+\-@\t\r']"

@@ -9,7 +9,7 @@ from nathlon.reports.player import player_script, player_style
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.seen_data import seen_data
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
-from nathlon.reports.twin import Twins, outcome
+from nathlon.results.twin import Twins, outcome
 
 PARTS = ("charts", "seen", "page")
 """Scripts in templates/twin, in the order in which they are written into the page, after the player's."""

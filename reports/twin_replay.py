@@ -14,7 +14,7 @@ from nathlon.reports._blueprint import TIMELINE, absolute, chase_view, map_view,
 from nathlon.reports._motion import gaps
 from nathlon.reports.replay import log_race, race_sheet
 from nathlon.reports.seen_data import PARTS, course_lines, opponents, own_numbers
-from nathlon.reports.twin import Side, Twins
+from nathlon.results.twin import Side, Twins
 from nathlon.sim.observation import PRESENT, X, Y
 from nathlon.sim.whole_file import whole_file
 

@@ -9,8 +9,8 @@ from typing import Any
 import polars as pl
 
 from nathlon.arena.voids import is_void
-from nathlon.reports.selection import Selection
-from nathlon.reports.summary import STAGES, Decided, Summary
+from nathlon.results.selection import Selection
+from nathlon.results.summary import STAGES, Decided, Summary
 
 Row = Mapping[str, Any]
 

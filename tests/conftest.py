@@ -33,7 +33,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="module")
 def uncompiled() -> Iterator[None]:
     """Updates of QR-SAC as they are written: compiling one for each test takes longer than all of it."""
-    from tests.trainings import as_written  # imports torch, and most modules do without
+    from tests.support.trainings import as_written  # imports torch, and most modules do without
 
     with as_written():
         yield
@@ -42,7 +42,7 @@ def uncompiled() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def brief_laps() -> Iterator[None]:
     """Laps of checkpoints are given up early."""
-    from tests.trainings import given_up_early
+    from tests.support.trainings import given_up_early
 
     with given_up_early():
         yield

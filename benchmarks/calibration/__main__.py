@@ -36,7 +36,7 @@ from benchmarks.calibration import batteries, filters, tournaments
 from benchmarks.ladder import Ladder, selected
 from benchmarks.meetings import meetings
 from benchmarks.result import write_result
-from nathlon.n_athlon.skill import load_skills
+from nathlon.selection.battery.skill import load_skills
 
 CIRCUIT = "lindenring"
 SIZES = (2, 4, 6)

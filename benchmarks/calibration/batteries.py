@@ -10,8 +10,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from benchmarks.calibration.tally import tally
-from nathlon.n_athlon.battery import MARKS, rank_battery
-from nathlon.n_athlon.skill import Skill
+from nathlon.selection.battery.ranking import MARKS, rank_battery
+from nathlon.selection.battery.skill import Skill
 
 
 def drawn(marks: pl.DataFrame, runs: Mapping[str, NDArray[np.int64]]) -> pl.DataFrame:

@@ -14,9 +14,9 @@ from benchmarks.resampled import Units, resampled
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import TESTED, Match
 from nathlon.arena.statistics import group_sums
-from nathlon.pareto import came_through
-from nathlon.pareto.filter import FilterSettings, run_filter
-from nathlon.pareto.objective import Measured, Objective, measure, own_runs
+from nathlon.selection.pareto import came_through
+from nathlon.selection.pareto.filter import FilterSettings, run_filter
+from nathlon.selection.pareto.objective import Measured, Objective, measure, own_runs
 from nathlon.selection.run import Run
 
 

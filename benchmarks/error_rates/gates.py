@@ -12,8 +12,8 @@ from benchmarks.error_rates.noise import NOISES, Noise
 from benchmarks.error_rates.simulation import Case, Outcome
 from nathlon.arena.decision import Decision
 from nathlon.arena.statistics import Floats
-from nathlon.gating.questions import Errors
-from nathlon.gating.settings import GateSettings
+from nathlon.judge.gate.questions import Errors
+from nathlon.selection.gate_settings import GateSettings
 from nathlon.tournament.completion import Completed, Completion
 from nathlon.tournament.non_inferiority import Sample, least_deviation, together
 

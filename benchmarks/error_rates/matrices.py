@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.error_rates.noise import NOISES, Noise
 from benchmarks.error_rates.simulation import Case, Outcome
 from nathlon.arena.statistics import Floats
-from nathlon.settings_matrix.evidence import (
+from nathlon.judge.matrix.evidence import (
     LOOKS_WORSE,
     discovered,
     looks,
@@ -19,7 +19,7 @@ from nathlon.settings_matrix.evidence import (
     shrink,
     variances_of_means,
 )
-from nathlon.settings_matrix.settings import MatrixSettings
+from nathlon.selection.matrix_settings import MatrixSettings
 from nathlon.tournament.non_inferiority import least_deviation
 
 SETTINGS = MatrixSettings()

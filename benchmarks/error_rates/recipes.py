@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.error_rates.noise import NOISES, Noise
 from benchmarks.error_rates.simulation import Case, Outcome
 from nathlon.arena.statistics import Floats
-from nathlon.recipe_comparison.statistics import probability_of_improvement
-from nathlon.reports.recipes import CONFIDENCE
+from nathlon.judge.recipes.statistics import probability_of_improvement
+from nathlon.results.recipes import CONFIDENCE
 
 RESAMPLES = 2000
 SHAPES = ((5, 1), (5, 2), (5, 4), (10, 4))

@@ -14,10 +14,10 @@ from benchmarks.error_rates.noise import NOISES, Noise
 from benchmarks.error_rates.simulation import Case, Outcome
 from nathlon.arena.results import RESULTS
 from nathlon.arena.statistics import Floats, group_sums
-from nathlon.n_athlon.battery import MARKS, rank_battery
-from nathlon.pareto import nondominated_probability
-from nathlon.pareto.filter import FilterSettings, undecided
-from nathlon.pareto.objective import Measured
+from nathlon.selection.battery.ranking import MARKS, rank_battery
+from nathlon.selection.pareto import nondominated_probability
+from nathlon.selection.pareto.filter import FilterSettings, undecided
+from nathlon.selection.pareto.objective import Measured
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.selection.run import CONFIDENCE
 from nathlon.tournament.evidence import Evidence

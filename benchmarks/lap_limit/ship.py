@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 
 from benchmarks.result import RESULTS, read_result
-from nathlon.publishing.lap_limits import SHIPPED, place_digests
+from nathlon.selection.publish.lap_limits import SHIPPED, place_digests
 from nathlon.sim.whole_file import whole_file
 
 

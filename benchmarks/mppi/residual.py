@@ -13,8 +13,8 @@ from benchmarks.mppi.driven import SETTINGS, laps, planned
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.trainer import Trainer
-from nathlon.progress import progress_bars
 from nathlon.terminal import say
+from nathlon.terminal.progress import progress_bars
 
 SETTING = SETTINGS["kerbs and edges avoided"]
 SHARE = 0.1

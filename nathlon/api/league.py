@@ -8,13 +8,13 @@ import polars as pl
 
 from nathlon.api.selection import SelectionResult
 from nathlon.arena.pool import Pool
-from nathlon.generations.generation import Generation
-from nathlon.generations.league import League
-from nathlon.generations.settings import read_league
-from nathlon.generations.table import table, write_table
+from nathlon.lab.league.generation import Generation
+from nathlon.lab.league.league import League
+from nathlon.lab.league.settings import read_league
+from nathlon.lab.league.table import table, write_table
 from nathlon.policies.training.polish import Round
-from nathlon.progress import progress_bars, worker_count
 from nathlon.sim.folder_lock import sole_user
+from nathlon.terminal.progress import progress_bars, worker_count
 
 
 class LeagueResult:
@@ -42,7 +42,7 @@ class LeagueResult:
 
     @property
     def table(self) -> pl.DataFrame:
-        """A row for each member of each generation, see `nathlon.generations.table.GENERATIONS`."""
+        """A row for each member of each generation, see `nathlon.lab.league.table.GENERATIONS`."""
         return table(self.generations)
 
     def __repr__(self) -> str:

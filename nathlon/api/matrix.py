@@ -11,18 +11,18 @@ from nathlon.api.candidates import Candidate, named_sources
 from nathlon.api.selection import at_home, configured
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import load_world
-from nathlon.progress import stage_progress, worker_count
-from nathlon.publishing.output import OutputFolder
-from nathlon.reports.matrix import MatrixReport, write_matrix
+from nathlon.judge.matrix.cells import plan_cells
+from nathlon.judge.matrix.matrix import run_matrix
+from nathlon.judge.matrix.replays import record_worst
 from nathlon.reports.matrix_page import write_matrix_page
+from nathlon.results.matrix import MatrixReport, write_matrix
 from nathlon.selection.config import Config
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import KERNELS, MATRIX, RECORDINGS
 from nathlon.selection.single_run import single_run
-from nathlon.settings_matrix.cells import plan_cells
-from nathlon.settings_matrix.matrix import run_matrix
-from nathlon.settings_matrix.replays import record_worst
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
+from nathlon.terminal.progress import stage_progress, worker_count
 
 
 class MatrixResult:

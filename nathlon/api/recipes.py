@@ -13,16 +13,16 @@ import polars as pl
 from nathlon.api.selection import at_home, configured
 from nathlon.arena.entrance import endings_of, enter_all
 from nathlon.arena.pool import Pool
-from nathlon.progress import stage_progress, worker_count
-from nathlon.publishing.output import OutputFolder
-from nathlon.recipe_comparison.grouping import attempts, checkpoints_of, recipe_folders
-from nathlon.recipe_comparison.scores import SEED, STAGE, score
-from nathlon.recipe_comparison.summary import summarise
-from nathlon.reports.recipes import void_units, write_recipes
+from nathlon.judge.recipes.grouping import attempts, checkpoints_of, recipe_folders
+from nathlon.judge.recipes.scores import SEED, STAGE, score
+from nathlon.judge.recipes.summary import summarise
 from nathlon.reports.recipes_page import headline, write_recipes_page
+from nathlon.results.recipes import void_units, write_recipes
 from nathlon.selection.config import Config
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.single_run import single_run
 from nathlon.sim.whole_file import check_output
+from nathlon.terminal.progress import stage_progress, worker_count
 
 
 class RecipesResult:
@@ -30,8 +30,8 @@ class RecipesResult:
 
     Attributes:
         folder: of all that it has left: page, picture, `recipes.csv`, `scores.csv` and the store.
-        recipes: one row a recipe: `nathlon.reports.recipes.RECIPES`.
-        scores: one row a checkpoint and task: `nathlon.reports.recipes.SCORES`.
+        recipes: one row a recipe: `nathlon.results.recipes.RECIPES`.
+        scores: one row a checkpoint and task: `nathlon.results.recipes.SCORES`.
     """
 
     def __init__(self, folder: Path, recipes: pl.DataFrame, scores: pl.DataFrame) -> None:

@@ -14,16 +14,16 @@ from nathlon.arena.entrance import check_world, endings_of, enter_all, trained_o
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.registry import load_world
-from nathlon.progress import stage_progress, worker_count
-from nathlon.publishing.output import OutputFolder
 from nathlon.reports.picture import ranking_picture
-from nathlon.reports.selection import Selection
-from nathlon.reports.summary import Summary
 from nathlon.reports.verdict import Verdict, verdict
+from nathlon.results.selection import Selection
+from nathlon.results.summary import Summary
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.evaluation import OnVerdict, evaluate
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
+from nathlon.terminal.progress import stage_progress, worker_count
 
 POINTS = ("points_per_race", "points_low", "points_high")
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from nathlon.bounds import MOST_PAIRS, MOST_WORKERS
 from nathlon.commands.options import AsJson, EngineAddress, Out
 from nathlon.commands.selection import stoppable
+from nathlon.selection.bounds import MOST_PAIRS, MOST_WORKERS
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.terminal import new_table, print_json, print_table, tell, warn
@@ -66,8 +66,8 @@ def ablate(
     import torch
 
     from nathlon.policies.training.ablation import VARIANTS, claim, configurations, plan
-    from nathlon.progress import progress_bars, worker_count
     from nathlon.sim.folder_lock import sole_user
+    from nathlon.terminal.progress import progress_bars, worker_count
 
     logging.basicConfig(format="%(message)s")
     torch.set_num_threads(worker_count(workers))
@@ -158,8 +158,8 @@ def _train(train: Train, runs: Sequence[Run], out: Path, progress: Progress) -> 
 
 
 def _race(runs: Sequence[Run], out: Path, pairs: int, workers: int, progress: Progress) -> pl.DataFrame:
-    from nathlon.ablation import race_base
     from nathlon.arena.store import Store
+    from nathlon.judge.ablation import race_base
 
     task = progress.add_task("races", total=None, note="matches")
 
@@ -174,7 +174,7 @@ def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame | None = None) 
     """Write table and figure of the runs so far; what the variants differ from the base, EFFECTS."""
     import polars as pl
 
-    from nathlon.ablation import DUELS, checkpoints, effects
+    from nathlon.judge.ablation import DUELS, checkpoints, effects
     from nathlon.reports.ablation import write_ablation
 
     table = checkpoints(runs, pl.DataFrame(schema=DUELS) if duels is None else duels)

@@ -17,7 +17,7 @@ from nathlon.terminal import new_table, print_json, print_table, say
 if TYPE_CHECKING:
     import polars as pl
 
-    from nathlon.n_athlon import BatteryAnswer
+    from nathlon.selection.battery import BatteryAnswer
 
 
 def battery(
@@ -39,11 +39,11 @@ def battery(
     from nathlon.arena.entrance import endings_of
     from nathlon.arena.pool import Pool
     from nathlon.arena.results import VOID_ENDINGS
-    from nathlon.n_athlon import run_battery
-    from nathlon.nightly import HEALTH
-    from nathlon.progress import stage_progress, worker_count
-    from nathlon.reports.summary import void_runs, voided
+    from nathlon.results.summary import void_runs, voided
+    from nathlon.selection.battery import run_battery
+    from nathlon.selection.nightly import HEALTH
     from nathlon.selection.single_run import single_run
+    from nathlon.terminal.progress import stage_progress, worker_count
 
     settings = configured(config, seed, workers=workers)
     check_output(out)

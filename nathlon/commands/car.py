@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nathlon.bounds import LARGEST_SEED
 from nathlon.commands.options import AsJson
+from nathlon.selection.bounds import LARGEST_SEED
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-import nathlon.committee as committee
+import nathlon.selection.committee as committee
 from nathlon.arena.store import Store
 from nathlon.commands.place import Place
-from nathlon.committee.ballots import Ballot
-from nathlon.committee.decision import Decision, describe
-from nathlon.committee.event_log import EventLog
-from nathlon.committee.rules import Question
-from nathlon.committee.sentences import names_in, sentence
+from nathlon.selection.committee.ballots import Ballot
+from nathlon.selection.committee.decision import Decision, describe
+from nathlon.selection.committee.event_log import EventLog
+from nathlon.selection.committee.rules import Question
+from nathlon.selection.committee.sentences import names_in, sentence
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say
 

@@ -17,7 +17,7 @@ from nathlon.sim.extras import need
 from nathlon.terminal import tell, warn
 
 if TYPE_CHECKING:
-    from nathlon.driving.server import DriveServer
+    from nathlon.lab.drive.server import DriveServer
 
 
 def drive(
@@ -74,13 +74,13 @@ def drive(
         raise InputError("--driver, --store: expected with --blind alone")
     sources = find_sources(entrants or [])
     need("uvicorn", "drive", "a test drive")
-    from nathlon.driving.blind import BlindTest
-    from nathlon.driving.choice import Offer, Opponent
-    from nathlon.driving.coached import CoachAfterwards
-    from nathlon.driving.finalists import champions, finalists
-    from nathlon.driving.room import Room
-    from nathlon.driving.server import serve_drives
-    from nathlon.publishing.output import OutputFolder
+    from nathlon.lab.drive.blind import BlindTest
+    from nathlon.lab.drive.choice import Offer, Opponent
+    from nathlon.lab.drive.coached import CoachAfterwards
+    from nathlon.lab.drive.finalists import champions, finalists
+    from nathlon.lab.drive.room import Room
+    from nathlon.lab.drive.server import serve_drives
+    from nathlon.selection.publish.output import OutputFolder
 
     test: BlindTest | None = None
     if blind and run and driver:

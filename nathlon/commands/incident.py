@@ -37,9 +37,9 @@ def incident(
     What counts as passed stands in the file that is written and may be changed there.
     """
     from nathlon.arena.recording import read_recording
-    from nathlon.incidents.drivers import sources_of
-    from nathlon.incidents.folder import add_incident
-    from nathlon.incidents.freeze import freeze
+    from nathlon.selection.incident.drivers import sources_of
+    from nathlon.selection.incident.folder import add_incident
+    from nathlon.selection.incident.freeze import freeze
 
     check_output(out)
     log = read_recording(recording)

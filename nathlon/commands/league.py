@@ -13,7 +13,7 @@ from nathlon.sim.extras import need
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:
-    from nathlon.generations.generation import Generation
+    from nathlon.lab.league.generation import Generation
 
 
 def league(

@@ -13,7 +13,7 @@ from nathlon.commands.selection import stoppable
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
-    from nathlon.reports.matrix import MatrixReport
+    from nathlon.results.matrix import MatrixReport
 
 SHOWN = 12
 """Cells in the table; the page has them all."""

@@ -16,7 +16,7 @@ from nathlon.terminal import new_table, print_json, print_table, say, tell
 
 if TYPE_CHECKING:
     from nathlon.arena.store import Store
-    from nathlon.nightly import Night
+    from nathlon.selection.nightly import Night
 
 
 def init(
@@ -45,10 +45,10 @@ def nightly(
     night that was stopped.
     """
     from nathlon.api.selection import SelectionResult
-    from nathlon.nightly import nightly as run_nightly
-    from nathlon.nightly import told
-    from nathlon.progress import stage_progress, worker_count
     from nathlon.selection.config import read_config
+    from nathlon.selection.nightly import nightly as run_nightly
+    from nathlon.selection.nightly import told
+    from nathlon.terminal.progress import stage_progress, worker_count
 
     settings = read_config(config)
     with stoppable("The same command goes on."), stage_progress(not as_json) as on_match:

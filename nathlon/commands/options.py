@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from nathlon.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED, MOST_WORKERS
+from nathlon.selection.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED, MOST_WORKERS
 
 Checkpoints = Annotated[
     list[str],

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import polars as pl
 
     from nathlon.arena.entrant import Entrant
-    from nathlon.pareto.objective import Objective
+    from nathlon.selection.pareto.objective import Objective
     from nathlon.selection.run import Answer
 
 
@@ -38,12 +38,12 @@ def pareto(
     from nathlon.arena.entrant import entrants_table
     from nathlon.arena.pool import Pool
     from nathlon.arena.results import VOID_ENDINGS
-    from nathlon.nightly import HEALTH
-    from nathlon.pareto.filter import run_filter
-    from nathlon.progress import stage_progress, worker_count
-    from nathlon.reports.summary import void_runs, voided
     from nathlon.reports.tables import as_texts
+    from nathlon.results.summary import void_runs, voided
+    from nathlon.selection.nightly import HEALTH
+    from nathlon.selection.pareto.filter import run_filter
     from nathlon.selection.single_run import single_run
+    from nathlon.terminal.progress import stage_progress, worker_count
 
     settings = configured(config, seed, workers=workers)
     check_output(out)

@@ -26,8 +26,8 @@ def plan(
 ) -> None:
     """Say what a selection will cost and what it can find, before anything runs."""
     import nathlon
-    from nathlon.reports.forecast import sentences
-    from nathlon.reports.words import an_episode, episodes
+    from nathlon.results.forecast import sentences
+    from nathlon.results.words import an_episode, episodes
 
     if not checkpoints and config is None:
         config = Path("nathlon.toml")

@@ -35,14 +35,14 @@ def recipes(
 
     Exit code 0: done. 3: a checkpoint could not be judged, as most of its races are void.
     """
-    from nathlon.recipe_comparison.grouping import recipe_folders
+    from nathlon.judge.recipes.grouping import recipe_folders
 
     recipe_folders(folders)
     from nathlon.arena.workers import start_server
 
     start_server()
     import nathlon
-    from nathlon.reports.recipes import exit_code
+    from nathlon.results.recipes import exit_code
 
     with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.recipes(
@@ -63,8 +63,8 @@ def recipes(
 
 
 def _print(result: RecipesResult, out: Path) -> None:
-    from nathlon.reports.recipes import void_units
     from nathlon.reports.recipes_page import CELLS, cells, headline
+    from nathlon.results.recipes import void_units
 
     table = new_table("Ends of training runs", lean=True)
     for column in ("Recipe", "Runs", *(head for _, head, _ in CELLS), "Best", "Scored", "Expected"):

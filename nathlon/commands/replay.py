@@ -61,7 +61,7 @@ def replay(
         check_output(out)
     from nathlon.arena.film_recording import holds_film
     from nathlon.arena.store import Store
-    from nathlon.publishing.replays import record_stored_race
+    from nathlon.selection.publish.replays import record_stored_race
 
     path, made = Path(source), dict[str, Any]()
     if race is not None:

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from nathlon.bounds import MOST_WORKERS
 from nathlon.commands.options import AsJson, Out, Seed
 from nathlon.commands.selection import stoppable
+from nathlon.selection.bounds import MOST_WORKERS
 from nathlon.sim.extras import need
 from nathlon.terminal import print_json, say
 
@@ -68,7 +68,7 @@ def design_reward(
     if judge == "people":
         need("uvicorn", "drive", "the page for people")
     import nathlon
-    from nathlon.reward_design.measures import RULE
+    from nathlon.lab.reward.measures import RULE
 
     with stoppable("The same command goes on."):
         result = nathlon.design_reward(

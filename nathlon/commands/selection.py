@@ -32,7 +32,7 @@ RESULTS = ("Won", "Drawn", "Lost")
 
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
-    from nathlon.reports.summary import Summary
+    from nathlon.results.summary import Summary
 
 
 def demo(
@@ -75,7 +75,7 @@ def evaluate(
 
     start_server()
     from nathlon import select
-    from nathlon.nightly import HEALTH
+    from nathlon.selection.nightly import HEALTH
 
     with stoppable(f"The same command goes on from {store or out / 'store.sqlite'}."):
         result = select(
@@ -124,11 +124,11 @@ def report(
     from nathlon.api.selection import SelectionResult
     from nathlon.arena.pool import Pool
     from nathlon.arena.store import Store
-    from nathlon.progress import stage_progress, worker_count
-    from nathlon.publishing.output import OutputFolder
-    from nathlon.publishing.publish import publish
-    from nathlon.publishing.recordings import record_tournament
+    from nathlon.selection.publish.output import OutputFolder
+    from nathlon.selection.publish.publish import publish
+    from nathlon.selection.publish.recordings import record_tournament
     from nathlon.selection.run import RECORDINGS
+    from nathlon.terminal.progress import stage_progress, worker_count
 
     with Store.open(store) as opened:
         runs = [record.name for record in opened.runs()]

@@ -15,7 +15,7 @@ from nathlon.sim.extras import need
 from nathlon.terminal import print_json, say, warn
 
 if TYPE_CHECKING:
-    from nathlon.meeting.server import MeetingServer
+    from nathlon.lab.serve.server import MeetingServer
 
 
 def serve(
@@ -41,12 +41,12 @@ def serve(
     Every member gets an address with a token of their own.
     """
     need("uvicorn", "drive", "the committee's room")
-    from nathlon.meeting.folders import Folders
-    from nathlon.meeting.record import Record
-    from nathlon.meeting.server import serve_meeting
-    from nathlon.meeting.tokens import Tokens
-    from nathlon.web.address import Address, is_loopback, is_unspecified
-    from nathlon.web.server import tls_context
+    from nathlon.lab.serve.folders import Folders
+    from nathlon.lab.serve.record import Record
+    from nathlon.lab.serve.server import serve_meeting
+    from nathlon.lab.serve.tokens import Tokens
+    from nathlon.lab.web.address import Address, is_loopback, is_unspecified
+    from nathlon.lab.web.server import tls_context
 
     if (cert is None) != (key is None):
         raise InputError("--cert, --key: expected both or neither")

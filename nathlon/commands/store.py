@@ -22,7 +22,7 @@ def copy_store(
 ) -> None:
     """Copy matches, runs and the log of a store into a new one: from a file into a database, or back."""
     from nathlon.arena.store import Store
-    from nathlon.progress import stage_progress
+    from nathlon.terminal.progress import stage_progress
 
     with (
         stoppable("The same command goes on."),

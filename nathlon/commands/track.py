@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nathlon.bounds import LARGEST_SEED
 from nathlon.commands.options import AsJson
+from nathlon.selection.bounds import LARGEST_SEED
 from nathlon.sim.names import file_stem
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
@@ -71,7 +71,7 @@ def limit_track(
 
     It takes minutes, and needs the extra `limit`.
     """
-    from nathlon.publishing.lap_limits import compute_limit, known_limit
+    from nathlon.selection.publish.lap_limits import compute_limit, known_limit
 
     known = known_limit(name, car)
     limit_s, solved = compute_limit(name, car) if known is None else (known, True)

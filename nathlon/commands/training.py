@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from nathlon.bounds import MOST_WORKERS
 from nathlon.commands.options import AsJson, EngineAddress, Out, Seed
 from nathlon.commands.selection import stoppable
+from nathlon.selection.bounds import MOST_WORKERS
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.terminal import tell
@@ -82,9 +82,9 @@ def polish(
     need("torch", "train", "polishing")
     from nathlon.policies.training.config import CONFIGS, read_config
     from nathlon.policies.training.polish import Polish
-    from nathlon.progress import progress_bars
     from nathlon.sim.data_file import find_data
     from nathlon.sim.folder_lock import sole_user
+    from nathlon.terminal.progress import progress_bars
 
     settings = read_config(find_data(config, "training configuration", CONFIGS))
     with (

@@ -34,7 +34,7 @@ def worker(
     from nathlon.arena.workers import start_server
 
     start_server()
-    from nathlon.api.working import work
+    from nathlon.api.worker import work
 
     with stoppable("Its matches are free for others."), _ended_by(signal.SIGTERM):
         shift = work(store, workers=workers, worlds=world or (), wait_s=wait, progress=not as_json)

@@ -14,20 +14,20 @@ from pydantic import Field
 from nathlon.arena.worlds.contract import KNOWN, World
 from nathlon.arena.worlds.racing import surroundings
 from nathlon.arena.worlds.registry import RACING, load_world
-from nathlon.bounds import LARGEST_SEED, MOST_WORKERS
-from nathlon.committee.rules import CommitteeSettings
-from nathlon.gating.settings import GateSettings
-from nathlon.incidents.hold import load_incidents
-from nathlon.n_athlon import BatterySettings
-from nathlon.n_athlon.skill import load_skills, standing_tests
-from nathlon.pareto.filter import FilterSettings
-from nathlon.pareto.objective import OWN, RACE, Objective
 from nathlon.policies.bundled import generalist
 from nathlon.policies.sources import DRIVER, GENERALIST, RANDOM
 from nathlon.policies.sources.identity import policy_id
-from nathlon.publishing.recordings import Kept
+from nathlon.selection.battery import BatterySettings
+from nathlon.selection.battery.skill import load_skills, standing_tests
+from nathlon.selection.bounds import LARGEST_SEED, MOST_WORKERS
+from nathlon.selection.committee.rules import CommitteeSettings
+from nathlon.selection.gate_settings import GateSettings
+from nathlon.selection.incident.hold import load_incidents
+from nathlon.selection.matrix_settings import MatrixSettings
+from nathlon.selection.pareto.filter import FilterSettings
+from nathlon.selection.pareto.objective import OWN, RACE, Objective
+from nathlon.selection.publish.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
-from nathlon.settings_matrix.settings import MatrixSettings
 from nathlon.sim.data_file import Named, Section, read_toml
 
 SectionT = TypeVar("SectionT", bound=Section)

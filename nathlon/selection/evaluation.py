@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
-from nathlon.publishing.output import OutputFolder
-from nathlon.publishing.publish import publish
-from nathlon.publishing.recordings import record_tournament
-from nathlon.publishing.sent import keep_sent
-from nathlon.reports.selection import Selection
-from nathlon.reports.summary import Summary
+from nathlon.results.selection import Selection
+from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
 from nathlon.selection.pipeline import select
+from nathlon.selection.publish.output import OutputFolder
+from nathlon.selection.publish.publish import publish
+from nathlon.selection.publish.recordings import record_tournament
+from nathlon.selection.publish.sent import keep_sent
 from nathlon.selection.run import WAITING, OnMatch
 from nathlon.selection.single_run import single_run
 

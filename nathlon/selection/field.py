@@ -1,19 +1,12 @@
-"""Who stands at the start of a night: the checkpoints in the watched folders that no night has judged."""
+"""Who takes part in a selection."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from nathlon.arena.entrance import enter_each
-from nathlon.arena.entrant import Entrant, named_apart
-from nathlon.arena.naming import short_names
-from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import RACING
-from nathlon.selection.watching import Watched
-from nathlon.sim.errors import InputError
-from nathlon.sim.names import printable
+from nathlon.arena.entrant import Entrant
 
 
 @dataclass(frozen=True)
@@ -70,37 +63,3 @@ class Field:
         }
         excluded = tuple(Exclusion(**item) for item in stored["excluded"])
         return cls(**groups, excluded=excluded, notes=tuple(stored.get("notes", ())))
-
-
-def newcomers(
-    pool: Pool,
-    watched: Watched,
-    circuit: str,
-    car: str,
-    known: Mapping[str, str],
-    refused: Container[str] = (),
-    world: str = RACING,
-) -> tuple[list[Entrant], list[Exclusion]]:
-    """The entrants among what is watched that are not known yet, and what is set aside.
-
-    Files with the same contents are one entrant, which knows them all. Names are unique, also among those
-    known.
-
-    Args:
-        pool: opens them.
-        watched: folders, files and plugins.
-        circuit, car: what they must be able to drive.
-        known: names by entrant ids.
-        refused: keys of what was set aside before.
-        world: simulator in which they must be able to play.
-    """
-    found: dict[str, Entrant] = {}
-    excluded: list[Exclusion] = []
-    new = watched.unjudged(known, refused)
-    for source, answer in zip(new, enter_each(pool, list(new), circuit, car, world), strict=True):
-        if isinstance(answer, InputError):
-            excluded.append(Exclusion(printable(source), str(answer), new[source]))
-        elif answer.id not in known:
-            same = [printable(other) for other in watched.sources(answer.id) if other != source]
-            found.setdefault(answer.id, replace(answer, also=tuple(same)))
-    return named_apart(list(found.values()), short_names(watched.digests), set(known.values())), excluded

@@ -11,12 +11,12 @@ import numpy as np
 
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
-from nathlon.n_athlon import MARKS_RUNS
-from nathlon.n_athlon.skill import load_skills, standing_tests
-from nathlon.pareto.objective import RACE
-from nathlon.reports.forecast import Budget, Forecast, StageForecast
-from nathlon.reports.summary import Stage, Summary
+from nathlon.results.forecast import Budget, Forecast, StageForecast
+from nathlon.results.summary import Stage, Summary
+from nathlon.selection.battery import MARKS_RUNS
+from nathlon.selection.battery.skill import load_skills, standing_tests
 from nathlon.selection.config import Config
+from nathlon.selection.pareto.objective import RACE
 from nathlon.selection.run import CONFIDENCE
 from nathlon.tournament.event import Event
 from nathlon.tournament.power import POWER, detectable, race_count

@@ -17,19 +17,19 @@ from nathlon.arena.entrant import Entrant, entrants_table
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.arena.voids import NotJudged, most_void
 from nathlon.arena.worlds.registry import load_world
-from nathlon.committee import ask
-from nathlon.committee.decision import Decision
-from nathlon.committee.event_log import EventLog
-from nathlon.incidents.hold import hold_incidents
-from nathlon.n_athlon import BatteryAnswer, run_battery
-from nathlon.pareto.filter import run_filter
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import is_still
-from nathlon.reports.forecast import Forecast
-from nathlon.reports.summary import MostVoid, Sent, SetAside, Summary, TestMarks, ranked, versions, voided
+from nathlon.results.forecast import Forecast
+from nathlon.results.summary import MostVoid, Sent, SetAside, Summary, TestMarks, ranked, versions, voided
+from nathlon.selection.battery import BatteryAnswer, run_battery
+from nathlon.selection.committee import ask
+from nathlon.selection.committee.decision import Decision
+from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
 from nathlon.selection.forecasting import earlier, effect, forecast, habits_of
+from nathlon.selection.incident.hold import hold_incidents
+from nathlon.selection.pareto.filter import run_filter
 from nathlon.selection.round_robin import leaders, ranked_by_tests, run_round_robin
 from nathlon.selection.run import CONFIDENCE, Answer, Run
 from nathlon.sim.names import printable

@@ -21,8 +21,8 @@ from nathlon.arena.results import RANKING, RECORDS, RESULTS
 from nathlon.arena.voids import not_judged_by_meetings
 from nathlon.arena.worlds.contract import Setup
 from nathlon.arena.worlds.registry import RACING, home, load_world
-from nathlon.bounds import MOST_PAIRS
 from nathlon.policies.sources.identity import policy_id
+from nathlon.selection.bounds import MOST_PAIRS
 from nathlon.selection.run import CONFIDENCE, Answer, Run
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError

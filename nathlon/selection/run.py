@@ -21,7 +21,7 @@ from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.results import INTERRUPTED, RESULTS
 from nathlon.arena.store import Store
 from nathlon.arena.voids import NotJudged, void_races
-from nathlon.reports.summary import Stage, Summary
+from nathlon.results.summary import Stage, Summary
 
 STAGES = ("pareto", "battery", "tournament")
 RECORDINGS = "recordings"

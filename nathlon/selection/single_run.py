@@ -11,9 +11,9 @@ from pathlib import Path
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.publishing.output import POLICY_LOG
 from nathlon.selection.config import Config
 from nathlon.selection.engines import engine_of
+from nathlon.selection.publish.output import POLICY_LOG
 from nathlon.selection.run import OnMatch, Run
 
 

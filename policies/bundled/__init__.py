@@ -1,8 +1,15 @@
 """The checkpoints that come with nathlon; README.md tells how they were made."""
 
+import tomllib
 from pathlib import Path
 
 BUNDLED = Path(__file__).parent
+
+
+def champions() -> list[Path]:
+    """The best checkpoint of each circuit."""
+    names = tomllib.loads((BUNDLED / "champions.toml").read_text("utf-8"))["names"]
+    return [BUNDLED / f"{name}.safetensors" for name in names]
 
 
 def generalist() -> Path:

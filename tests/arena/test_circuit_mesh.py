@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from nathlon.arena.circuit_mesh import mesh, surfaces
-from tests.race_logs import LAP_M, RADIUS_M, oval_outline
+from tests.support.race_logs import LAP_M, RADIUS_M, oval_outline
 
 
 def areas(quads: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.onnx import export_onnx
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 POLISHED, TRAINED = (
     BUNDLED[0].with_name(f"lindenring-{name}.safetensors") for name in ("again-056k", "wake-028k")

@@ -23,8 +23,8 @@ from nathlon.policies.driver import Driver
 from nathlon.policies.policy import Policy
 from nathlon.sim.errors import InputError
 from nathlon.sim.world import World
-from tests.checkpoints import BUNDLED
 from tests.policies.test_plugin import install
+from tests.support.checkpoints import BUNDLED
 
 pytestmark = pytest.mark.takes_long
 

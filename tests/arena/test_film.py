@@ -20,8 +20,8 @@ from nathlon.arena.film_recording import holds_film, read_film, write_film
 from nathlon.arena.mcap_file import is_schema_of
 from nathlon.arena.recording import write_recording
 from nathlon.arena.worlds.contract import WorldError
-from tests.games import refused
-from tests.race_logs import oval_race
+from tests.support.games import refused
+from tests.support.race_logs import oval_race
 
 
 def grey(level: int, height: int = 40, width: int = 60) -> NDArray[np.uint8]:

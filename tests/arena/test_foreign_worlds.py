@@ -22,7 +22,7 @@ from nathlon.arena.worlds.registry import load_world
 from nathlon.sim import wire
 from nathlon.sim.wire import pack, unpack
 from tests.arena.test_worlds import play, policies_of
-from tests.games import player, refused, world_of
+from tests.support.games import player, refused, world_of
 
 
 def far(folder: Path, function: str, more: str = "", kind: str = "PettingZooWorld") -> str:

@@ -26,8 +26,8 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.checkpoints import BUNDLED
 from tests.policies.test_plugin import install
+from tests.support.checkpoints import BUNDLED
 
 CODE = '''
 import os

@@ -19,9 +19,9 @@ from nathlon.arena.race_log import CAR_SAMPLE, Incident, RaceLog, Stretch
 from nathlon.arena.recording import read_recording, recover_recording, write_recording
 from nathlon.reports.player import render_player
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon, refused
-from tests.race_logs import oval_race
-from tests.spoiling import spoilt_bytes
+from tests.support.command_line import nathlon, refused
+from tests.support.race_logs import oval_race
+from tests.support.spoiling import spoilt_bytes
 
 MUTATIONS = 150
 LOG = oval_race(cars=3, duration_s=5.0)

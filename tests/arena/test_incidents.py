@@ -13,7 +13,7 @@ from nathlon.sim.rules import load_rules
 from nathlon.sim.state import OTHER, REAR_END, SIDE_SWIPE
 from nathlon.sim.track import load_track
 from nathlon.sim.world import World
-from tests.driving import start_at, world_with
+from tests.support.driving import start_at, world_with
 
 TRACK = load_track("lindenring")
 BETWEEN = "between Lange Gerade and Haarnadel"

@@ -22,9 +22,9 @@ from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.loaded import LoadedPolicy, by_ending, loader_of
 from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.sources.finding import find_sources
-from nathlon.selection.watching import watch
+from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
-from tests.games import ENVIRONMENTS, WORLD, refused
+from tests.support.games import ENVIRONMENTS, WORLD, refused
 
 LOADERS = '''
 import json

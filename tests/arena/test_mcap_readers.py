@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from nathlon.arena.race_log import CAR_SAMPLE, RaceLog
 from nathlon.arena.recording import write_recording
-from tests.race_logs import oval_race
+from tests.support.race_logs import oval_race
 
 pytestmark = pytest.mark.takes_long
 

@@ -26,7 +26,7 @@ from nathlon.arena.runner import run_match, run_together
 from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
 from nathlon.selection.trials import against
 from nathlon.sim.track import load_track
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 pytestmark = pytest.mark.takes_long
 

@@ -22,7 +22,7 @@ import sqlalchemy as sa
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nathlon.api import working
+from nathlon.api import worker
 from nathlon.arena.baggage import labels
 from nathlon.arena.claimant import Claimant, at_work, owner_name
 from nathlon.arena.engine import LocalEngine, plenty, share
@@ -37,14 +37,14 @@ from nathlon.arena.queue_worker import Shift, work
 from nathlon.arena.store import Queued, Store
 from nathlon.arena.worlds.registry import load_world
 from nathlon.selection.trials import against
-from tests.checkpoints import BUNDLED
-from tests.clocks import Clock
-from tests.games import player, refused, world_of
+from tests.support.checkpoints import BUNDLED
+from tests.support.clocks import Clock
+from tests.support.games import player, refused, world_of
 
 if TYPE_CHECKING:
-    from tests.databases import Server
+    from tests.support.databases import Server
 
-pytest_plugins = ["tests.databases"]
+pytest_plugins = ["tests.support.databases"]
 
 SLOW = """PettingZooWorld(
     {"duel": envs["duel"]}, score=lambda seat: (__import__("time").sleep(0.02), seat.total)[1]
@@ -319,10 +319,10 @@ def test_a_worker_waits_for_its_store(
         with Store(target) as store:
             post(store, duels(world, tmp_path / "here"))
 
-    monkeypatch.setattr(working, "sleep", make)
+    monkeypatch.setattr(worker, "sleep", make)
     with refused("no such store"):
-        working.work(str(target), workers=1, worlds=[world], wait_s=-1.0)
-    assert working.work(str(target), workers=1, worlds=[world], wait_s=0.1) == Shift(3, 0)
+        worker.work(str(target), workers=1, worlds=[world], wait_s=-1.0)
+    assert worker.work(str(target), workers=1, worlds=[world], wait_s=0.1) == Shift(3, 0)
     said = capsys.readouterr().err.splitlines()
     assert said[0] == f"{target}: no such store yet; waiting for it for 0.1 s"
     assert said[1] == f"{target}: at work with 1 process"

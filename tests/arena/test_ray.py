@@ -32,19 +32,19 @@ from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.handed_over import hand_over
-from nathlon.reports.summary import Summary
+from nathlon.results.summary import Summary
 from nathlon.selection.config import read_config
 from nathlon.selection.trials import against
 from nathlon.sim.decisive import PACKAGE
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
-from tests.games import player, refused, world_of
+from tests.support.checkpoints import BUNDLED
+from tests.support.games import player, refused, world_of
 
 if TYPE_CHECKING:
     from ray.cluster_utils import Cluster
 
 pytestmark = pytest.mark.takes_long
-pytest_plugins = ["tests.databases"]
+pytest_plugins = ["tests.support.databases"]
 
 DUEL = 'PettingZooWorld({"duel": envs["duel"]})'
 HELD = """PettingZooWorld({"duel": envs["duel"]}, score=lambda seat: (held(), seat.total)[1])

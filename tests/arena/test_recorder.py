@@ -16,7 +16,7 @@ from nathlon.arena.runner import run_match
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.track import KERB_LEFT, KERB_RIGHT, load_track
-from tests.race_logs import turned
+from tests.support.race_logs import turned
 
 NAMES = ["slow", "quick"]
 

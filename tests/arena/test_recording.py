@@ -25,7 +25,7 @@ from nathlon.arena import _car_state_pb2 as pb
 from nathlon.arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog
 from nathlon.arena.recording import OUTLINE_LINES, read_recording, recover_recording, write_recording
 from nathlon.sim.errors import InputError
-from tests.race_logs import oval_race, road_axes, turned
+from tests.support.race_logs import oval_race, road_axes, turned
 
 RERUN = Path(sys.executable).with_name("rerun")
 POINT = pb.Polyline(x_m=[1.0], y_m=[1.0], z_m=[1.0])

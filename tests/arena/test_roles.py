@@ -12,10 +12,10 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import World
 from nathlon.arena.worlds.registry import load_world
-from nathlon.n_athlon.skill import standing_tests
 from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
-from tests.games import player, refused, world_of
+from nathlon.selection.battery.skill import standing_tests
+from tests.support.games import player, refused, world_of
 
 SIDES = "sides=[['hunter_1', 'hunter_2'], ['prey']]"
 ROLES = "roles={'hunter': ['hunter_1', 'hunter_2'], 'prey': ['prey']}"

@@ -14,14 +14,14 @@ from nathlon.arena.rounding import differing, levelled
 from nathlon.arena.worlds.contract import Outcome
 from nathlon.arena.worlds.episodes import place_points, placed
 from nathlon.arena.worlds.rehearsal import fairness
-from nathlon.n_athlon.battery import MARKS, rank_battery
-from nathlon.pareto import pareto
-from nathlon.pareto.objective import Objective, measure, own_runs
+from nathlon.selection.battery.ranking import MARKS, rank_battery
+from nathlon.selection.pareto import pareto
+from nathlon.selection.pareto.objective import Objective, measure, own_runs
 from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.points import EQUAL, better, matchups, rank
 from nathlon.tournament.ratings import notes, rate
 from nathlon.tournament.stopping import Stopping, settled
-from tests.race_results import rows
+from tests.support.race_results import rows
 
 
 def game(strengths: dict[str, float], units: int = 4) -> pl.DataFrame:

@@ -18,9 +18,9 @@ from polars.testing import assert_frame_equal
 from nathlon.arena.results import RESULTS, TABLES
 from nathlon.arena.store import Store, schema
 from nathlon.sim.errors import InputError
-from tests.stored import filled, match_of
+from tests.support.stored import filled, match_of
 
-pytest_plugins = ["tests.databases"]
+pytest_plugins = ["tests.support.databases"]
 
 
 def raw(target: str) -> sa.Engine:

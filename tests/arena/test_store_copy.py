@@ -10,10 +10,10 @@ import pytest
 
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
-from tests.command_line import nathlon, refused
-from tests.stored import filled, match_of
+from tests.support.command_line import nathlon, refused
+from tests.support.stored import filled, match_of
 
-pytest_plugins = ["tests.databases"]
+pytest_plugins = ["tests.support.databases"]
 
 
 def fill(target: Path | str) -> None:

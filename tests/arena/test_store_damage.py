@@ -17,7 +17,7 @@ import pytest
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
-from tests.stored import filled, match_of
+from tests.support.stored import filled, match_of
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ FILLING = """
 import resource, sys
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
-from tests.stored import match_of
+from tests.support.stored import match_of
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
 done = 0
@@ -161,7 +161,7 @@ import os, sys
 import alembic.command, alembic.config
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
-from tests.stored import match_of
+from tests.support.stored import match_of
 
 if os.geteuid() == 0:
     os.setuid(65534)

@@ -11,9 +11,9 @@ import sqlalchemy as sa
 
 from nathlon.arena.store import Queued, Store, opening
 from nathlon.arena.store.database import stamp
-from tests.command_line import nathlon
+from tests.support.command_line import nathlon
 
-pytest_plugins = ["tests.databases"]
+pytest_plugins = ["tests.support.databases"]
 
 DAY_S = 86_400.0
 CONTENTS = (b"wanted", b"left over", b"asked for", b"new")

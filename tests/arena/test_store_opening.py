@@ -20,9 +20,9 @@ from polars.testing import assert_frame_equal
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store, database, opening, schema
 from nathlon.sim.errors import InputError
-from tests.stored import filled, match_of
+from tests.support.stored import filled, match_of
 
-pytest_plugins = ["tests.databases"]
+pytest_plugins = ["tests.support.databases"]
 
 FIRST_VERSION = Path(__file__).parent.parent / "data" / "store_v1.sql"
 

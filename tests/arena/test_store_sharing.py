@@ -15,14 +15,14 @@ import polars as pl
 import sqlalchemy as sa
 
 from nathlon.arena.store import Store
-from tests.stored import filled, match_of
+from tests.support.stored import filled, match_of
 
-pytest_plugins = ["tests.databases"]
+pytest_plugins = ["tests.support.databases"]
 
 WORKER = """
 import random, sys, time
 from nathlon.arena.store import Store
-from tests.stored import match_of
+from tests.support.stored import match_of
 
 target, name, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
 keys = [f"m{number}" for number in range(count)]

@@ -19,7 +19,7 @@ from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.world import World
 from tests.arena.test_recorder import CHASE, Steady, match_on
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 CAR = 1
 SOURCES = ("a", "b", "c")

@@ -12,7 +12,7 @@ from nathlon.policies.bundled import BUNDLED as BUNDLED_FOLDER
 from nathlon.policies.checkpoint import Card, NetworkPolicy, load_checkpoint
 from nathlon.policies.mlp import FEW
 from nathlon.policies.policy import Policy
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 FIRST, LAST = load_checkpoint(BUNDLED[0]), load_checkpoint(BUNDLED[-1])
 

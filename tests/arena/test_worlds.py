@@ -19,7 +19,7 @@ from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import Outcome, World
 from nathlon.arena.worlds.episodes import place_points, placed, score_points
 from nathlon.arena.worlds.registry import load_world, offered_worlds
-from tests.games import box_player, player, refused, world_of
+from tests.support.games import box_player, player, refused, world_of
 
 MAKER = """
 class Maker:

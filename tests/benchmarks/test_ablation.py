@@ -11,7 +11,7 @@ from scipy import stats
 
 from benchmarks import ablation
 from nathlon.policies.training.ablation import Run
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 
 @pytest.fixture

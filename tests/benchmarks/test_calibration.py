@@ -29,14 +29,14 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.n_athlon.battery import MARKS
-from nathlon.n_athlon.skill import load_skills
-from nathlon.pareto import STANDARD
+from nathlon.selection.battery.ranking import MARKS
+from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.config import Config
+from nathlon.selection.pareto import STANDARD
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.selection.run import Run
 from nathlon.tournament.evidence import appearances, differences
-from tests.race_results import duels, rows
+from tests.support.race_results import duels, rows
 
 
 def match(entrants: Sequence[str], races: int, test: str = "4v4") -> Match:

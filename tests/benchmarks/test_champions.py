@@ -15,7 +15,7 @@ from benchmarks.time_trial import time_trial
 from nathlon.policies.checkpoint import Card, save_checkpoint
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.race_results import rows
+from tests.support.race_results import rows
 
 
 def save(path: Path, step: int, circuit: str = "lindenring", seed: int = 0) -> Path:

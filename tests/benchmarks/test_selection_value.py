@@ -8,7 +8,7 @@ import pytest
 from benchmarks.selection_value.budget import dealt, enough, expected_lead, fitted
 from benchmarks.selection_value.head_to_head import head_to_head
 from nathlon.tournament.evidence import Evidence
-from tests.race_results import duels
+from tests.support.race_results import duels
 
 WORST_FIRST = {(0, 1): np.full(8, -2.0), (0, 2): np.full(8, -6.0), (1, 2): np.full(8, -4.0)}
 """Pairs without luck: the third beats the first by 6 and the second by 4, so the field by 10 / 3."""

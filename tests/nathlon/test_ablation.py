@@ -15,17 +15,17 @@ import pytest
 from PIL import Image
 from scipy.stats import ttest_1samp, ttest_ind
 
-from nathlon.ablation import effects
 from nathlon.arena.store import Store
 from nathlon.commands.ablate import ablate
+from nathlon.judge.ablation import effects
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.training.ablation import VARIANTS, claim, configurations, plan
 from nathlon.policies.training.config import TrainingConfig, read_config
 from nathlon.policies.training.log import Status
 from nathlon.reports.ablation import ABLATION, EFFECTS, last_checkpoints, seed_band
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon, refused
-from tests.trainings import CHECKPOINTS, TOML
+from tests.support.command_line import nathlon, refused
+from tests.support.trainings import CHECKPOINTS, TOML
 
 pytestmark = [pytest.mark.takes_long, pytest.mark.usefixtures("uncompiled", "brief_laps")]
 

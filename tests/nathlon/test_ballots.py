@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import kendalltau
 
-from nathlon.committee.ballots import Ballot, Preferences, agreement, favour, order, support
+from nathlon.selection.committee.ballots import Ballot, Preferences, agreement, favour, order, support
 
 ABCDE = "abcde"
 

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from nathlon.arena.results import BATTERY, SKILLS
-from nathlon.n_athlon.battery import MARKS, rank_battery, skills
+from nathlon.selection.battery.ranking import MARKS, rank_battery, skills
 
 
 def seeded() -> np.random.Generator:

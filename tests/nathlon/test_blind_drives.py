@@ -10,18 +10,18 @@ import pytest
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import Store
-from nathlon.committee import close, vote
-from nathlon.committee.ballots import Ballot
-from nathlon.committee.decision import Decision, describe
-from nathlon.committee.drives import ballot, opinions
-from nathlon.committee.event_log import EventLog
-from nathlon.committee.events import Answers, Drove
-from nathlon.driving.blind import BlindTest, letters
-from nathlon.driving.choice import Choice
+from nathlon.lab.drive.blind import BlindTest, letters
+from nathlon.lab.drive.choice import Choice
+from nathlon.selection.committee import close, vote
+from nathlon.selection.committee.ballots import Ballot
+from nathlon.selection.committee.decision import Decision, describe
+from nathlon.selection.committee.drives import ballot, opinions
+from nathlon.selection.committee.event_log import EventLog
+from nathlon.selection.committee.events import Answers, Drove
 from nathlon.sim.errors import InputError
-from tests.blind_runs import RUN, blind_run
-from tests.command_line import nathlon, refused
-from tests.drives import choice
+from tests.support.blind_runs import RUN, blind_run
+from tests.support.command_line import nathlon, refused
+from tests.support.drives import choice
 
 
 @pytest.fixture(scope="module")

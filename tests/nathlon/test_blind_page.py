@@ -8,13 +8,13 @@ from pathlib import Path
 from playwright.sync_api import Browser, WebSocket
 
 from nathlon.arena.store import Store
-from nathlon.committee.event_log import EventLog
-from nathlon.committee.events import Drove, Voted
-from tests.blind_runs import RUN, blind_run
-from tests.command_line import nathlon
-from tests.driven_page import MAP, DriveFromRoom, answered, raced, serious
-from tests.meetings import Window, met
-from tests.opened_page import picture
+from nathlon.selection.committee.event_log import EventLog
+from nathlon.selection.committee.events import Drove, Voted
+from tests.support.blind_runs import RUN, blind_run
+from tests.support.command_line import nathlon
+from tests.support.driven_page import MAP, DriveFromRoom, answered, raced, serious
+from tests.support.meetings import Window, met
+from tests.support.opened_page import picture
 
 
 def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_path: Path) -> None:

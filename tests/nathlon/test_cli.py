@@ -14,8 +14,8 @@ import numpy as np
 from nathlon.policies.checkpoint import load_checkpoint, save_checkpoint
 from nathlon.sim.data_file import DATA
 from nathlon.sim.observation import ObservationSpec
-from tests.checkpoints import BUNDLED
-from tests.command_line import Done, nathlon, refused
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import Done, nathlon, refused
 
 
 def test_the_console_script(tmp_path: Path) -> None:

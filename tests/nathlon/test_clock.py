@@ -18,7 +18,7 @@ from nathlon.arena.store import Store
 from nathlon.arena.store.claims import LONGEST_S
 from nathlon.selection.run import Run
 from nathlon.selection.trials import against
-from tests.clocks import Clock
+from tests.support.clocks import Clock
 
 DAY, YEAR = timedelta(days=1), timedelta(days=365)
 

@@ -10,18 +10,18 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 import nathlon
-from nathlon.api.coaching import CoachResult
+from nathlon.api.coach import CoachResult
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, write_recording
-from nathlon.coaching.driving import Jolt, Plan, Rider
-from nathlon.coaching.edits import Edit
-from nathlon.coaching.lap import laps_of
-from nathlon.coaching.proof import Window, try_edits
-from nathlon.reports.coach import CoachFacts
-from tests.command_line import nathlon as command
-from tests.command_line import refused
-from tests.opened_page import faults, overhear, picture, until
-from tests.race_logs import oval_race
+from nathlon.lab.coach.driving import Jolt, Plan, Rider
+from nathlon.lab.coach.edits import Edit
+from nathlon.lab.coach.lap import laps_of
+from nathlon.lab.coach.proof import Window, try_edits
+from nathlon.results.coach import CoachFacts
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
+from tests.support.opened_page import faults, overhear, picture, until
+from tests.support.race_logs import oval_race
 
 EARLY_M = 30
 """By how much the coached driver brakes before it must."""

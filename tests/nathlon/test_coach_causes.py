@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nathlon.coaching.diagnosis import Compared, causes_of
-from nathlon.coaching.edits import full_throttle
-from nathlon.coaching.lap import Lap
-from nathlon.coaching.parts import Part, marks
-from nathlon.coaching.shares import shares
+from nathlon.lab.coach.diagnosis import Compared, causes_of
+from nathlon.lab.coach.edits import full_throttle
+from nathlon.lab.coach.lap import Lap
+from nathlon.lab.coach.parts import Part, marks
+from nathlon.lab.coach.shares import shares
 
 LENGTH = 600
 APEX_M, BRAKING_M_S2, PUSHING_M_S2 = 300, 10.0, 5.0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from nathlon.arena.race_log import RaceLog
-from nathlon.coaching.craft import craft_of, traffic
-from nathlon.coaching.words import told_mishaps
-from nathlon.reports.coach import Mishap
-from tests.race_logs import oval_race
+from nathlon.lab.coach.craft import craft_of, traffic
+from nathlon.lab.coach.words import told_mishaps
+from nathlon.results.coach import Mishap
+from tests.support.race_logs import oval_race
 
 
 @pytest.fixture(scope="module")

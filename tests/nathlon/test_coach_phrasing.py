@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from nathlon.api.coaching import CoachResult
-from nathlon.asking.chat import KEY, MODEL, URL, Endpoint
-from nathlon.coaching.phrasing import phrase, unfounded
-from nathlon.coaching.words import tell
-from nathlon.reports.coach import CoachFacts
+from nathlon.api.coach import CoachResult
+from nathlon.lab.coach.phrasing import phrase, unfounded
+from nathlon.lab.coach.words import tell
+from nathlon.lab.llm.chat import KEY, MODEL, URL, Endpoint
+from nathlon.results.coach import CoachFacts
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon
-from tests.scripted_model import Model, answer, raw_model
+from tests.support.command_line import nathlon
+from tests.support.scripted_model import Model, answer, raw_model
 
 FACTS = CoachFacts.model_validate(
     {

@@ -13,15 +13,15 @@ from pydantic import ValidationError
 
 from nathlon.arena.results import RANKING
 from nathlon.arena.store import Store
-from nathlon.committee import ask as put
-from nathlon.committee import close, compare, reopen, vote
-from nathlon.committee.ballots import Ballot
-from nathlon.committee.event_log import LOG, EventLog
-from nathlon.committee.events import Closed, Opened, Voted
-from nathlon.committee.rules import CommitteeSettings, Gates, Rule, conduct, gather
-from nathlon.committee.sentences import names_in, sentence
+from nathlon.selection.committee import ask as put
+from nathlon.selection.committee import close, compare, reopen, vote
+from nathlon.selection.committee.ballots import Ballot
+from nathlon.selection.committee.event_log import LOG, EventLog
+from nathlon.selection.committee.events import Closed, Opened, Voted
+from nathlon.selection.committee.rules import CommitteeSettings, Gates, Rule, conduct, gather
+from nathlon.selection.committee.sentences import names_in, sentence
 from nathlon.sim.errors import InputError
-from tests.committees import (
+from tests.support.committees import (
     ALONE,
     NAMES,
     PEOPLE,
@@ -35,7 +35,7 @@ from tests.committees import (
     ids,
     results,
 )
-from tests.race_results import rows
+from tests.support.race_results import rows
 
 
 def ranking(points: dict[str, float | None], barred: Sequence[str] = ()) -> pl.DataFrame:

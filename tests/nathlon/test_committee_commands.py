@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 from nathlon.arena.store import Store
 from nathlon.commands.committee_app import committee
-from nathlon.committee.event_log import EventLog
+from nathlon.selection.committee.event_log import EventLog
 from nathlon.sim.errors import InputError
-from tests.committees import PEOPLE, RUN, ask, ids
+from tests.support.committees import PEOPLE, RUN, ask, ids
 
 
 class Terminal:

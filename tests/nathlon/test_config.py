@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from nathlon.n_athlon.skill import SKILLS_FOLDER
 from nathlon.policies.bundled import BUNDLED, generalist
+from nathlon.selection.battery.skill import SKILLS_FOLDER
 from nathlon.selection.config import read_config
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError

@@ -10,7 +10,7 @@ import pytest
 from nathlon.arena.results import CURVES, ENTRANTS
 from nathlon.arena.store import Store
 from nathlon.policies.bundled import BUNDLED
-from nathlon.publishing.curves import find_curves, keep_curves
+from nathlon.selection.publish.curves import find_curves, keep_curves
 
 HEADER = "updates,transitions,wall_s,lap_s,off_course_share,mean_q,entropy\n"
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.scripted_drivers import KEYS, UNAIDED, WHEEL, Style, built_in_driver_alone, drive_alone
-from nathlon.driving.aids import BRAKE_S, STEER_S, THROTTLE_S, AidedCar, Aids, Controls
+from nathlon.lab.drive.aids import BRAKE_S, STEER_S, THROTTLE_S, AidedCar, Aids, Controls
 from nathlon.sim.car import load_car
 from nathlon.sim.world import DYNAMICS_HZ
-from tests.drives import CIRCUITS
-from tests.driving import GT3, circle, world_with
+from tests.support.drives import CIRCUITS
+from tests.support.driving import GT3, circle, world_with
 
 alone, best_alone = cache(drive_alone), cache(built_in_driver_alone)
 OFF = Aids(steering=False, pedals=False)

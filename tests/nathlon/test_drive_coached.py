@@ -11,11 +11,11 @@ import polars as pl
 import pytest
 
 import nathlon
-from nathlon.driving.coached import CoachAfterwards
-from nathlon.driving.keeping import Kept
+from nathlon.lab.drive.coached import CoachAfterwards
+from nathlon.lab.drive.keeping import Kept
 from nathlon.policies.driver import Driver
 from nathlon.policies.sources.human import write_inputs
-from nathlon.reports.coach import CoachFacts
+from nathlon.results.coach import CoachFacts
 from nathlon.sim.car import load_car
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track

@@ -11,18 +11,18 @@ import pytest
 
 from nathlon.arena.recorder import record_races
 from nathlon.arena.store import Store
-from nathlon.driving.choice import Choice, Plan, plan
-from nathlon.driving.difficulty import LEVELS, Field, field, matched, spread, tempered
-from nathlon.driving.forecast import Forecast, Setting, foretell
-from nathlon.driving.form import ONE_DOUBT, Form, form, pace_of
-from nathlon.driving.heat import Driven
-from nathlon.driving.keeping import keep
+from nathlon.lab.drive.choice import Choice, Plan, plan
+from nathlon.lab.drive.difficulty import LEVELS, Field, field, matched, spread, tempered
+from nathlon.lab.drive.forecast import Forecast, Setting, foretell
+from nathlon.lab.drive.form import ONE_DOUBT, Form, form, pace_of
+from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.keeping import keep
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources import driver_settings
-from nathlon.publishing.output import OutputFolder
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon, refused
-from tests.drives import choice, offer
+from tests.support.command_line import nathlon, refused
+from tests.support.drives import choice, offer
 
 CIRCUIT, CAR = "lindenring", "gt3"
 PACE = 0.83

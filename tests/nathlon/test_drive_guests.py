@@ -10,15 +10,15 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from nathlon.arena.race_log import Incident
-from nathlon.driving.choice import Offer, Opponent, plan
-from nathlon.driving.desk import Desk
-from nathlon.driving.frames import HEAD
-from nathlon.driving.heat import Driven, Heat
+from nathlon.lab.drive.choice import Offer, Opponent, plan
+from nathlon.lab.drive.desk import Desk
+from nathlon.lab.drive.frames import HEAD
+from nathlon.lab.drive.heat import Driven, Heat
 from nathlon.policies.apart import PolicyApart
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.drives import Hurry, choice
 from tests.policies.test_plugin import install
+from tests.support.drives import Hurry, choice
 
 CODE = """
 import os
@@ -121,7 +121,7 @@ def endless(path: Path) -> Path:
 def test_an_endless_graph_is_refused_when_it_is_offered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("nathlon.driving.choice.FIRST_ANSWER_S", 1.0)
+    monkeypatch.setattr("nathlon.lab.drive.choice.FIRST_ANSWER_S", 1.0)
     path = endless(tmp_path / "endless.onnx")
     with pytest.raises(InputError, match=r"endless\.onnx: took more than 1 s to open, expected a policy"):
         Opponent.of(str(path))

@@ -8,26 +8,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nathlon.api.racing import race
-from nathlon.api.twinning import twin
+from nathlon.api.race import race
+from nathlon.api.twin import twin
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.recorder import record_races
 from nathlon.arena.recording import read_recording, write_recording
 from nathlon.arena.store import Store
-from nathlon.driving.aids import Controls
-from nathlon.driving.choice import Choice, Offer, Opponent, plan
-from nathlon.driving.clock import FURTHEST_BEHIND_S
-from nathlon.driving.desk import INPUT, Desk
-from nathlon.driving.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
-from nathlon.driving.heat import Driven
-from nathlon.driving.keeping import Kept, keep
+from nathlon.lab.drive.aids import Controls
+from nathlon.lab.drive.choice import Choice, Offer, Opponent, plan
+from nathlon.lab.drive.clock import FURTHEST_BEHIND_S
+from nathlon.lab.drive.desk import INPUT, Desk
+from nathlon.lab.drive.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
+from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.keeping import Kept, keep
 from nathlon.policies.sources.finding import find_sources
-from nathlon.publishing.output import OutputFolder
-from nathlon.publishing.recordings import stored_match
+from nathlon.selection.publish.output import OutputFolder
+from nathlon.selection.publish.recordings import stored_match
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import load_track
 from nathlon.sim.world import DYNAMICS_DT
-from tests.drives import MARKED, STOP, Hurry, choice, drive, inputs, offer, planned
+from tests.support.drives import MARKED, STOP, Hurry, choice, drive, inputs, offer, planned
 
 
 @pytest.fixture(scope="module")

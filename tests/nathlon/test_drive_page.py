@@ -11,12 +11,12 @@ import pytest
 from playwright.sync_api import Browser
 
 from benchmarks.steered_page import LedClock
-from nathlon.driving.room import Room
-from nathlon.driving.server import DriveServer
+from nathlon.lab.drive.room import Room
+from nathlon.lab.drive.server import DriveServer
 from nathlon.sim.data_file import DATA
 from nathlon.sim.world import DYNAMICS_DT
-from tests.driven_page import MAP, Drive, serious
-from tests.drives import served
+from tests.support.driven_page import MAP, Drive, serious
+from tests.support.drives import served
 
 PAD = """
 window.pad = { id: "Wheel (Vendor: 046d)", index: 0, connected: true, mapping: MAPPING, axes: AXES,

@@ -17,13 +17,13 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from nathlon.driving.frames import COUNTDOWN, HEAD, PAUSED, RACING
-from nathlon.driving.room import Room
-from nathlon.driving.server import DriveServer
-from nathlon.driving.wheel import LARGEST_FRAME, MOST_FRAMES
-from tests.command_line import nathlon, refused
-from tests.drives import choice, inputs, served
-from tests.sockets import CUT, PATIENCE_S, closed
+from nathlon.lab.drive.frames import COUNTDOWN, HEAD, PAUSED, RACING
+from nathlon.lab.drive.room import Room
+from nathlon.lab.drive.server import DriveServer
+from nathlon.lab.drive.wheel import LARGEST_FRAME, MOST_FRAMES
+from tests.support.command_line import nathlon, refused
+from tests.support.drives import choice, inputs, served
+from tests.support.sockets import CUT, PATIENCE_S, closed
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
 from nathlon.policies.driver import Driver
 from nathlon.sim.world import World
-from tests.driven_page import MAP, Drive
-from tests.drives import served
+from tests.support.driven_page import MAP, Drive
+from tests.support.drives import served
 
 CIRCUIT, CAR = "porto-sereno", "gt3"
 UNTIL_M = 320.0

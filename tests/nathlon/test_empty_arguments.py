@@ -13,7 +13,7 @@ import nathlon
 from nathlon.cli import app
 from nathlon.commands.groups import NAMES
 from nathlon.commands.incident import named_policy
-from nathlon.recipe_comparison.grouping import recipe_folders
+from nathlon.judge.recipes.grouping import recipe_folders
 from nathlon.selection.config import read_config
 from nathlon.sim.errors import InputError
 

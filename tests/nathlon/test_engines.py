@@ -11,8 +11,8 @@ import pytest
 from nathlon.arena.claimant import PLACE, owner_name
 from nathlon.arena.store import Store
 from nathlon.sim.process import HOST
-from tests.command_line import nathlon, refused
-from tests.games import player, world_of
+from tests.support.command_line import nathlon, refused
+from tests.support.games import player, world_of
 
 
 @pytest.mark.parametrize(

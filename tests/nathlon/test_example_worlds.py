@@ -10,7 +10,7 @@ from stable_baselines3 import PPO
 
 from examples.worlds import circuit, four, tag
 from examples.worlds.train import OneSeat
-from tests.command_line import nathlon
+from tests.support.command_line import nathlon
 
 FOLDER = Path(tag.__file__).parent
 FEW = """

@@ -15,12 +15,13 @@ from onnx import TensorProto, helper
 from nathlon.arena.entrant import enter, entrants_table
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.selection.field import Field, newcomers
-from nathlon.selection.watching import watch
+from nathlon.selection.field import Field
+from nathlon.selection.nightly.newcomers import newcomers
+from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import as_named
 from nathlon.sim.observation import ObservationSpec
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 PAIR = ("lindenring", "gt3")
 

@@ -17,15 +17,15 @@ from nathlon.api.selection import SelectionResult
 from nathlon.arena.film_recording import read_film
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.publishing import films
-from nathlon.publishing.output import OutputFolder
-from nathlon.publishing.publish import publish
-from nathlon.reports.summary import Replay
+from nathlon.results.summary import Replay
+from nathlon.selection.publish import films
+from nathlon.selection.publish.output import OutputFolder
+from nathlon.selection.publish.publish import publish
 from nathlon.selection.run import RECORDINGS
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon as command
-from tests.command_line import refused
-from tests.games import player, world_of
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
+from tests.support.games import player, world_of
 
 SETTINGS = """
 [pareto]

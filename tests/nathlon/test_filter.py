@@ -15,13 +15,13 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
 from nathlon.commands.pareto import pareto as pareto_command
-from nathlon.pareto import STANDARD
-from nathlon.pareto.filter import FilterSettings, Plan, run_filter
-from nathlon.pareto.objective import Objective
 from nathlon.selection.config import Config, read_config
+from nathlon.selection.pareto import STANDARD
+from nathlon.selection.pareto.filter import FilterSettings, Plan, run_filter
+from nathlon.selection.pareto.objective import Objective
 from nathlon.selection.run import Answer, Run
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED, save_faulty
+from tests.support.checkpoints import BUNDLED, save_faulty
 
 RACES = load_world("racing")
 DASH = """

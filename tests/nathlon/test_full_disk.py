@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from nathlon.arena.recording import write_recording
-from nathlon.publishing.output import OutputFolder
 from nathlon.reports.page import write_page
 from nathlon.reports.player import write_player
 from nathlon.reports.replay import write_replay
 from nathlon.reports.spreadsheet import write_spreadsheet
-from nathlon.reports.summary import read_summary, write_summary
 from nathlon.reports.tables import write_tables
+from nathlon.results.summary import read_summary, write_summary
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
-from tests.race_logs import oval_race
-from tests.selections import build
+from tests.support.race_logs import oval_race
+from tests.support.selections import build
 
 LOG = oval_race(cars=4, duration_s=20.0)
 SELECTION = build(np.random.default_rng(1))

@@ -12,8 +12,8 @@ import nathlon
 from nathlon.arena.decision import Decision
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
-from tests import planted_laps
-from tests.command_line import nathlon as command
+from tests.support import planted_laps
+from tests.support.command_line import nathlon as command
 
 QUICK = """
 circuit = "lindenring"

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import nathlon
-from nathlon.api.gating import GateResult
+from nathlon.api.gate import GateResult
 from nathlon.arena.decision import Decision
-from tests import planted_laps
-from tests.command_line import nathlon as command
+from tests.support import planted_laps
+from tests.support.command_line import nathlon as command
 
 CONFIG = """
 world = {world}

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.arena.store import Store
-from nathlon.committee.event_log import EventLog
-from nathlon.publishing.gathering import gather
-from tests.committees import PEOPLE, ask
+from nathlon.selection.committee.event_log import EventLog
+from nathlon.selection.publish.gathering import gather
+from tests.support.committees import PEOPLE, ask
 
 
 def test_a_run_that_has_ended_is_not_under_way(tmp_path: Path) -> None:

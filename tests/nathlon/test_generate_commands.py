@@ -8,7 +8,7 @@ from pathlib import Path
 from nathlon.sim.car import load_car, read_car
 from nathlon.sim.track import read_track
 from nathlon.sim.track.generating import generate_track
-from tests.command_line import nathlon
+from tests.support.command_line import nathlon
 
 
 def test_a_circuit_is_generated_once(tmp_path: Path) -> None:

@@ -12,14 +12,14 @@ import pytest
 from nathlon.api.selection import configured
 from nathlon.arena.recording import read_recording, recover_recording
 from nathlon.arena.store import Store
-from nathlon.committee.event_log import EventLog
-from nathlon.n_athlon.skill import SKILLS_FOLDER, read_skill
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.training.config import CONFIGS
 from nathlon.policies.training.config import read_config as read_training
 from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.trainer import Trainer
+from nathlon.selection.battery.skill import SKILLS_FOLDER, read_skill
+from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.config import TEMPLATE, read_config
 from nathlon.sim.car import Car, read_car
 from nathlon.sim.data_file import DATA, read_toml
@@ -30,9 +30,9 @@ from nathlon.sim.scenario import Scenario, load_scenario
 from nathlon.sim.track import load_track
 from nathlon.sim.untrusted_file import open_regular
 from nathlon.tournament.event import load_event
-from tests.command_line import nathlon, refused
-from tests.committees import PEOPLE, RUN, ask
-from tests.spoiling import NO_FILES, no_file, spoilt_toml
+from tests.support.command_line import nathlon, refused
+from tests.support.committees import PEOPLE, RUN, ask
+from tests.support.spoiling import NO_FILES, no_file, spoilt_toml
 
 MUTATIONS = 150
 MEMORY_MIB = 2048

@@ -12,18 +12,18 @@ import nathlon
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording
 from nathlon.arena.store import Store
-from nathlon.incidents.folder import SCENARIO, incident_files
-from nathlon.incidents.freeze import freeze
-from nathlon.incidents.history import incident_history
-from nathlon.incidents.hold import load_incidents
-from nathlon.n_athlon.skill import read_skill
+from nathlon.selection.battery.skill import read_skill
+from nathlon.selection.incident.folder import SCENARIO, incident_files
+from nathlon.selection.incident.freeze import freeze
+from nathlon.selection.incident.history import incident_history
+from nathlon.selection.incident.hold import load_incidents
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon as command
-from tests.command_line import refused
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
 
 AGAIN = next(path for path in BUNDLED if path.stem == "lindenring-again-056k")
 SMALL = """

@@ -10,9 +10,9 @@ import pytest
 
 from nathlon.arena.entrant import Entrant, enter
 from nathlon.arena.pool import Pool
-from nathlon.selection.incumbents import incumbents, located
-from nathlon.selection.watching import watch
-from tests.checkpoints import BUNDLED
+from nathlon.selection.nightly.incumbents import incumbents, located
+from nathlon.selection.nightly.watching import watch
+from tests.support.checkpoints import BUNDLED
 
 
 @pytest.fixture

@@ -11,11 +11,11 @@ import typer
 
 from nathlon.arena.recording import write_recording
 from nathlon.cli import app
-from tests.centre_lines import path_of, stadium, write_line
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon
-from tests.race_logs import oval_race
-from tests.trainings import CHECKPOINTS, TOML
+from tests.support.centre_lines import path_of, stadium, write_line
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon
+from tests.support.race_logs import oval_race
+from tests.support.trainings import CHECKPOINTS, TOML
 
 
 def said(*arguments: str | Path, cwd: Path) -> Any:

@@ -21,8 +21,8 @@ from nathlon.arena.runner import run_match
 from nathlon.arena.store import Store
 from nathlon.policies.driver import Driver
 from nathlon.policies.load import load_policy
-from nathlon.publishing.lap_limits import SHIPPED, keep_limit, known_limit, place_digests
-from nathlon.publishing.laps import (
+from nathlon.selection.publish.lap_limits import SHIPPED, keep_limit, known_limit, place_digests
+from nathlon.selection.publish.laps import (
     STEP_M,
     describe_course,
     keep_laps,

@@ -13,14 +13,14 @@ import pytest
 from safetensors import safe_open
 
 from nathlon.arena.pool import Pool
-from nathlon.generations.generation import Generation, Member, conclude
-from nathlon.generations.league import League
-from nathlon.generations.settings import StopRule, read_league
+from nathlon.lab.league.generation import Generation, Member, conclude
+from nathlon.lab.league.league import League
+from nathlon.lab.league.settings import StopRule, read_league
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import checkpoint_id, read_card
 from nathlon.policies.training import polish, trial
 from nathlon.policies.training.polish import Round
-from tests.command_line import nathlon, refused
+from tests.support.command_line import nathlon, refused
 
 LADDER = BUNDLED / "lindenring"
 FIRST = ("lindenring-wake-028k", "lindenring-mend-059k")

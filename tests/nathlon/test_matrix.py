@@ -17,12 +17,12 @@ from benchmarks import planted_cells
 from benchmarks.planted_cells import MARGINS, truth
 from nathlon.arena.pool import Pool
 from nathlon.arena.recording import read_recording
+from nathlon.judge.matrix.cells import Setting, plan_cells
 from nathlon.selection.config import Config
-from nathlon.settings_matrix.cells import Setting, plan_cells
-from nathlon.settings_matrix.settings import MatrixSettings
+from nathlon.selection.matrix_settings import MatrixSettings
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon as command
-from tests.command_line import refused
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
 
 WORLD = f"{planted_cells.__file__}:PLANTED"
 REPOSITORY = Path(__file__).parent.parent.parent

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import nathlon
 from nathlon.api.matrix import MatrixResult
-from tests import planted_laps
+from tests.support import planted_laps
 
 CONFIG = """
 world = {world}

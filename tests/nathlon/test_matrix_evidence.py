@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 
-from nathlon.settings_matrix.evidence import (
+from nathlon.judge.matrix.evidence import (
     discovered,
     looks,
     mean_over_cells,

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from nathlon.n_athlon.measures import MEASURES
-from tests.race_results import DEFAULTS
+from nathlon.selection.battery.measures import MEASURES
+from tests.support.race_results import DEFAULTS
 
 
 def row(**columns: Any) -> dict[str, Any]:

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from nathlon.arena.store import Store
 from nathlon.commands.committee_app import committee
-from nathlon.committee.event_log import EventLog
-from nathlon.committee.events import Voted
-from tests.committees import PEOPLE, RUN, ask, ids
-from tests.driven_page import serious
-from tests.meetings import Window, met
+from nathlon.selection.committee.event_log import EventLog
+from nathlon.selection.committee.events import Voted
+from tests.support.committees import PEOPLE, RUN, ask, ids
+from tests.support.driven_page import serious
+from tests.support.meetings import Window, met
 
 
 @pytest.fixture

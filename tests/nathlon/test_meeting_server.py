@@ -22,16 +22,16 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from nathlon.arena.store import Store
-from nathlon.committee.event_log import EventLog
-from nathlon.meeting.folders import shown_file
-from nathlon.meeting.server import LARGEST_MESSAGE, MeetingServer
+from nathlon.lab.serve.folders import shown_file
+from nathlon.lab.serve.server import LARGEST_MESSAGE, MeetingServer
+from nathlon.lab.web.address import Address, is_loopback
+from nathlon.lab.web.server import tls_context
+from nathlon.selection.committee.event_log import EventLog
 from nathlon.sim.errors import InputError
-from nathlon.web.address import Address, is_loopback
-from nathlon.web.server import tls_context
-from tests.command_line import nathlon, refused
-from tests.committees import PEOPLE, RUN, ask, ids
-from tests.meetings import met
-from tests.sockets import CUT, PATIENCE_S, closed
+from tests.support.command_line import nathlon, refused
+from tests.support.committees import PEOPLE, RUN, ask, ids
+from tests.support.meetings import met
+from tests.support.sockets import CUT, PATIENCE_S, closed
 
 
 @pytest.fixture(scope="module")

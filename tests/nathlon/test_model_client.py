@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator
 
 import pytest
 
-from nathlon.asking import chat
-from nathlon.asking.chat import KEY, MODEL, URL, Endpoint
+from nathlon.lab.llm import chat
+from nathlon.lab.llm.chat import KEY, MODEL, URL, Endpoint
 from nathlon.sim.errors import InputError
-from tests.scripted_model import answer, raw_model, saying
+from tests.support.scripted_model import answer, raw_model, saying
 
 KEPT = "k-123456"
 OK = b"HTTP/1.1 200 OK\r\n"

@@ -24,8 +24,8 @@ from nathlon.sim.car import read_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import read_track
 from nathlon.sim.track.importing import import_circuit
-from tests.checkpoints import BUNDLED
 from tests.policies.test_sb3 import save
+from tests.support.checkpoints import BUNDLED
 
 DATA = Path(str(sim.__file__)).parent / "data"
 RUNS_CODE = {

@@ -15,7 +15,7 @@ from nathlon.arena.match import TESTED, Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import BATTERY, RESULTS, SKILLS
 from nathlon.arena.store import Store
-from nathlon.n_athlon import (
+from nathlon.selection.battery import (
     DECATHLON,
     MARKS_RUNS,
     BatterySettings,
@@ -23,10 +23,10 @@ from nathlon.n_athlon import (
     run_battery,
     skill_matches,
 )
-from nathlon.n_athlon.skill import SKILLS_FOLDER, load_skills
+from nathlon.selection.battery.skill import SKILLS_FOLDER, load_skills
 from nathlon.selection.run import Run
 from nathlon.sim.errors import InputError
-from tests.race_results import DEFAULTS
+from tests.support.race_results import DEFAULTS
 
 CIRCUIT, CAR = "porto-sereno", "coupe"
 ENTRANTS = [enter(f"driver:pace={pace}", CIRCUIT, CAR) for pace in (0.5, 0.7, 0.9)]

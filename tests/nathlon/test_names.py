@@ -18,32 +18,31 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 from playwright.sync_api import Browser
 
-from nathlon import progress
 from nathlon.api.selection import SelectionResult
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, write_recording
 from nathlon.commands.selection import print_places, print_verdict
 from nathlon.policies.sources import driver_settings
-from nathlon.progress import progress_bars
 from nathlon.reports.ablation import ABLATION, EFFECTS, write_ablation
 from nathlon.reports.player import render_player
 from nathlon.reports.replay import race_sheet, write_replay
-from nathlon.reports.selection import Selection
 from nathlon.reports.spreadsheet import write_spreadsheet
-from nathlon.reports.summary import Sent, ranked
 from nathlon.reports.tables import as_texts, write_tables
 from nathlon.reports.video import pictures
+from nathlon.results.selection import Selection
+from nathlon.results.summary import Sent, ranked
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import LONGEST, as_named, file_stem, printable, proper_name, written
 from nathlon.sim.scenario import load_scenario
-from nathlon.terminal import say, warn
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon
+from nathlon.terminal import progress, say, warn
+from nathlon.terminal.progress import progress_bars
 from tests.nathlon.test_nightly import EVENT, SMALL
-from tests.opened_page import Opened, key
-from tests.race_logs import oval_race
-from tests.selections import build
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon
+from tests.support.opened_page import Opened, key
+from tests.support.race_logs import oval_race
+from tests.support.selections import build
 
 HOSTILE = (
     "a[/red]b",
@@ -290,7 +289,7 @@ def test_a_stage_that_takes_long_has_a_line_a_minute(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = 0.0
-    monkeypatch.setattr("nathlon.progress.time.monotonic", lambda: now)
+    monkeypatch.setattr("nathlon.terminal.progress.time.monotonic", lambda: now)
     with progress.stage_progress(True, ("worker",)) as on_match:
         for now in (0.0, 50.0, 70.0, 100.0, 140.0):
             on_match("worker", int(now), int(now))

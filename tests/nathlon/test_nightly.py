@@ -18,19 +18,19 @@ from nathlon.arena.entrant import Entrant, enter
 from nathlon.arena.recording import recording_name
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
-from nathlon.nightly import GATE, HEALTH, NOT_JUDGED, OK, Night, awaited, judge, nightly, told
 from nathlon.policies.checkpoint import read_checkpoint, save_checkpoint
 from nathlon.policies.sources.identity import policy_id
-from nathlon.reports.summary import Sent, SetAside, read_summary
+from nathlon.results.summary import Sent, SetAside, read_summary
 from nathlon.selection.config import TEMPLATE, Config, read_config
 from nathlon.selection.field import Field
+from nathlon.selection.nightly import GATE, HEALTH, NOT_JUDGED, OK, Night, awaited, judge, nightly, told
 from nathlon.selection.run import DONE, KERNELS, RECORDINGS, STAGES
 from nathlon.sim.errors import InputError
-from tests import forked
-from tests.checkpoints import BUNDLED
-from tests.clocks import Jumping
-from tests.command_line import nathlon, refused
-from tests.selections import build
+from tests.support import forked
+from tests.support.checkpoints import BUNDLED
+from tests.support.clocks import Jumping
+from tests.support.command_line import nathlon, refused
+from tests.support.selections import build
 
 pytestmark = pytest.mark.takes_long
 
@@ -333,7 +333,7 @@ def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path) -> No
 
 FORKED = """
 import os, signal, sys
-from nathlon.nightly import nightly
+from nathlon.selection.nightly import nightly
 
 def is_killed(night):
     child = os.fork()

@@ -13,13 +13,13 @@ from polars.testing import assert_frame_equal
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import RunRecord, Store
-from nathlon.selection import nights_pool
 from nathlon.selection.field import Field
-from nathlon.selection.nights_pool import best_first, rank_nights
+from nathlon.selection.nightly import pool as nights_pool
+from nathlon.selection.nightly.pool import best_first, rank_nights
 from nathlon.selection.run import CONFIDENCE
 from nathlon.tournament.points import rank
 from nathlon.tournament.stopping import repeated
-from tests.race_results import tournament
+from tests.support.race_results import tournament
 
 EXACT = ["entrant", "rank", "points_per_race", "pairs", "races", "faults", "contacts_per_km"]
 ANCHOR = "driver"

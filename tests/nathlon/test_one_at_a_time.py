@@ -9,9 +9,9 @@ import pytest
 from nathlon.policies.training.config import read_config
 from nathlon.policies.training.run_folder import make_run_folder
 from nathlon.sim.folder_lock import LOCK_FILE, sole_user
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon, refused
-from tests.trainings import TOML
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon, refused
+from tests.support.trainings import TOML
 
 LEAGUE = f"""
 entrants = ["{BUNDLED[0]}", "{BUNDLED[1]}"]

@@ -8,8 +8,8 @@ import pytest
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon, refused
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon, refused
 
 COMMANDS = (
     ["evaluate", BUNDLED[0], "--out", "taken"],

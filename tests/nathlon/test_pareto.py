@@ -11,7 +11,7 @@ from polars.testing import assert_frame_equal
 
 from nathlon.arena.match import NO_TEAM, TESTED
 from nathlon.arena.results import OBJECTIVES, PARETO, RESULTS
-from nathlon.pareto import (
+from nathlon.selection.pareto import (
     SPREADS,
     STANDARD,
     draw,
@@ -20,8 +20,15 @@ from nathlon.pareto import (
     nondominated_probability,
     pareto,
 )
-from nathlon.pareto.objective import CONTACTS, Measured, Objective, measure, objectives_table, own_runs
-from tests.race_results import rows
+from nathlon.selection.pareto.objective import (
+    CONTACTS,
+    Measured,
+    Objective,
+    measure,
+    objectives_table,
+    own_runs,
+)
+from tests.support.race_results import rows
 
 PLACE = Objective(name="place", measure="place", source="race")
 POINTS = Objective(name="points", measure="points", source="race", goal="max")

@@ -16,18 +16,18 @@ from nathlon.arena.pool import Pool, run_matches
 from nathlon.arena.recording import read_recording
 from nathlon.arena.store import Store
 from nathlon.arena.worlds.registry import load_world
-from nathlon.committee.rules import CommitteeSettings
-from nathlon.n_athlon import BatterySettings, skill_matches
-from nathlon.n_athlon.skill import load_skills
-from nathlon.pareto.filter import FilterSettings, Plan
-from nathlon.publishing.decider import deciding_race
-from nathlon.publishing.output import OutputFolder
-from nathlon.reports.summary import Sent, Summary, read_summary
+from nathlon.results.summary import Sent, Summary, read_summary
+from nathlon.selection.battery import BatterySettings, skill_matches
+from nathlon.selection.battery.skill import load_skills
+from nathlon.selection.committee.rules import CommitteeSettings
 from nathlon.selection.config import Config
 from nathlon.selection.evaluation import evaluate
+from nathlon.selection.pareto.filter import FilterSettings, Plan
+from nathlon.selection.publish.decider import deciding_race
+from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.round_robin import TournamentSettings, tournament_matches
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED, save_faulty
+from tests.support.checkpoints import BUNDLED, save_faulty
 
 pytestmark = pytest.mark.takes_long
 

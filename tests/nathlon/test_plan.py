@@ -10,18 +10,18 @@ import pytest
 
 import nathlon
 from nathlon.arena.store import Store
-from nathlon.n_athlon import DECATHLON, MARKS_RUNS
-from nathlon.n_athlon.skill import load_skills
-from nathlon.reports.forecast import Forecast, StageForecast, sentences
-from nathlon.reports.summary import Summary
+from nathlon.results.forecast import Forecast, StageForecast, sentences
+from nathlon.results.summary import Summary
+from nathlon.selection.battery import DECATHLON, MARKS_RUNS
+from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.config import Config
 from nathlon.selection.forecasting import ASSUMED, forecast, habits_of
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon as command
-from tests.command_line import refused
-from tests.games import player, world_of
-from tests.opened_page import full_night
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
+from tests.support.games import player, world_of
+from tests.support.opened_page import full_night
 
 LADDER = BUNDLED[0].parent
 GAUNTLET = """

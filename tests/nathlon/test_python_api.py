@@ -15,7 +15,7 @@ import nathlon
 from nathlon.api.candidates import named_sources
 from nathlon.api.selection import SelectionResult
 from nathlon.sim.errors import InputError
-from tests.trainings import CHECKPOINTS, TOML
+from tests.support.trainings import CHECKPOINTS, TOML
 
 PAGE = Path(__file__).parent.parent.parent / "docs" / "python.md"
 
@@ -109,7 +109,7 @@ with open(devnull, "w") as nowhere, redirect_stdout(nowhere):
     app(["--help"], standalone_mode=False)
 print(*sys.modules)
 
-import nathlon.commands.racing, nathlon.api.racing
+import nathlon.commands.racing, nathlon.api.race
 print(*sys.modules)
 
 import nathlon.policies.preloaded

@@ -14,8 +14,8 @@ import polars as pl
 import pytest
 
 from nathlon.arena.store import Store
-from tests.stored import match_of
-from tests.unprivileged import CommandLine, ordinary, ordinary_nathlon
+from tests.support.stored import match_of
+from tests.support.unprivileged import CommandLine, ordinary, ordinary_nathlon
 
 CONFIG = 'checkpoints = ["."]\nstore = "nathlon.sqlite"\n'
 

@@ -14,8 +14,8 @@ from scipy.stats import mannwhitneyu
 import nathlon
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.recipe_comparison.grouping import attempts, checkpoints_of, recipe_folders
-from nathlon.recipe_comparison.statistics import (
+from nathlon.judge.recipes.grouping import attempts, checkpoints_of, recipe_folders
+from nathlon.judge.recipes.statistics import (
     estimate,
     interquartile_mean,
     mean,
@@ -23,14 +23,14 @@ from nathlon.recipe_comparison.statistics import (
     probability_of_improvement,
     shrunk,
 )
-from nathlon.recipe_comparison.summary import last_checkpoints, summarise
-from nathlon.reports.recipes import RECIPES, SCORES, too_few
+from nathlon.judge.recipes.summary import last_checkpoints, summarise
 from nathlon.reports.recipes_figure import curve
 from nathlon.reports.recipes_page import headline
+from nathlon.results.recipes import RECIPES, SCORES, too_few
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon as command
-from tests.command_line import refused
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
 
 LADDER = BUNDLED[0].parent
 QUICK = """

@@ -20,13 +20,13 @@ from nathlon.arena.results import RANKING, RESULTS
 from nathlon.arena.runner import run_match
 from nathlon.arena.store import Finished, Store
 from nathlon.commands.replay import replay
-from nathlon.publishing.decider import Notable, deciding_race, notable_races
-from nathlon.publishing.output import OutputFolder
-from nathlon.publishing.recordings import record_tournament
-from nathlon.publishing.replays import record_replays, record_stored_race
 from nathlon.reports.cars import car_index
+from nathlon.selection.publish.decider import Notable, deciding_race, notable_races
+from nathlon.selection.publish.output import OutputFolder
+from nathlon.selection.publish.recordings import record_tournament
+from nathlon.selection.publish.replays import record_replays, record_stored_race
 from nathlon.sim.errors import InputError
-from tests.race_logs import oval_race
+from tests.support.race_logs import oval_race
 
 pytestmark = pytest.mark.takes_long
 

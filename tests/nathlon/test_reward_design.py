@@ -16,27 +16,27 @@ from PIL import Image
 from playwright.sync_api import Browser
 
 import nathlon
-from nathlon.asking.chat import MODEL, URL, Endpoint
-from nathlon.asking.transcripts import Transcripts
+from nathlon.lab.llm.chat import MODEL, URL, Endpoint
+from nathlon.lab.llm.transcripts import Transcripts
+from nathlon.lab.reward.alignment import Preference
+from nathlon.lab.reward.clips import Clips, Studio
+from nathlon.lab.reward.design import Design
+from nathlon.lab.reward.drawing import drawing
+from nathlon.lab.reward.judging import Onlooker, Pair, Question, Rule
+from nathlon.lab.reward.library import DRIVER, STILL, library
+from nathlon.lab.reward.measures import MEASURES, RULE
+from nathlon.lab.reward.people import People
+from nathlon.lab.reward.pictures import OWN, Painter
+from nathlon.lab.reward.sampling import Sampler
+from nathlon.lab.reward.wording import Model as Wordsmith
 from nathlon.policies.load import load_policy
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.reports.reward_page import write_reward_page
-from nathlon.reward_design.alignment import Preference
-from nathlon.reward_design.clips import Clips, Studio
-from nathlon.reward_design.design import Design
-from nathlon.reward_design.drawing import drawing
-from nathlon.reward_design.judging import Onlooker, Pair, Question, Rule
-from nathlon.reward_design.library import DRIVER, STILL, library
-from nathlon.reward_design.measures import MEASURES, RULE
-from nathlon.reward_design.people import People
-from nathlon.reward_design.pictures import OWN, Painter
-from nathlon.reward_design.sampling import Sampler
-from nathlon.reward_design.wording import Model as Wordsmith
 from nathlon.sim.errors import InputError
-from tests.opened_page import faults, overhear, picture, until
-from tests.reward_designs import STARTS, TASK, filmed, settings
-from tests.scripted_model import Model, answer, raw_model
-from tests.trainings import TOML
+from tests.support.opened_page import faults, overhear, picture, until
+from tests.support.reward_designs import STARTS, TASK, filmed, settings
+from tests.support.scripted_model import Model, answer, raw_model
+from tests.support.trainings import TOML
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
 STEPS_KEPT = (

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from scipy.stats import kendalltau
 
-from nathlon.reward_design.alignment import Preference, align, returns, tau_a
-from nathlon.reward_design.candidates import Brief, Candidate, Outcome
-from nathlon.reward_design.judging import Question, Rule, read_verdict
-from nathlon.reward_design.library import DRIVER
-from nathlon.reward_design.measures import MEASURES, measure
-from nathlon.reward_design.ranking import all_pairs, some_pairs, strengths
-from nathlon.reward_design.sampling import BASES, TERMS, Sampler
-from nathlon.reward_design.vetting import vet
-from nathlon.reward_design.wording import messages, read_reply
+from nathlon.lab.reward.alignment import Preference, align, returns, tau_a
+from nathlon.lab.reward.candidates import Brief, Candidate, Outcome
+from nathlon.lab.reward.judging import Question, Rule, read_verdict
+from nathlon.lab.reward.library import DRIVER
+from nathlon.lab.reward.measures import MEASURES, measure
+from nathlon.lab.reward.ranking import all_pairs, some_pairs, strengths
+from nathlon.lab.reward.sampling import BASES, TERMS, Sampler
+from nathlon.lab.reward.vetting import vet
+from nathlon.lab.reward.wording import messages, read_reply
 from nathlon.sim.errors import InputError
 from nathlon.sim.expressions import pure_number
 from nathlon.sim.instruments import QUANTITIES
-from tests.reward_designs import STEPS, TASK, made_up, made_up_library
+from tests.support.reward_designs import STEPS, TASK, made_up, made_up_library
 
 STEP_S = 0.1
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nathlon.n_athlon.scoring import Kind, Scoring
+from nathlon.selection.battery.scoring import Kind, Scoring
 
 # Constants of the World Athletics Scoring Tables for Combined Events, with the marks (s, cm or m) and points
 # of Kevin Mayer's decathlon of 2018, 9126 points.

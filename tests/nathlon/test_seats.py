@@ -10,10 +10,10 @@ import pytest
 
 from nathlon.arena.match import TESTED
 from nathlon.arena.worlds.registry import load_world
-from nathlon.n_athlon.skill import standing_tests
-from nathlon.pareto.filter import FilterSettings, Plan
+from nathlon.selection.battery.skill import standing_tests
 from nathlon.selection.config import Config
-from tests.games import player, world_of
+from nathlon.selection.pareto.filter import FilterSettings, Plan
+from tests.support.games import player, world_of
 
 
 def config_of(folder: Path, sides: int, **pareto: object) -> Config:

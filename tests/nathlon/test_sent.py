@@ -12,12 +12,12 @@ import pytest
 from nathlon.arena.entrant import Entrant, entrants_table
 from nathlon.arena.store import Store
 from nathlon.policies.sources.identity import policy_id
-from nathlon.publishing.output import OutputFolder
-from nathlon.publishing.sent import keep_sent, kept_copies
-from nathlon.reports.summary import Sent
+from nathlon.results.summary import Sent
+from nathlon.selection.publish.output import OutputFolder
+from nathlon.selection.publish.sent import keep_sent, kept_copies
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
-from tests.selections import with_tables
+from tests.support.checkpoints import BUNDLED
+from tests.support.selections import with_tables
 
 
 def send(folder: Path, source: str, name: str = "runA/step") -> tuple[Entrant, Sent]:

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from nathlon.arena.match import NO_TEAM, TESTED
 from nathlon.arena.results import RESULTS
 from nathlon.arena.worlds.registry import RACING, load_world
-from nathlon.n_athlon import DECATHLON
-from nathlon.n_athlon.measures import MEASURES, measured
-from nathlon.n_athlon.skill import SKILLS_FOLDER, Gains, Marks, Skill, load_skills, read_skill
+from nathlon.selection.battery import DECATHLON
+from nathlon.selection.battery.measures import MEASURES, measured
+from nathlon.selection.battery.skill import SKILLS_FOLDER, Gains, Marks, Skill, load_skills, read_skill
 from nathlon.sim.errors import InputError
-from tests.race_results import DEFAULTS
-from tests.refusals import refusal
+from tests.support.race_results import DEFAULTS
+from tests.support.refusals import refusal
 
 SHIPPED = {skill.name: skill for skill in load_skills(DECATHLON)}
 PASS = SHIPPED["pass on the right"]

@@ -14,8 +14,8 @@ import pytest
 
 from nathlon import cli
 from nathlon.commands.selection import stoppable
-from nathlon.nightly import Night
-from tests.command_line import nathlon, refused
+from nathlon.selection.nightly import Night
+from tests.support.command_line import nathlon, refused
 
 QUIET = Night(None, "done", 1, f"Nobody passed{'!' * 10_000}", None)
 
@@ -62,7 +62,7 @@ def test_results_that_cannot_be_written(
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     (tmp_path / "nathlon.toml").touch()
-    monkeypatch.setattr("nathlon.nightly.nightly", lambda *_: QUIET)
+    monkeypatch.setattr("nathlon.selection.nightly.nightly", lambda *_: QUIET)
     with output() as stdout:  # type: ignore[operator]
         assert ended(stdout, *arguments) == 2
     *before, last = capsys.readouterr().err.splitlines()
@@ -108,7 +108,7 @@ def test_json_for_what_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             raise KeyboardInterrupt
 
     (tmp_path / "nathlon.toml").touch()
-    monkeypatch.setattr("nathlon.nightly.nightly", stopped)
+    monkeypatch.setattr("nathlon.selection.nightly.nightly", stopped)
     done = nathlon("nightly", "--json", cwd=tmp_path)
     assert done.returncode == 130
     assert json.loads(done.stdout) == {"error": "Stopped. The same command goes on.", "code": 130}
@@ -116,8 +116,8 @@ def test_json_for_what_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_json_is_printed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "nathlon.toml").touch()
-    monkeypatch.setattr("nathlon.nightly.nightly", lambda *_: QUIET)
-    monkeypatch.setattr("nathlon.nightly.told", lambda *_: None)
+    monkeypatch.setattr("nathlon.selection.nightly.nightly", lambda *_: QUIET)
+    monkeypatch.setattr("nathlon.selection.nightly.told", lambda *_: None)
     done = nathlon("nightly", "--json", cwd=tmp_path)
     assert done.returncode == 1
     assert json.loads(done.stdout)["reason"] == QUIET.reason

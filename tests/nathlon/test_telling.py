@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from nathlon.arena.store import Store
-from nathlon.nightly import HEALTH, OK
-from tests import forked
-from tests.command_line import nathlon
+from nathlon.selection.nightly import HEALTH, OK
 from tests.nathlon.test_nightly import FORKED, WEAK, run, watch_two
+from tests.support import forked
+from tests.support.command_line import nathlon
 
 TELLING = (
     FORKED
     + """
-import nathlon.nightly
+import nathlon.selection.nightly
 from nathlon.commands import nightly as command
 from nathlon.arena.store import Store
 
@@ -30,7 +30,7 @@ def dying(place, name, death):
 
 outcome_stored = (Store, "end_run", dies)
 run_ended = (Store, "end_run", dies_after)
-printed = (nathlon.nightly, "told", dies)
+printed = (nathlon.selection.nightly, "told", dies)
 for point in (outcome_stored, run_ended, printed):
     assert is_killed(lambda: dying(*point)), point
 """

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from nathlon.cli import app
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import read_track
-from tests.centre_lines import path_of, stadium, write_line
+from tests.support.centre_lines import path_of, stadium, write_line
 
 
 def nathlon(*arguments: str | Path) -> str:

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page
 from rerun.chunk import RrdReader
 
 import nathlon
-from nathlon.api.twinning import TwinResult
+from nathlon.api.twin import TwinResult
 from nathlon.arena.entrant import enter, entrants_table
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
@@ -22,16 +22,16 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, write_recording
 from nathlon.arena.runner import run_match
 from nathlon.arena.store import Store
-from nathlon.publishing.replays import record_stored_race
+from nathlon.judge.twin.rebuild import same_race
 from nathlon.reports.replay import FRAMES_PER_TICK
-from nathlon.reports.twin import outcome
+from nathlon.results.twin import outcome
+from nathlon.selection.publish.replays import record_stored_race
 from nathlon.sim.errors import InputError
-from nathlon.twins.rebuild import same_race
-from tests.checkpoints import BUNDLED
-from tests.command_line import nathlon as command
-from tests.command_line import refused
-from tests.opened_page import faults, overhear, picture, shown
-from tests.race_logs import oval_race
+from tests.support.checkpoints import BUNDLED
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
+from tests.support.opened_page import faults, overhear, picture, shown
+from tests.support.race_logs import oval_race
 
 AT_S, CAR = 3.0, 2
 RACER = next(path for path in BUNDLED if path.stem == "lindenring-again-056k")

@@ -17,24 +17,24 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import Store
 from nathlon.arena.voids import most_void
 from nathlon.arena.worlds.registry import load_world
-from nathlon.gating.gate import run_gate
-from nathlon.recipe_comparison.grouping import Attempt
-from nathlon.recipe_comparison.scores import score
-from nathlon.recipe_comparison.summary import summarise
-from nathlon.reports.gate import GateReport, junit, markdown
+from nathlon.judge.gate.gate import run_gate
+from nathlon.judge.matrix.cells import plan_cells
+from nathlon.judge.matrix.matrix import run_matrix
+from nathlon.judge.recipes.grouping import Attempt
+from nathlon.judge.recipes.scores import score
+from nathlon.judge.recipes.summary import summarise
 from nathlon.reports.gate_page import render_gate
-from nathlon.reports.matrix import MatrixReport
 from nathlon.reports.matrix_page import render_matrix
-from nathlon.reports.recipes import exit_code, void_units
 from nathlon.reports.recipes_page import headline
+from nathlon.results.gate import GateReport, junit, markdown
+from nathlon.results.matrix import MatrixReport
+from nathlon.results.recipes import exit_code, void_units
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.run import Run
-from nathlon.settings_matrix.cells import plan_cells
-from nathlon.settings_matrix.matrix import run_matrix
-from tests import planted_laps
-from tests.games import player, world_of
 from tests.nathlon.test_voids import ALL, NOTHING, Here, OwnProcess, Spoil
-from tests.race_results import rows
+from tests.support import planted_laps
+from tests.support.games import player, world_of
+from tests.support.race_results import rows
 
 RISKS = "alpha = 0.1\nbeta = 0.1\n"
 LAPS = f"{planted_laps.__file__}:PLANTED"

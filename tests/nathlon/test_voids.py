@@ -21,18 +21,18 @@ from nathlon.arena.store import Store
 from nathlon.arena.voids import not_judged_by_meetings, not_judged_by_tests
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.registry import load_world
-from nathlon.nightly import HEALTH, judge
-from nathlon.publishing.gathering import gather
-from nathlon.reports.selection import Selection
 from nathlon.reports.verdict import verdict
+from nathlon.results.selection import Selection
 from nathlon.selection.config import read_config
 from nathlon.selection.field import Field
+from nathlon.selection.nightly import HEALTH, judge
 from nathlon.selection.pipeline import select
+from nathlon.selection.publish.gathering import gather
 from nathlon.selection.run import Run
-from tests.command_line import nathlon as command
-from tests.games import player, world_of
 from tests.nathlon.test_world_selection import settings
-from tests.race_results import rows
+from tests.support.command_line import nathlon as command
+from tests.support.games import player, world_of
+from tests.support.race_results import rows
 
 Spoil = Callable[[str, Sequence[str]], pl.Expr]
 """Of which rows of RESULTS the episode is void, in a match of a stage with those who are called so."""

@@ -12,11 +12,11 @@ import pytest
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from nathlon.web import server
-from nathlon.web.address import Address
-from nathlon.web.connection import Connection, Gone
-from nathlon.web.door import Door, answer, path_of
-from tests.sockets import PATIENCE_S
+from nathlon.lab.web import server
+from nathlon.lab.web.address import Address
+from nathlon.lab.web.connection import Connection, Gone
+from nathlon.lab.web.door import Door, answer, path_of
+from tests.support.sockets import PATIENCE_S
 
 MANY = 300
 PART = bytes(1 << 16)

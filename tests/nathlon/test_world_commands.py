@@ -10,8 +10,8 @@ import pytest
 
 from nathlon.arena.pool import Pool
 from nathlon.arena.worlds.rehearsal import fairness, rehearse
-from tests.command_line import nathlon, refused
-from tests.games import world_of
+from tests.support.command_line import nathlon, refused
+from tests.support.games import world_of
 
 
 def test_the_worlds_that_are_known_are_listed(tmp_path: Path) -> None:

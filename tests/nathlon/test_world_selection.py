@@ -10,10 +10,10 @@ import pytest
 import nathlon
 from nathlon.arena.store import Store
 from nathlon.commands.selection import print_verdict
-from nathlon.nightly import nightly
 from nathlon.selection.config import read_config
-from tests.command_line import nathlon as command
-from tests.games import player, refused, world_of
+from nathlon.selection.nightly import nightly
+from tests.support.command_line import nathlon as command
+from tests.support.games import player, refused, world_of
 
 
 @pytest.fixture

@@ -17,10 +17,10 @@ import nathlon
 from nathlon.policies.apart import PolicyApart, load_guest
 from nathlon.policies.load import load_policy
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon as command
-from tests.command_line import refused
 from tests.policies.test_plugin import install
-from tests.trainings import TOML
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
+from tests.support.trainings import TOML
 
 PLACE = ("lindenring", "gt3")
 

@@ -28,7 +28,7 @@ from nathlon.policies.checkpoint import (
 )
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 SPEC = ObservationSpec(course_points=2, cars_ahead=0, cars_behind=1)
 CARD = Card(

@@ -22,10 +22,10 @@ from nathlon.policies.training.config import TrainingConfig, read_config
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
 from nathlon.sim.episode import Episodes
-from tests.command_line import nathlon as command
-from tests.command_line import refused
-from tests.refusals import refusal
-from tests.trainings import TOML
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
+from tests.support.refusals import refusal
+from tests.support.trainings import TOML
 
 PLACE = "lindenring", "gt3"
 STARTS = [

@@ -16,7 +16,7 @@ from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.training.log import CURVE_FILE
 from nathlon.policies.training.trainer import Trainer
 from tests.policies.test_training import SMALL, changed, train
-from tests.qrsac import batches, learner
+from tests.support.qrsac import batches, learner
 
 pytestmark = [
     pytest.mark.takes_long,

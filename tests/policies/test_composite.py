@@ -28,7 +28,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 CIRCUIT, CAR = "lindenring", "gt3"
 TRACK = load_track(CIRCUIT)

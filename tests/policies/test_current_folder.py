@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from nathlon.arena.on_ray.cluster import _job
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 PROGRAM = """
 import os

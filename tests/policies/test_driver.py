@@ -25,7 +25,7 @@ from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.track import Track, load_track
 from nathlon.sim.track.generating import write_generated
 from nathlon.sim.world import Conditions, Start, World
-from tests.driving import GT3, circle, road, start_at
+from tests.support.driving import GT3, circle, road, start_at
 
 TRACK = load_track("lindenring")
 GRIP = 0.97

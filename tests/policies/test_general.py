@@ -21,11 +21,11 @@ from nathlon.policies.general.checkpoint import GeneralCard, save_general
 from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.qrsac.gymnasium_training import GymnasiumTraining
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
 from tests.policies.test_gymnasium_training import SMALL, Counter, counters, targets
 from tests.policies.test_onnx import external
 from tests.policies.test_plugin import install
-from tests.refusals import refusal
+from tests.support.checkpoints import BUNDLED
+from tests.support.refusals import refusal
 
 SEEN = Box(-np.inf, np.inf, (4,), np.float32)
 RNG = np.random.default_rng(0)

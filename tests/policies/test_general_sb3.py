@@ -19,7 +19,7 @@ from stable_baselines3 import A2C, DDPG, DQN, PPO, SAC, TD3
 from nathlon.policies.general import load_general
 from nathlon.sim.errors import InputError
 from tests.policies.test_sb3 import rewrite
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 SEEN = Box(-np.inf, np.inf, (5,), np.float32)
 UNEVEN = Box(np.array([-2.0, 0.1, -1.0], np.float32), np.array([2.0, 0.4, 3.0], np.float32))

@@ -21,7 +21,7 @@ from nathlon.policies.sources.handed_over import hand_over
 from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 PLACE = ("lindenring", "gt3")
 

@@ -12,7 +12,7 @@ import pytest
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.human import write_inputs
 from nathlon.policies.sources.identity import policy_id
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 CONTROLS = np.random.default_rng(3).uniform(-1.0, 1.0, (500, 2)).astype(np.float32)
 

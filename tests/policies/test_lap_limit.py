@@ -17,7 +17,7 @@ from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY, Rates, advance
 from nathlon.sim.physics.powertrain import RPM, engine_torque
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.state import CAR_STATE, Cars
-from tests.driving import circle
+from tests.support.driving import circle
 
 WALL_M = 1.3  # from the centre line, where a car is 2 m wide and slides at an angle
 TICK = 1e-7  # s: short enough to tell rates from

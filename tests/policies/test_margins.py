@@ -8,7 +8,7 @@ import pytest
 from nathlon.policies.driver.envelope import envelope
 from nathlon.policies.driver.margins import HALF_LENGTH_M, HALF_WIDTH_M, WALL_CLEAR_M, lacking, less, room
 from nathlon.policies.driver.racing_line import minimum_time
-from tests.driving import GT3, STRAIGHT_M, circle, road, stadium
+from tests.support.driving import GT3, STRAIGHT_M, circle, road, stadium
 
 RADIUS, WALL = 60.0, 8.0
 

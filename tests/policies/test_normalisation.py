@@ -23,11 +23,11 @@ from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.normalisation import check_as_it_is, statistics_of
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
 from nathlon.policies.sources.sb3_file import was_normalised
-from nathlon.selection.field import newcomers
-from nathlon.selection.watching import watch
+from nathlon.selection.nightly.newcomers import newcomers
+from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.games import player, refused, world_of
+from tests.support.games import player, refused, world_of
 
 
 class Lights(gymnasium.Env[Any, Any]):

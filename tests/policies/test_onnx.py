@@ -25,7 +25,7 @@ from nathlon.policies.mlp import Mlp
 from nathlon.policies.sources.onnx import OnnxPolicy, export_onnx
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 SIZE = ObservationSpec(course_points=2).size
 

@@ -13,7 +13,7 @@ from onnx import TensorProto, helper, numpy_helper
 from nathlon.policies.sources.foreign import ForeignCard
 from nathlon.policies.sources.onnx import OnnxPolicy
 from tests.policies.test_onnx import NOISE, PRODUCT, SIZE, TANH, WEIGHT, graph, plain, props
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 FALSE, TRUE = (numpy_helper.from_array(np.array(value), "on") for value in (False, True))
 

@@ -19,8 +19,8 @@ from nathlon.policies.load import load_file
 from nathlon.policies.sources.onnx import export_onnx
 from nathlon.policies.sources.policy_file import MOST_BYTES, content_id, read_policy_file
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
-from tests.refusals import refusal
+from tests.support.checkpoints import BUNDLED
+from tests.support.refusals import refusal
 
 READERS: list[tuple[Callable[[Path], object], str]] = [
     (read_policy_file, ".safetensors"),

@@ -22,11 +22,11 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.polish import Polish
 from nathlon.policies.training.rewards import Reward
 from nathlon.policies.training.trial import Driven, Trial, lasting
-from nathlon.publishing.curves import find_curves
+from nathlon.selection.publish.curves import find_curves
 from nathlon.sim.errors import InputError
-from tests.command_line import nathlon, refused
-from tests.refusals import refusal
-from tests.trainings import polishing
+from tests.support.command_line import nathlon, refused
+from tests.support.refusals import refusal
+from tests.support.trainings import polishing
 
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
 HOME = Pair("lindenring", "gt3")

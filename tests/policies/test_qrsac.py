@@ -20,7 +20,7 @@ from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.qrsac.update import Update
 from nathlon.policies.replay_buffer.table import Batch
 from nathlon.sim.errors import InputError
-from tests.qrsac import ACTION, OBSERVATION, batches, config, learner
+from tests.support.qrsac import ACTION, OBSERVATION, batches, config, learner
 
 pytestmark = pytest.mark.takes_long
 

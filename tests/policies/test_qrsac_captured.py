@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from nathlon.policies.qrsac.learner import QRSAC
-from tests.qrsac import ACTION, OBSERVATION, batches, config
+from tests.support.qrsac import ACTION, OBSERVATION, batches, config
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 

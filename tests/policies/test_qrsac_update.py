@@ -14,7 +14,7 @@ from torch.distributions.transforms import TanhTransform
 from nathlon.policies.qrsac.dropout import dropout_factors
 from nathlon.policies.qrsac.networks import squashed_normal
 from nathlon.policies.qrsac.update import State, Update, annealed, quantile_huber_loss
-from tests.qrsac import ACTION, OBSERVATION, ROWS, batches, config, learner, noise_of, state_of
+from tests.support.qrsac import ACTION, OBSERVATION, ROWS, batches, config, learner, noise_of, state_of
 
 CPU = torch.device("cpu")
 

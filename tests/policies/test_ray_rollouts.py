@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-from nathlon.api.training import train
+from nathlon.api.train import train
 from nathlon.arena.on_ray.cluster import joined
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training.ablation import Run, configurations, train_in_turn
@@ -31,8 +31,8 @@ from nathlon.policies.training.worker import News, RolloutWorker
 from nathlon.policies.training.worker_pool import STEPS_AHEAD, LocalWorkers
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
-from tests.trainings import TOML, as_written, given_up_early
+from tests.support.checkpoints import BUNDLED
+from tests.support.trainings import TOML, as_written, given_up_early
 
 if TYPE_CHECKING:
     from ray.cluster_utils import Cluster

@@ -23,9 +23,9 @@ from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.load import load_file
 from nathlon.policies.sources.onnx import export_onnx
 from nathlon.sim.errors import InputError
-from tests.checkpoints import BUNDLED
 from tests.policies.test_sb3 import save, zipped
 from tests.policies.test_state_dict import weights_of, with_weights
+from tests.support.checkpoints import BUNDLED
 
 ATTACKS = 150
 MOST_GROWTH = 256 << 20

@@ -14,7 +14,7 @@ from gymnasium.spaces import Box, Discrete
 from nathlon.policies.general import load_general
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.recognised import recognised
-from tests.games import refused
+from tests.support.games import refused
 
 
 def written(folder: Path, name: str) -> Path:

@@ -19,7 +19,7 @@ from nathlon.sim.instruments import Instruments
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.state import CAR_STATE, CONTACT, OTHER, REAR_END, SIDE_SWIPE
 from nathlon.sim.track import load_track
-from tests.driving import stadium, world_with
+from tests.support.driving import stadium, world_with
 
 DT = 0.1
 LAP_M = 1000.0

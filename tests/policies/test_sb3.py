@@ -32,7 +32,7 @@ from nathlon.policies.sources.sb3 import Sb3Policy
 from nathlon.sim.episode import action_space, observation_space
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 SPEC = ObservationSpec(course_points=2)
 ODD = ObservationSpec(course_points=2, horizon_s=3.0, cars_ahead=1, cars_behind=0)

@@ -15,7 +15,7 @@ from stable_baselines3 import SAC
 
 from nathlon.policies.sources.sb3 import Sb3Policy
 from tests.policies.test_sb3 import SPEC, pack, rewrite, save, zipped
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 
 @pytest.fixture(scope="module")

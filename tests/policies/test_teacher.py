@@ -14,7 +14,7 @@ from nathlon.policies.training.teacher import lost
 from nathlon.policies.training.trial import Trial
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
-from tests.trainings import polishing
+from tests.support.trainings import polishing
 
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
 HOME = Pair("lindenring", "gt3")

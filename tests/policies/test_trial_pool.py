@@ -14,7 +14,7 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.trial import GROUP, Drive
 from nathlon.policies.training.trial_pool import Plan, TrialPool
 from nathlon.sim.errors import InputError
-from tests.trainings import polishing
+from tests.support.trainings import polishing
 
 CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
 

@@ -12,7 +12,7 @@ import pytest
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
-from tests.checkpoints import BUNDLED
+from tests.support.checkpoints import BUNDLED
 
 ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "uvicorn", "ray", "casadi")
 WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({ABSENT}))\n"
@@ -45,7 +45,7 @@ import gymnasium, nathlon
 import nathlon.commands.selection, nathlon.commands.nightly, nathlon.commands.replay, nathlon.commands.racing
 import nathlon.commands.export, nathlon.commands.track, nathlon.commands.committee, nathlon.commands.battery
 gymnasium.make("nathlon/TimeTrial-v0")
-from nathlon.reports.summary import versions
+from nathlon.results.summary import versions
 print(sorted(versions()))
 """
     done = bare(code)

@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 from nathlon.arena.film import Film
 from nathlon.reports.film_replay import TIMELINE, write_film_replay
 from nathlon.reports.film_video import LAST_S, write_film_video
-from tests.games import refused
+from tests.support.games import refused
 
 
 def jpeg(level: int) -> bytes:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from playwright.sync_api import Browser
 
-from nathlon.reports.matrix import CellReport, Finding, LevelReport, MatrixReport, Measured
 from nathlon.reports.matrix_page import write_matrix_page
-from tests.opened_page import overhear, picture
+from nathlon.results.matrix import CellReport, Finding, LevelReport, MatrixReport, Measured
+from tests.support.opened_page import overhear, picture
 
 
 def finding(worse: float | None, verdict: str) -> Finding:

@@ -10,9 +10,9 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from nathlon.reports.page import render, write_page
-from nathlon.reports.selection import Selection
-from tests.opened_page import Opened, full_night, views
-from tests.selections import PERSON, TESTS, build, card, ranked, with_tables
+from nathlon.results.selection import Selection
+from tests.support.opened_page import Opened, full_night, views
+from tests.support.selections import PERSON, TESTS, build, card, ranked, with_tables
 
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=document.title='owned'>"
 

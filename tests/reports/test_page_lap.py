@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from nathlon.reports.selection import Selection
-from tests.lap_tables import LEAST_S, RADIUS_M, ROWS, SECTIONS
-from tests.opened_page import LIMIT_S, Opened, full_night, key
+from nathlon.results.selection import Selection
+from tests.support.lap_tables import LEAST_S, RADIUS_M, ROWS, SECTIONS
+from tests.support.opened_page import LIMIT_S, Opened, full_night, key
 
 
 @pytest.fixture(scope="module")

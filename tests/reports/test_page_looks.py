@@ -14,9 +14,9 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser
 
 from nathlon.arena.results import SKILLS
-from nathlon.n_athlon.skill import SKILLS_FOLDER
-from nathlon.reports.selection import Selection
-from tests.opened_page import Opened, full_night, key, views
+from nathlon.results.selection import Selection
+from nathlon.selection.battery.skill import SKILLS_FOLDER
+from tests.support.opened_page import Opened, full_night, key, views
 
 pytestmark = pytest.mark.takes_long
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from nathlon.reports.selection import Selection
 from nathlon.reports.verdict import verdict
-from tests.selections import PERSON, RULE, build, card, decided, ranked, with_tables
+from nathlon.results.selection import Selection
+from tests.support.selections import PERSON, RULE, build, card, decided, ranked, with_tables
 
 CARDS = [card(i, f"e{i}") for i in range(6)]
 IDS = [one["entrant"] for one in CARDS]

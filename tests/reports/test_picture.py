@@ -14,7 +14,7 @@ from PIL import Image
 
 from nathlon.arena.results import RANKING
 from nathlon.reports.picture import DPI, FIRST, MOST_ROWS, WIDTH_IN, draw_ranking, ranking_picture
-from tests.selections import ranked
+from tests.support.selections import ranked
 
 HOSTILE = (
     r"$\frac{1}{0}$ $x",

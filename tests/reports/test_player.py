@@ -13,8 +13,8 @@ from playwright.sync_api import Browser, Page
 
 from nathlon.arena.race_log import RaceLog, progress
 from nathlon.reports.player import render_player, write_player
-from tests.opened_page import overhear
-from tests.race_logs import oval_race
+from tests.support.opened_page import overhear
+from tests.support.race_logs import oval_race
 
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=document.title='owned'>"
 

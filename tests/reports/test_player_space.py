@@ -15,8 +15,8 @@ from playwright.sync_api import Browser, Page
 
 from nathlon.arena.race_log import RaceLog
 from nathlon.reports.player import write_player
-from tests.opened_page import faults, overhear, picture, shown
-from tests.race_logs import LAP_M, STRAIGHT_M, oval_height, oval_point, oval_race
+from tests.support.opened_page import faults, overhear, picture, shown
+from tests.support.race_logs import LAP_M, STRAIGHT_M, oval_height, oval_point, oval_race
 
 NO_WEBGL = """() => {
   const context = HTMLCanvasElement.prototype.getContext;

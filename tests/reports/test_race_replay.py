@@ -28,7 +28,7 @@ from nathlon.reports.replay import (
     write_replay,
 )
 from nathlon.sim.errors import InputError
-from tests.race_logs import LAP_M, oval_outline, oval_race, road_axes, turned
+from tests.support.race_logs import LAP_M, oval_outline, oval_race, road_axes, turned
 
 RERUN = Path(sys.executable).with_name("rerun")
 

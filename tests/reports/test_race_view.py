@@ -12,9 +12,9 @@ from playwright.sync_api import Browser
 
 from nathlon.arena.passes import passes
 from nathlon.arena.race_log import Incident
-from nathlon.reports.selection import Selection
-from tests.opened_page import Opened, full_night, shown
-from tests.race_logs import LAP_M
+from nathlon.results.selection import Selection
+from tests.support.opened_page import Opened, full_night, shown
+from tests.support.race_logs import LAP_M
 
 READY = "document.querySelector('#incidents')"
 HOSTILE = "</script><img src=x onerror=document.title='owned'>"

@@ -8,9 +8,9 @@ from typing import Any
 import polars as pl
 from playwright.sync_api import Browser
 
-from nathlon.reports.recipes import RECIPES, SCORES
 from nathlon.reports.recipes_page import headline, write_recipes_page
-from tests.opened_page import overhear
+from nathlon.results.recipes import RECIPES, SCORES
+from tests.support.opened_page import overhear
 
 
 def row(name: str, points: float, better: tuple[float, float, float] | None, runs: int = 5) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from nathlon.arena.foxglove_scene import TEAM_COLOURS
 from nathlon.reports._blueprint import SKY, TIMELINE
 from nathlon.reports._circuit import ZONE_COLOUR
 from nathlon.reports.replay import DRAUGHT_COLOUR, MARK_COLOURS, write_replay
-from tests.race_logs import oval_race
+from tests.support.race_logs import oval_race
 
 RERUN = Path(sys.executable).with_name("rerun")
 PATIENCE_S = 120.0

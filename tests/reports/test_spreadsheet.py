@@ -11,10 +11,10 @@ import polars as pl
 import pytest
 
 import nathlon.reports.spreadsheet
-from nathlon.reports.selection import Selection
 from nathlon.reports.spreadsheet import write_spreadsheet
 from nathlon.reports.tables import write_tables
-from tests.selections import TESTS, build, with_tables
+from nathlon.results.selection import Selection
+from tests.support.selections import TESTS, build, with_tables
 
 SOFFICE = shutil.which("soffice")
 SHEETS = ["Ranking", "Skills", "Weighted", "Matchups", "Pareto", "Races", "Run"]

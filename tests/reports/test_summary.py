@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nathlon.reports.summary import VERSION, Summary, read_summary, write_summary
+from nathlon.results.summary import VERSION, Summary, read_summary, write_summary
 from nathlon.sim.errors import InputError
-from tests.selections import build
+from tests.support.selections import build
 
 SCHEMA = Path(__file__).parent.parent.parent / "docs" / "schema" / "summary.json"
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from nathlon.arena.store import Store
-from nathlon.reports.summary import read_summary
+from nathlon.results.summary import read_summary
 from nathlon.selection.run import DONE
-from tests import forked
-from tests.checkpoints import BUNDLED
 from tests.nathlon.test_nightly import configure
+from tests.support import forked
+from tests.support.checkpoints import BUNDLED
 
 CONFIG = """\
 seed = 5

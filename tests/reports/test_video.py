@@ -14,7 +14,7 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.reports._video_panels import MAP, MARGIN, brief
 from nathlon.reports.video import ALARM, RATE, SIZE, pictures, write_video
 from nathlon.sim.errors import InputError
-from tests.race_logs import oval_race
+from tests.support.race_logs import oval_race
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from playwright.sync_api import sync_playwright
 from nathlon.reports.replay import write_replay
 from nathlon.reports.web_viewer import LOOPBACK, WebViewer
 from nathlon.sim.errors import InputError
-from tests.race_logs import oval_race
+from tests.support.race_logs import oval_race
 
 SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 

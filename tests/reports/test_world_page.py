@@ -10,8 +10,8 @@ from playwright.sync_api import Browser
 
 import nathlon
 from nathlon.api.selection import SelectionResult
-from tests.games import player, world_of
-from tests.opened_page import overhear
+from tests.support.games import player, world_of
+from tests.support.opened_page import overhear
 
 SETTINGS = """
 [pareto]

@@ -12,7 +12,7 @@ from nathlon.sim.car_check import oddities
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.tyre_curve import curve_cells
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 CARS = DATA / "cars"
 NAMES = sorted(path.stem for path in CARS.glob("*.toml"))

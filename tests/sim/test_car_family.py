@@ -15,8 +15,8 @@ from nathlon.sim.car_check import in_short, oddities, power_w
 from nathlon.sim.car_family import generate_car, write_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.tuning import Tuning, tune
-from tests.closed_forms import air_drag
-from tests.driving import circle, drive, stadium, world_with
+from tests.support.closed_forms import air_drag
+from tests.support.driving import circle, drive, stadium, world_with
 
 SEEDS = range(40)
 GT3 = load_car("gt3")

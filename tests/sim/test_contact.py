@@ -17,7 +17,7 @@ from nathlon.sim.physics.contact import CAR_RESTITUTION, WALL_RESTITUTION, Touch
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import TANGENT_X, TANGENT_Y, WALL_LEFT, WALL_RIGHT, X, Y
 from nathlon.sim.world import DYNAMICS_DT, World
-from tests.driving import GT3, circle, drive, stadium, start_at, world_with
+from tests.support.driving import GT3, circle, drive, stadium, start_at, world_with
 
 P = parameters(GT3)
 MASS, INERTIA = GT3.body.mass_kg, GT3.body.yaw_inertia_kg_m2

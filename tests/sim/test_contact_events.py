@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nathlon.sim.world import AGENT_DT
-from tests.driving import GT3, drive, stadium, world_with
+from tests.support.driving import GT3, drive, stadium, world_with
 
 
 def test_a_hit_from_behind_is_noted_with_what_was_before_it() -> None:

@@ -32,9 +32,9 @@ from nathlon.sim.track import (
 from nathlon.sim.track.crossing import CLEARANCE_M, NEAR_M, bridge_heights, find_crossings
 from nathlon.sim.track.importing import import_circuit
 from nathlon.sim.world import World
-from tests.centre_lines import write_line
-from tests.driving import GT3, drive, start_at, world_with
 from tests.policies.test_driver import run
+from tests.support.centre_lines import write_line
+from tests.support.driving import GT3, drive, start_at, world_with
 
 
 def eight(width: float = 400.0, height: float = 250.0, start: float = 0.8, points: int = 300) -> NDArray:

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nathlon.sim.physics.draught import wake
-from tests.closed_forms import G, downforce
-from tests.driving import GT3, drive, stadium, world_with
+from tests.support.closed_forms import G, downforce
+from tests.support.driving import GT3, drive, stadium, world_with
 
 
 class TestDraught:

@@ -12,7 +12,7 @@ from nathlon.sim.instruments import QUANTITIES, Instruments, Transition
 from nathlon.sim.state import CAR_STATE, CONTACT
 from nathlon.sim.track import KERB_LEFT, LEFT, load_track
 from nathlon.sim.world import Conditions, Start, World
-from tests.driving import GT3, stadium, world_with
+from tests.support.driving import GT3, stadium, world_with
 
 DT = 0.1
 TRACK = load_track("lindenring")

@@ -16,7 +16,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ANY_CAR, OPPONENT, OPPONENT_SIZE, VERSION, ObservationSpec
 from nathlon.sim.track import Track
 from nathlon.sim.world import Conditions, World
-from tests.driving import GT3, drive, road, stadium, world_with
+from tests.support.driving import GT3, drive, road, stadium, world_with
 
 specs = st.builds(
     ObservationSpec,

@@ -16,7 +16,7 @@ from nathlon.sim.physics.course import SurfaceGrip, stand_on
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.world import Conditions
-from tests.closed_forms import (
+from tests.support.closed_forms import (
     CARS,
     FREE,
     FRONT_DRIVEN,
@@ -35,7 +35,7 @@ from tests.closed_forms import (
     tilted,
     wheelbase,
 )
-from tests.driving import GT3, drive, road, stadium, world_with
+from tests.support.driving import GT3, drive, road, stadium, world_with
 
 
 class TestBraking:

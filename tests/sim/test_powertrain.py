@@ -10,8 +10,18 @@ from scipy.optimize import brentq
 
 from nathlon.sim.car import Car
 from nathlon.sim.physics.powertrain import engine_torque
-from tests.closed_forms import CARS, FRONT_DRIVEN, P, air_drag, axle_loads, changed, each_car, pull, rolling
-from tests.driving import GT3, drive, stadium, world_with
+from tests.support.closed_forms import (
+    CARS,
+    FRONT_DRIVEN,
+    P,
+    air_drag,
+    axle_loads,
+    changed,
+    each_car,
+    pull,
+    rolling,
+)
+from tests.support.driving import GT3, drive, stadium, world_with
 
 
 class TestEngine:

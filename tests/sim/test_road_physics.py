@@ -16,8 +16,8 @@ from nathlon.sim.physics.course import facing, feel_road, locate, stand_on
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.state import Cars
 from nathlon.sim.world import DYNAMICS_DT
-from tests.closed_forms import CARS, FREE, G, changed, downforce, energy, follow, hills
-from tests.driving import GT3, STRAIGHT_M, circle, drive, road, stadium, world_with
+from tests.support.closed_forms import CARS, FREE, G, changed, downforce, energy, follow, hills
+from tests.support.driving import GT3, STRAIGHT_M, circle, drive, road, stadium, world_with
 
 
 class TestRoadInSpace:

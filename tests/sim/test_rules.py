@@ -9,7 +9,7 @@ import pytest
 from nathlon.sim.data_file import DATA
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules, rule_parameters
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 SPORTING = (DATA / "rules" / "sporting.toml").read_text("utf-8")
 

@@ -18,7 +18,7 @@ from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.scenario import SAFE_LATERAL, Scenario, load_scenario
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track, load_track
 from nathlon.sim.world import Start
-from tests.refusals import refusal
+from tests.support.refusals import refusal
 
 TRACKS = {name: load_track(name) for name in ("grandes-landes", "lindenring", "porto-sereno")}
 TRACK = TRACKS["lindenring"]

@@ -18,7 +18,7 @@ from nathlon.sim.state import CAR_STATE, OTHER, REAR_END, SIDE_SWIPE
 from nathlon.sim.steward import judge, watch_limits
 from nathlon.sim.track import Track
 from nathlon.sim.world import DYNAMICS_DT, World
-from tests.driving import GT3, circle, road, start_at, world_with
+from tests.support.driving import GT3, circle, road, start_at, world_with
 
 SPORTING = load_rules("sporting")
 RULES = rule_parameters(SPORTING)

@@ -13,7 +13,7 @@ from nathlon.sim.physics.course import CourseParameters, course_parameters
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.timing import SECTORS, first_line, gaps, time_lines
 from nathlon.sim.world import AGENT_DT, DYNAMICS_DT, World
-from tests.driving import GT3, circle, drive, stadium, start_at, world_with
+from tests.support.driving import GT3, circle, drive, stadium, start_at, world_with
 
 LENGTH = 1000.0
 LINES = (0.0, 250.0, 600.0)

@@ -41,7 +41,7 @@ from nathlon.sim.track import (
     read_track,
 )
 from nathlon.sim.track.map import draw_map
-from tests.driving import circle, drive, road, world_with
+from tests.support.driving import circle, drive, road, world_with
 
 CIRCUITS = DATA / "circuits"
 NAMES = sorted(folder.name for folder in CIRCUITS.iterdir())

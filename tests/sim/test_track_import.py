@@ -32,7 +32,7 @@ from nathlon.sim.track import (
     read_track,
 )
 from nathlon.sim.track.importing import import_circuit
-from tests.centre_lines import path_of, stadium, write_line
+from tests.support.centre_lines import path_of, stadium, write_line
 
 GRAVEL = SURFACES.index("gravel")
 

@@ -13,7 +13,7 @@ from nathlon.sim.car import Car, compound_ratio
 from nathlon.sim.physics.powertrain import engine_torque
 from nathlon.sim.physics.tyre import tyre_force, worn_grip
 from nathlon.sim.world import DYNAMICS_DT, Conditions
-from tests.closed_forms import (
+from tests.support.closed_forms import (
     FREE,
     G,
     P,
@@ -29,7 +29,7 @@ from tests.closed_forms import (
     slip_ratios,
     without_losses,
 )
-from tests.driving import GT3, drive, stadium, world_with
+from tests.support.driving import GT3, drive, stadium, world_with
 
 OTHERS = (0.05, -0.02, 3000.0, 0.9)
 """Slips, load and grip of the tyres that are not looked at."""

@@ -18,7 +18,7 @@ from nathlon.sim.rules import Serving, load_rules
 from nathlon.sim.state import CAR_STATE, CONTACT
 from nathlon.sim.track import Track
 from nathlon.sim.world import Conditions, World
-from tests.driving import GT3, drive, road, stadium, start_at, world_with
+from tests.support.driving import GT3, drive, road, stadium, start_at, world_with
 
 CARS = 4
 FIELDS = CAR_STATE.names or ()

@@ -14,7 +14,7 @@ from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.formats import FORMATS
 from nathlon.tournament.points import EQUAL, better, matchups, rank
 from nathlon.tournament.ratings import rate
-from tests.race_results import rows
+from tests.support.race_results import rows
 
 
 def seeded() -> np.random.Generator:

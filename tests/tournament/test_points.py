@@ -16,7 +16,7 @@ from nathlon.arena.statistics import holm, interval, p_values, precision, spread
 from nathlon.tournament.conduct import Gate, rates
 from nathlon.tournament.evidence import Evidence, appearances
 from nathlon.tournament.points import EQUAL, better, matchups, pair_correlation, rank
-from tests.race_results import rows, tournament
+from tests.support.race_results import rows, tournament
 
 PACE = {"a": 0.0, "b": 0.5, "c": 1.0, "d": 1.5}
 

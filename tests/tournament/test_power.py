@@ -13,7 +13,7 @@ from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.formats import FORMATS, FormatName
 from nathlon.tournament.points import better
 from nathlon.tournament.power import POWER, detectable, race_count, unit_deviation
-from tests.race_results import tournament
+from tests.support.race_results import tournament
 
 PACE = {"a": 0.5, "b": 0.0, "c": 0.25, "d": 0.25}
 

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from nathlon.arena.results import RATINGS, RESULTS, TOURNAMENT_NOTES
 from nathlon.tournament.ratings import PRIOR, notes, rate
-from tests.race_results import duels, tournament
+from tests.support.race_results import duels, tournament
 
 NAMES = {letter: letter.upper() for letter in "abcdefgh"}
 

@@ -12,7 +12,7 @@ import pytest
 from nathlon.arena.results import RECORDS
 from nathlon.tournament.points import rank
 from nathlon.tournament.records import records
-from tests.race_results import duels, rows
+from tests.support.race_results import duels, rows
 
 LADDER = (10.0, 8.0, 6.0)
 

@@ -24,7 +24,7 @@ from nathlon.tournament.stopping import (
     settled_in_gauntlet,
     wald_bounds,
 )
-from tests.race_results import rows, tournament
+from tests.support.race_results import rows, tournament
 
 STOPPING = Stopping(effect=0.5, drop=3.3)
 NELO = 800 / log(10)  # normalized Elo in a t of games; a pair has sqrt(2) times the t

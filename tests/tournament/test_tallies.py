@@ -11,7 +11,7 @@ from nathlon.arena.results import POOL_CELLS, POOL_TOTALS
 from nathlon.tournament.evidence import Evidence
 from nathlon.tournament.points import EQUAL, rank
 from nathlon.tournament.tallies import Tallied, Tally, rank_tally
-from tests.race_results import duels, tournament
+from tests.support.race_results import duels, tournament
 from tests.tournament.test_free_for_all import free_for_all
 
 EXACT = ["entrant", "rank", "points_per_race", "barred", "pairs", "races", "faults"]

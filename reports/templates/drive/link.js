@@ -7,7 +7,7 @@ const HEAD_BYTES = 52;
 const CAR_BYTES = 40;
 const TOKEN = "nathlon room: token"; // under which the committee's room keeps it for the tab
 
-// A frame as nathlon/driving/frames.py lays it out.
+// A frame as nathlon/lab/drive/frames.py lays it out.
 function readFrame(buffer) {
   const view = new DataView(buffer);
   const float = (at) => view.getFloat32(at, true);
@@ -103,7 +103,7 @@ function connect(session, { onWords, onFrame, onState }) {
   const ready = () => socket.readyState === WebSocket.OPEN;
   return {
     say: (words) => ready() && socket.send(JSON.stringify(words)),
-    // As nathlon/driving/desk.py reads it.
+    // As nathlon/lab/drive/desk.py reads it.
     steer({ keys, steering, throttle, brake }) {
       if (!ready()) return;
       const view = new DataView(new ArrayBuffer(20));

@@ -1,0 +1,1 @@
+"""Judgements beside a selection: gate, matrix, recipes, twins, ablations."""

@@ -1,0 +1,32 @@
+"""Whom to race when nobody is named: the finalists of a run, or the bundled champions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nathlon.arena.store import Store
+from nathlon.lab.drive.choice import Opponent
+from nathlon.policies import bundled
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import as_named
+
+
+def champions() -> list[Opponent]:
+    """The best bundled checkpoint of each circuit."""
+    return [Opponent.of(str(path)) for path in bundled.champions()]
+
+
+def finalists(run: Path) -> list[Opponent]:
+    """Those that the last run in a folder has ranked, the best first.
+
+    Raises:
+        InputError: if there is no run that has ranked anybody, or a file is no longer there.
+    """
+    with Store.open(run / "store.sqlite") as store:
+        for record in reversed(store.runs()):
+            ranked = store.table(record.name, "ranking").sort("rank")["entrant"].to_list()
+            known = {row["entrant"]: row for row in store.table(record.name, "entrants").to_dicts()}
+            if ranked:
+                rows = [known[entrant] for entrant in ranked]
+                return Opponent.all({as_named(row["source"]): row["name"] for row in rows})
+    raise InputError(f"{run}: holds no run that has ranked anybody, expected the folder of a finished run")

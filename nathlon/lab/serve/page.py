@@ -1,0 +1,29 @@
+"""The page of the committee's room: one document, with all that it needs."""
+
+from __future__ import annotations
+
+from nathlon.lab.serve.wishes import LONGEST_REASON
+from nathlon.lab.web.address import Address
+from nathlon.reports.self_contained import render_page, script_data, template_text
+
+PARTS = ("link", "figures", "ballot", "decision", "races", "room")
+
+
+def room_page(address: Address, store: str) -> str:
+    """The page for a server at an address; it holds no secret.
+
+    Args:
+        address: the only one to which its policy lets it connect.
+        store: what members call it.
+    """
+    parts = ["race/element.js", *(f"meeting/{part}.js" for part in PARTS)]
+    session = {"socket": f"{address.socket}/room", "longest": LONGEST_REASON}
+    return render_page(
+        "meeting/page.html",
+        template_text("meeting/page.css"),
+        [f'"use strict";\n\n{template_text(*parts)}'],
+        connect=f"{address.socket} {address.origin}",
+        frames=address.origin,
+        store=store,
+        session=script_data(session),
+    )

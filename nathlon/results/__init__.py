@@ -1,0 +1,1 @@
+"""What comes out of a selection, a gate, a matrix and the like, as plain values."""

@@ -1,0 +1,273 @@
+"""What a gate says, as `gate.json`, JUnit's XML and Markdown say it to other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from nathlon.arena.decision import Decision
+from nathlon.results.part import Part
+from nathlon.results.summary import Voided
+from nathlon.sim.names import printable
+from nathlon.sim.whole_file import whole_file
+
+VERSION = 1
+"""Of `gate.json`: raised when a field goes or changes its meaning, not when one is added."""
+
+MARKS = {Decision.PASS: "✓ pass", Decision.FAIL: "✗ fail", Decision.CANNOT_TELL: "? cannot tell"}
+EXIT_CODES = {Decision.PASS: 0, Decision.FAIL: 1, Decision.CANNOT_TELL: 4}
+NOT_JUDGED = 3
+"""Exit code where nobody fails, but somebody could not be judged, as most of its runs are void."""
+
+
+class Finding(Part):
+    """One measure of a candidate less the champion's, turned so that more is better.
+
+    Attributes:
+        measure, unit: what was measured.
+        margin: by which the candidate may be worse; None of what is counted and not compared.
+        difference: observed; None where nothing was.
+        low, high: bounds that hold at all looks together; None where they are not known.
+        note: a sentence on what the verdict rests on, or does not; empty where there is nothing to say.
+        units: of evidence: mirrored pairs of races, or runs.
+        most: units that the budget allowed.
+        void: units that count for nobody.
+        needed: units that would decide, if the difference stays as it is; None where that is not known.
+        verdict: on this measure alone.
+        set_aside: why it was not asked, if it was not.
+    """
+
+    measure: str
+    unit: str
+    margin: float | None
+    difference: float | None = None
+    low: float | None = None
+    high: float | None = None
+    units: int = 0
+    most: int = 0
+    void: int = 0
+    needed: int | None = None
+    verdict: Decision = Decision.CANNOT_TELL
+    set_aside: str | None = None
+    note: str = ""
+
+    @property
+    def bounds(self) -> str:
+        """Its bounds in words; completion has a lower one alone."""
+        if self.low is None:
+            return ""
+        return f"{self.low:+.3g} to {self.high:+.3g}" if self.high is not None else f"{self.low:+.3g} or more"
+
+    @property
+    def sentence(self) -> str:
+        """It in words."""
+        if self.set_aside is not None:
+            return f"{self.measure}: not asked: {self.set_aside}"
+        if self.margin is None:
+            said = f"{self.measure}: {self.difference:g} in {self.units} runs"
+        elif self.difference is None:
+            said = f"{self.measure} {self.unit}: not judged"
+        else:
+            bounds = f" ({self.bounds})" if self.bounds else ""
+            said = (
+                f"{self.measure} {self.unit}: {self.difference:+.3g}{bounds}, "
+                f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
+            )
+        return f"{said}; {self.note}" if self.note else said
+
+
+class Gated(Part):
+    """A candidate and what the gate says of it.
+
+    Attributes:
+        not_judged: it, or the champion beside it, where most of their units are void.
+        also: other files with the same contents.
+    """
+
+    name: str
+    entrant: str
+    verdict: Decision
+    findings: tuple[Finding, ...]
+    not_judged: tuple[Voided, ...] = ()
+    also: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> list[str]:
+        """What its findings rest on, or do not, measure by measure."""
+        return [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
+
+
+class GateReport(Part):
+    """All that a gate says.
+
+    Attributes:
+        alpha: probability to pass a candidate that is worse by a margin.
+        beta: probability, in each measure, to fail one that is as good.
+        races: that it rests on, void ones included.
+        void: races that count for nobody.
+        champion_faults, champion_runs: runs of the champion's cars that ended by its own fault, and all.
+        champion_also: candidates that were left out, as they are the champion's own file.
+        wall_s: how long it took.
+    """
+
+    champion: str
+    champion_id: str
+    circuit: str
+    car: str
+    world: str
+    seed: int
+    alpha: float
+    beta: float
+    races: int
+    wall_s: float
+    versions: dict[str, str]
+    candidates: tuple[Gated, ...]
+    void: int = 0
+    champion_faults: int = 0
+    champion_runs: int = 0
+    champion_also: tuple[str, ...] = ()
+    version: int = VERSION
+
+    @property
+    def verdict(self) -> Decision:
+        """Of all candidates together."""
+        said = [candidate.verdict for candidate in self.candidates]
+        return next((v for v in (Decision.FAIL, Decision.CANNOT_TELL) if v in said), Decision.PASS)
+
+    @property
+    def exit_code(self) -> int:
+        """0 if all candidates pass, 1 if one fails; else 3 if one could not be judged, 4 if one is open."""
+        if self.verdict == Decision.CANNOT_TELL and any(one.not_judged for one in self.candidates):
+            return NOT_JUDGED
+        return EXIT_CODES[self.verdict]
+
+    @property
+    def headline(self) -> str:
+        """The verdicts in a sentence."""
+        return " ".join(map(self._said, self.candidates))
+
+    def _said(self, candidate: Gated) -> str:
+        if candidate.verdict == Decision.CANNOT_TELL and candidate.not_judged:
+            void = " and ".join(dict.fromkeys(one.name for one in candidate.not_judged))
+            return (
+                f"{candidate.name} could not be judged beside {self.champion}: most runs of {void} are void."
+            )
+        said = {
+            Decision.PASS: "may replace",
+            Decision.FAIL: "may not replace",
+            Decision.CANNOT_TELL: "may or may not be as good as",
+        }
+        return f"{candidate.name} {said[candidate.verdict]} {self.champion}."
+
+    @property
+    def remarks(self) -> list[str]:
+        """What else stands beside the verdicts, in sentences."""
+        told = []
+        if self.void:
+            told.append(f"{self.void:,} of {self.races:,} races are void and count for nobody.")
+        if self.champion_faults:
+            told.append(
+                f"{self.champion} itself ended {self.champion_faults:,} of {self.champion_runs:,} runs by "
+                "its own fault."
+            )
+        told += [
+            f"Same file as {one.name}: {', '.join(map(printable, one.also))}."
+            for one in self.candidates
+            if one.also
+        ]
+        if self.champion_also:
+            left = ", ".join(map(printable, self.champion_also))
+            told.append(f"Same file as the champion {self.champion}, left out: {left}.")
+        return told
+
+
+def junit(report: GateReport) -> bytes:
+    """The report as JUnit XML: a suite for each candidate, a case for each measure.
+
+    What cannot be told is an error, what was not asked is skipped.
+    """
+    root = ElementTree.Element("testsuites", name="nathlon gate")
+    for candidate in report.candidates:
+        suite = ElementTree.SubElement(root, "testsuite", name=f"{candidate.name} against {report.champion}")
+        counts = dict.fromkeys(("failures", "errors", "skipped"), 0)
+        for finding in candidate.findings:
+            case = ElementTree.SubElement(
+                suite, "testcase", classname=candidate.name, name=finding.measure, time="0"
+            )
+            if finding.set_aside is not None:
+                kind, tag = "skipped", "skipped"
+            elif finding.verdict == Decision.FAIL:
+                kind, tag = "failures", "failure"
+            elif finding.verdict == Decision.CANNOT_TELL:
+                kind, tag = "errors", "error"
+            else:
+                ElementTree.SubElement(case, "system-out").text = finding.sentence
+                continue
+            counts[kind] += 1
+            told = ElementTree.SubElement(case, tag, message=finding.sentence)
+            if tag != "skipped":
+                told.set("type", finding.verdict)
+        ElementTree.SubElement(suite, "system-out").text = "\n".join([report.headline, *report.remarks])
+        suite.set("tests", str(len(candidate.findings)))
+        for kind, count in counts.items():
+            suite.set(kind, str(count))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+def markdown(report: GateReport) -> str:
+    """The report for a pull request or the summary of a CI job."""
+    lines = [f"### {MARKS[report.verdict]}: {escaped(report.headline)}", ""]
+    if report.remarks:
+        lines += [escaped(" ".join(report.remarks)), ""]
+    for candidate in report.candidates:
+        lines += [
+            f"**{escaped(candidate.name)}** against {escaped(report.champion)}",
+            "",
+            "| measure | verdict | difference | bounds | may be | units |",
+            "| --- | --- | ---: | ---: | ---: | ---: |",
+        ]
+        lines += ["| " + " | ".join(map(escaped, cells(finding))) + " |" for finding in candidate.findings]
+        lines += ["", *(f"- {escaped(note)}" for note in candidate.notes), ""]
+    lines.append(
+        f"{report.races:,} races in {report.wall_s:.0f} s, seed {report.seed}. "
+        f"A candidate that is worse by a margin passes with probability {report.alpha:.0%} at most."
+    )
+    return "\n".join(lines) + "\n"
+
+
+def cells(finding: Finding) -> tuple[str, ...]:
+    """A finding as a row: measure, verdict, difference, bounds, margin, units."""
+    if finding.set_aside is not None:
+        return finding.measure, f"not asked: {finding.set_aside}", "", "", "", ""
+
+    def number(value: float | None) -> str:
+        return "" if value is None else f"{value:+.3g}"
+
+    if finding.margin is None:
+        return finding.measure, MARKS[finding.verdict], f"{finding.difference:g}", "", "", str(finding.units)
+    return (
+        f"{finding.measure} {finding.unit}",
+        MARKS[finding.verdict],
+        number(finding.difference),
+        finding.bounds,
+        number(-finding.margin),
+        f"{finding.units} of {finding.most}",
+    )
+
+
+def escaped(text: str) -> str:
+    """Text that Markdown takes as it is, also in a table."""
+    return "".join(f"\\{sign}" if sign in "\\`*_{}[]<>()#|!" else sign for sign in text)
+
+
+def write_gate(report: GateReport, folder: Path) -> None:
+    """Write `gate.json`, `junit.xml` and `gate.md` to a folder."""
+    files = {
+        "gate.json": report.model_dump_json(indent=1).encode(),
+        "junit.xml": junit(report),
+        "gate.md": markdown(report).encode(),
+    }
+    for name, content in files.items():
+        with whole_file(folder / name) as partial:
+            partial.write_bytes(content)

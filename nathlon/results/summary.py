@@ -1,0 +1,383 @@
+"""What a selection came to, as `summary.json` says it to other programs."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import polars as pl
+from pydantic import Field, ValidationError
+
+from nathlon.arena.voids import NotJudged
+from nathlon.arena.worlds.registry import RACING
+from nathlon.results.forecast import Forecast
+from nathlon.results.part import Part
+from nathlon.results.words import an_episode, episodes
+from nathlon.sim.errors import InputError
+from nathlon.sim.validation import first_fault
+from nathlon.sim.whole_file import whole_file
+
+VERSION = 1
+"""Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
+STAGES = {"pareto": "filter", "battery": "n-athlon", "tournament": "round robin"}
+"""What readers call the stages that judge."""
+NAMED = 3
+"""Of those that could not be judged, in a sentence."""
+PACKAGES = ("nathlon", "numpy", "numba")
+
+
+class Stage(Part):
+    """A stage that has ended: `pareto`, `battery`, `committee` or `tournament`.
+
+    Attributes:
+        entered, left: entrants that came in, and that went on.
+        races: that it rests on, void ones included.
+        void: races that count for nobody.
+        wall_s: how long it took, s.
+        ran: races that it ran itself; the others were in the store already.
+        core_s: processor time for which it held its workers, s.
+    """
+
+    name: str
+    entered: Annotated[int, Field(alias="in")]
+    left: Annotated[int, Field(alias="out")]
+    races: int
+    wall_s: float
+    ran: int = 0
+    core_s: float = 0.0
+    void: int = 0
+
+
+class Ranked(Part):
+    """An entrant of the round robin: a row of the table `ranking` (`nathlon.arena.results.RANKING`) with its
+    name.
+
+    Attributes:
+        mean: points of its side, an episode that it played, with their interval; None of 4v4 races, and where
+            nobody met.
+        won, drawn, lost: shares of these episodes.
+    """
+
+    name: str
+    entrant: str
+    rank: int | None
+    points_per_race: float | None
+    points_low: float | None
+    points_high: float | None
+    contacts_per_km: float | None
+    contacts_low: float | None
+    contacts_high: float | None
+    at_fault_per_km: float | None
+    at_fault_low: float | None
+    at_fault_high: float | None
+    barred: bool
+    pairs: int
+    races: int
+    faults: int
+    mean: float | None = None
+    mean_low: float | None = None
+    mean_high: float | None = None
+    won: float | None = None
+    drawn: float | None = None
+    lost: float | None = None
+
+
+class Sent(Part):
+    """An entrant that the committee sends.
+
+    Attributes:
+        name, entrant: its name, and its id.
+        path: of its copy, from the folder of `summary.json`; None of what is no file.
+        digest: SHA-256 of the copy, in hexadecimal.
+    """
+
+    name: str
+    entrant: str
+    path: str | None = None
+    digest: str | None = None
+
+
+class CandidateStanding(Part):
+    """How a candidate stands; see `nathlon.selection.committee.events.Standing`."""
+
+    name: str
+    entrant: str
+    approved_by: int
+    fit: bool
+    favour: float
+    chosen: bool
+
+
+class Decided(Part):
+    """A question to the committee, what was said, and what followed or, while it is open, would follow now.
+
+    Attributes:
+        decision: its name in the event log.
+        question: `shortlist` or `selection`.
+        seats: entrants to choose.
+        waits_for: ballots of people that are missing.
+        evidence: digest, rows and tables that the members were shown.
+        said: events of the log that count, as plain values.
+        drives: test drives against candidates under letters, likewise.
+        late: numbers of those that came too late for the result.
+        ballots: cast.
+        agreement: of the members, from -1 to 1; None with fewer than two.
+        standings: candidates from first to last.
+    """
+
+    decision: str
+    question: str
+    seats: int
+    open: bool
+    waits_for: int
+    evidence: dict[str, Any]
+    said: tuple[dict[str, Any], ...]
+    late: tuple[int, ...]
+    ballots: int
+    agreement: float | None
+    standings: tuple[CandidateStanding, ...]
+    drives: tuple[dict[str, Any], ...] = ()
+
+
+class TestMarks(Part):
+    """What is worth 500 points in a test (`base`) and 1,000 (`reference`), in the test's unit."""
+
+    base: float
+    reference: float
+
+
+class SetAside(Part):
+    """A file or plugin that was set aside, and why; see `nathlon.selection.field.Exclusion`."""
+
+    source: str
+    reason: str
+    digest: str | None = None
+
+
+class Voided(Part):
+    """An entrant that could not be judged in a stage; see `nathlon.arena.voids.NotJudged`."""
+
+    name: str
+    entrant: str
+    stage: str
+    test: str
+    void: int
+    runs: int
+    unit: str = "run"
+
+
+class MostVoid(Part):
+    """Who has by far the greatest share of void races: how many of those that it had."""
+
+    name: str
+    entrant: str
+    void: int
+    races: int
+
+
+class Scene(Part):
+    """A part of a race, s since its start; the car to follow, and why one should look at it."""
+
+    start_s: float
+    end_s: float
+    car: int
+    why: str
+
+
+class Replay(Part):
+    """A race to look at.
+
+    Attributes:
+        match, race: its match's key and its number there.
+        why: one should look at it.
+        recording, player, replay: paths from the report's folder; None where there is none.
+        clips: its decisive moments.
+        missing: why it was not run again; None where it was.
+        video: of an episode of another world; path from the report's folder.
+        seats: of that episode by their names, and who had them.
+        notes: what is to be said of recording and video, in sentences.
+    """
+
+    match: str
+    race: int
+    why: str
+    recording: str | None = None
+    player: str | None = None
+    replay: str | None = None
+    clips: tuple[Scene, ...] = ()
+    missing: str | None = None
+    video: str | None = None
+    seats: dict[str, str] = Field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+class Summary(Part):
+    """What a selection came to.
+
+    Attributes:
+        version: of this format.
+        stages: that have ended.
+        ranking: of the round robin, best first.
+        sent: whom the committee sends; empty where it sends nobody or has not decided.
+        seed: of all randomness; None where the run has not come so far.
+        world: simulator in which everything was played.
+        episode: what its users call one.
+        brings: what one brings: "points", by place or of a team, or the "score".
+        circuit, car: what was driven; empty in another world.
+        versions: of Python and packages.
+        pair_correlation: of the two races of a mirrored pair; None where too few tell.
+        unit_deviation: of the difference of two entrants from one unit to the next, points a race; None where
+            too few tell.
+        effect: least true difference of two finalists, points a race, that such a round robin finds as often
+            as the forecast's `power` says; None where nobody met.
+        forecast: what was expected of it before it ran.
+        confidence: of all intervals.
+        marks: by test.
+        tests_set_aside: reasons by test.
+        car_runs: cars times races.
+        faults, void: of them ended by a policy's fault, and by one of the simulator or the machine.
+        not_judged: entrants that cannot be sent, as most of their runs are void.
+        most_void: who has by far the greatest share of void races; None where nobody has.
+        excluded: what was set aside before anything ran.
+        gone: finalists that could not be sent, as their files had gone or changed when it was decided.
+        notes: what else is to be said of the files, in sentences.
+        also: other files with the same contents, by the entrant's name.
+        stages_set_aside: reasons by stage.
+        committee: what it was asked.
+        replays: races to look at, the deciding one first.
+        recording, replay: of the deciding race; paths from the report's folder.
+        log: of what policies have printed, likewise; None where they have printed nothing.
+        report: the page; path from the folder of `summary.json`.
+        processors: kinds of processors that ran matches, and how many; see `nathlon.arena.processor`.
+    """
+
+    version: int = VERSION
+    stages: tuple[Stage, ...]
+    ranking: tuple[Ranked, ...]
+    sent: tuple[Sent, ...]
+    seed: int | None
+    world: str = RACING
+    episode: str = "race"
+    brings: Literal["points", "score"] = "points"
+    circuit: str
+    car: str
+    versions: dict[str, str]
+    pair_correlation: float | None
+    confidence: float
+    marks: dict[str, TestMarks]
+    tests_set_aside: dict[str, str]
+    car_runs: int
+    faults: int
+    void: int
+    excluded: tuple[SetAside, ...]
+    gone: tuple[SetAside, ...] = ()
+    notes: tuple[str, ...] = ()
+    also: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    not_judged: tuple[Voided, ...] = ()
+    most_void: MostVoid | None = None
+    stages_set_aside: dict[str, str] = Field(default_factory=dict)
+    unit_deviation: float | None = None
+    effect: float | None = None
+    forecast: Forecast | None = None
+    committee: tuple[Decided, ...] = ()
+    replays: tuple[Replay, ...] = ()
+    recording: str | None = None
+    replay: str | None = None
+    log: str | None = None
+    report: str | None = None
+    processors: dict[str, int] = Field(default_factory=dict)
+
+    @property
+    def void_runs(self) -> str:
+        """How many runs are void, and who could not be judged for them; '' where none are."""
+        told = void_runs(self.void, self.car_runs, self.not_judged)
+        if self.not_judged or self.most_void is None:
+            return told
+        most = self.most_void
+        return (
+            f"{told[:-1]}, most often for {most.name}: {most.void:,} of its {most.races:,} {self.episodes}."
+        )
+
+    @property
+    def an_episode(self) -> str:
+        """One, with its article."""
+        return an_episode(self.episode)
+
+    @property
+    def a_mean(self) -> str:
+        """What `Ranked.mean` is, as a heading."""
+        return f"Mean {self.brings} {self.an_episode}"
+
+    @property
+    def episodes(self) -> str:
+        """Several of them."""
+        return episodes(self.episode)
+
+
+def void_runs(void: int, car_runs: int, not_judged: Sequence[Voided]) -> str:
+    """A sentence on how many car runs are void, and who could not be judged for them; '' where none are."""
+    if not void:
+        return ""
+    counted = f"{void:,} of {car_runs:,} car runs {'is' if void == 1 else 'are'} void and count for nobody"
+    if not not_judged:
+        return f"{counted}."
+    first = [
+        f"{one.name} ({one.void:,} of {one.runs:,} {one.unit}{'' if one.runs == 1 else 's'} in the "
+        f"{STAGES[one.stage]})"
+        for one in not_judged
+    ]
+    more = len(first) - NAMED
+    shown = [*first[:NAMED], f"{more:,} more"] if more > 0 else first
+    return f"{counted}; could not be judged: {', '.join(shown)}."
+
+
+def ranked(
+    ranking: pl.DataFrame, names: Mapping[str, str], records: pl.DataFrame | None = None
+) -> tuple[Ranked, ...]:
+    """The rows of RANKING with those of RECORDS, given the names of the entrants by their ids."""
+    if records is not None:
+        ranking = ranking.join(records, on="entrant", how="left", maintain_order="left")
+    return tuple(Ranked(name=names[row["entrant"]], **row) for row in ranking.to_dicts())
+
+
+def voided(not_judged: Iterable[NotJudged], names: Mapping[str, str]) -> tuple[Voided, ...]:
+    """Who could not be judged, given the names of the entrants by their ids."""
+    return tuple(Voided(name=names[one.entrant], **asdict(one)) for one in not_judged)
+
+
+def write_summary(path: Path, summary: Summary) -> None:
+    """Write `summary.json`, whole or not at all."""
+    with whole_file(path) as partial:
+        partial.write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+
+
+def read_summary(path: Path) -> Summary:
+    """Read `summary.json`.
+
+    Raises:
+        InputError: if it cannot be read, is none, or is of a later version.
+    """
+    try:
+        summary = Summary.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error, Summary)}") from None
+    if summary.version > VERSION:
+        raise InputError(f"{path}: field version is {summary.version}, expected at most {VERSION}")
+    return summary
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that are there, by name."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

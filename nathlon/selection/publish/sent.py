@@ -1,0 +1,109 @@
+"""What is sent, as a copy that stays whatever becomes of the file in the meantime."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.store import Store
+from nathlon.policies.sources import COMPOSITE, ROLES, is_path, suffix_of
+from nathlon.policies.sources.composite import CompositeSource
+from nathlon.policies.sources.identity import is_still, policy_id
+from nathlon.policies.sources.roles import RolesSource
+from nathlon.results.summary import Sent, Summary
+from nathlon.selection.publish.output import OutputFolder
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import LONGEST_FILE, as_named, file_stem
+from nathlon.sim.whole_file import whole_file
+
+SENT = "sent"
+"""Folder of the copies, in that of the selection."""
+
+
+def keep_sent(store: Store, run: str, output: OutputFolder) -> tuple[Sent, ...]:
+    """Copy whom a run sends into its folder `sent`, unless they are there, and say where.
+
+    What is no file, as a plugin, is only named.
+
+    Raises:
+        InputError: if a file is gone or is another one by now, or the copy cannot be written.
+    """
+    summary: Any = store.facts(run).get("summary")
+    sources = dict(store.table(run, "entrants").select("entrant", "source").iter_rows())
+    sent = Summary.model_validate(summary).sent if summary else ()
+    with output.filling():
+        return tuple(_kept(one, as_named(sources[one.entrant]), output.root) for one in sent)
+
+
+def kept_copies(nights: Path, entrant: Entrant) -> list[str]:
+    """Copies of an entrant that nights have sent."""
+    pattern = f"*/{SENT}/{_file_name(entrant.name, entrant.id, entrant.source)}"
+    return [str(path) for path in sorted(nights.glob(pattern)) if is_still(str(path), entrant.id)]
+
+
+def _kept(sent: Sent, source: str, root: Path) -> Sent:
+    if not is_path(source):
+        return sent
+    copy = root / SENT / _file_name(sent.name, sent.entrant, source)
+    if not is_still(str(copy), sent.entrant):
+        if is_still(source, sent.entrant):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            _copy(Path(source), copy)
+        # After the copy too: a training run may go on writing meanwhile.
+        if not is_still(str(copy), sent.entrant):
+            copy.unlink(missing_ok=True)
+            raise InputError(
+                f"{source}: is gone or has changed since it was entered, expected the file that is to be sent"
+            )
+    digest = hashlib.sha256(copy.read_bytes()).hexdigest()
+    return sent.model_copy(update={"path": copy.relative_to(root).as_posix(), "digest": digest})
+
+
+def _file_name(name: str, identity: str, source: str) -> str:
+    """Names differ at their ends: one that is cut has the beginning of its id there."""
+    ending = ROLES if source.endswith(ROLES) else suffix_of(source)
+    stem = file_stem(name)
+    return f"{stem}-{identity[:6]}{ending}" if len(stem) == LONGEST_FILE else f"{stem}{ending}"
+
+
+def _copy(source: Path, copy: Path) -> None:
+    """Copy a file, and the files that it names, if it is a composite or names policies by role."""
+    if source.name.endswith(ROLES):
+        named = RolesSource.read(source).sources
+        roles = [f"{json.dumps(role)} = {_named(part, copy.parent)}" for role, part in named.items()]
+        _write(copy, ["[roles]", *roles])
+    elif source.name.endswith(COMPOSITE):
+        composite = CompositeSource.read(source)
+        lines = [f"name = {_text(composite.file.name)}"]
+        for part in composite.file.part:
+            facts = part.model_dump(mode="json", exclude={"policy"}, exclude_none=True)
+            lines += ["", "[[part]]", f"policy = {_named(composite.source(part), copy.parent)}"]
+            lines += [f"{field} = {_text(value)}" for field, value in facts.items()]
+        _write(copy, lines)
+    else:
+        with whole_file(copy) as partial:
+            shutil.copyfile(source, partial)
+
+
+def _named(source: str, folder: Path) -> str:
+    """How a copy names one of its policies, which lies beside it, called after its contents."""
+    if not is_path(source):
+        return _text(source)
+    copy = folder / f"{policy_id(source)[:12]}{suffix_of(source)}"
+    _copy(Path(source), copy)
+    return _text(copy.name)
+
+
+def _text(value: Any) -> str:
+    """As in TOML, where texts, numbers and lists of them are written as in JSON."""
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _write(path: Path, lines: Iterable[str]) -> None:
+    with whole_file(path) as partial:
+        partial.write_text("\n".join(lines) + "\n", "utf-8")

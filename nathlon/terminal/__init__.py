@@ -1,0 +1,58 @@
+"""The terminal: names and paths are never markup, and a table never cuts a number or a name."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from nathlon.terminal.console import Terminal
+
+
+@cache
+def console(stderr: bool = False) -> Terminal:
+    """Where results are printed, or what is none; rich takes long to load for who prints nothing."""
+    from nathlon.terminal.console import Terminal
+
+    return Terminal(stderr=stderr)
+
+
+def new_table(title: str | None = None, lean: bool = False) -> Table:
+    """A table without rows; a lean one has a line below its head only."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    return Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0)) if lean else Table(title=title)
+
+
+def print_table(table: Table) -> None:
+    """Print a table, nothing of it cut."""
+    console().table(table)
+
+
+def say(text: str) -> None:
+    """Print a line as it is: paths stay whole."""
+    console().print(text, soft_wrap=True)
+
+
+def warn(text: str) -> None:
+    """Print a line that is no result to standard error, as it is."""
+    console(stderr=True).print(text, soft_wrap=True)
+
+
+def print_json(value: Any) -> None:
+    """Print plain values and paths as JSON."""
+    print(json.dumps(value, indent=1, default=str))
+
+
+def tell(results: Mapping[str, Any], as_json: bool) -> None:
+    """Print results: as JSON, or a line for each with its name before it."""
+    if as_json:
+        print_json(results)
+    else:
+        for name, value in results.items():
+            say(f"{name.capitalize():<12} {value}")
