@@ -12,7 +12,6 @@ from nathlon.arena.job import Answer, Job, Racing, Wanted
 from nathlon.arena.match import Match
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.results import VOID_ENDINGS
-from nathlon.arena.serving import came_otherwise
 from nathlon.sim.errors import InputError
 
 JobT = TypeVar("JobT")
@@ -63,7 +62,7 @@ class Crew(ABC):
                 assert racing.wanted is not None, "all are to be recorded"
                 if isinstance(answer, Recorded):
                     void = answer.results["ending"].is_in(VOID_ENDINGS).all()
-                    yield racing.match, came_otherwise(racing.wanted) if void else answer
+                    yield racing.match, racing.wanted.came_otherwise if void else answer
                 else:
                     yield racing.match, answer
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, only_once, weights
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
+from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.loaded import loader_of
-from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file
 from nathlon.policies.normalisation import check_as_it_is
@@ -21,7 +22,7 @@ from nathlon.sim.errors import InputError, together
 def enter_each(
     pool: Pool, sources: Sequence[str], circuit: str, car: str, world: str = RACING
 ) -> list[Entrant | InputError]:
-    """The entrants that sources give, or why they give none; see `nathlon.arena.worlds.contract.World`."""
+    """The entrants that sources give, or why they give none; see `nathlon.arena.world.World`."""
     return pool.open([Opening(source, _enter, (source, world, circuit, car)) for source in sources])
 
 

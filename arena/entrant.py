@@ -11,7 +11,7 @@ import polars as pl
 
 from nathlon.arena.naming import longer, short_names, stem
 from nathlon.arena.results import ENTRANTS
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file, load_policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN
@@ -37,7 +37,7 @@ class Entrant:
         source: path of the file, or the name of the driver or plugin.
         circuit, car: what it drives; empty in a world that has none.
         step, seed: of the training; None where they are not known.
-        world: name of the simulator, see `nathlon.arena.worlds.registry`.
+        world: name of the simulator, see `nathlon.arena.world_finding`.
         also: other sources with the same contents.
     """
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from nathlon.arena.worlds.contract import WorldError
+from nathlon.arena.world import WorldError
 
 RATE = 30.0
 """Pictures a second, at most."""
@@ -63,7 +63,7 @@ class Camera:
         self._bytes = 0
 
     def __call__(self, time_s: float, draw: Callable[[], Any], last: bool) -> None:
-        """As of `nathlon.arena.worlds.contract.Onlooker`.
+        """As of `nathlon.arena.world.Onlooker`.
 
         Raises:
             WorldError: if what is drawn is no picture.

@@ -15,8 +15,8 @@ from nathlon.arena.recorder import Recorded
 from nathlon.arena.recording import recording_name
 from nathlon.arena.results import VOID_ENDINGS, came_out_alike
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import Visible
-from nathlon.arena.worlds.registry import home, load_world
+from nathlon.arena.world import Visible
+from nathlon.arena.world_registry import home, load_world
 from nathlon.sim.errors import InputError
 
 OTHERWISE = "it ended otherwise when it was played again, expected what is stored"

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from itertools import accumulate
 
 from nathlon.arena.match import Match
-from nathlon.arena.worlds.contract import Setup
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world import Setup
+from nathlon.arena.world_registry import load_world
 
 CARS = 256
 """In a world: beyond it the work for each car is most of the work."""

@@ -12,6 +12,7 @@ import polars as pl
 
 from nathlon.arena.classification import void
 from nathlon.arena.match import Match
+from nathlon.arena.processor import processor
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.results import INTERRUPTED
 from nathlon.arena.watch import NOBODY, Asked, Taken
@@ -21,6 +22,8 @@ log = logging.getLogger(__name__)
 
 HOG_BYTES = 256 << 20
 """Who has taken less memory than this is not blamed for there being none."""
+
+OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
 
 
 class Wanted(NamedTuple):
@@ -43,6 +46,13 @@ class Wanted(NamedTuple):
     folder: Path | None = None
     seen_by: int | None = None
     processor: str | None = None
+
+    @property
+    def came_otherwise(self) -> InputError:
+        """That policies or this machine compute otherwise than then, so that it is not what was seen."""
+        here, then = processor(), self.processor
+        why = "" if then in (None, here) else f" (they are of a processor {then}, and this one is {here})"
+        return InputError(f"match {self.match.key[:10]}: {OTHERWISE}{why}")
 
 
 @dataclass(frozen=True)

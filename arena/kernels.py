@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from nathlon.arena.job import Opening
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.policies.kernels import GROUPS
 from nathlon.policies.sources import DRIVER
 

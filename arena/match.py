@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
 
-from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.arena.world_finding import RACING, find_world
 from nathlon.sim.errors import InputError
 
 NO_TEAM, TESTED, BACKGROUND = -1, 0, -2
@@ -70,7 +70,7 @@ class Match:
         circuit, car: where the world has several; empty where it has none.
         entrants: ids of the policies.
         sources: where to load them from; does not decide the outcome.
-        world: name of the simulator, see `nathlon.arena.worlds.registry`.
+        world: name of the simulator, see `nathlon.arena.world_finding`.
         swap: of a car's driver; None in all matches that decide something.
     """
 
@@ -148,4 +148,4 @@ class Match:
         facts["races"] = [vars(race) | {"seats": [vars(seat) for seat in race.seats]} for race in self.races]
         if self.swap is not None:
             facts["swap"] = asdict(self.swap)
-        return facts | load_world(self.world, self.circuit, self.car).facts(self.scenario)
+        return facts | find_world(self.world, self.circuit, self.car).facts(self.scenario)

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 from nathlon.arena.match import Match
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.sim.errors import InputError
 
 

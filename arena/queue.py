@@ -16,7 +16,7 @@ from nathlon.arena.grouping import fill, group, longest_first
 from nathlon.arena.match import Match
 from nathlon.arena.queue_entry import DamagedError, check_entry, digest_of
 from nathlon.arena.store import Queued, Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from nathlon.arena.match import BACKGROUND
 from nathlon.arena.store import Queued
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault

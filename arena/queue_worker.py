@@ -17,7 +17,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.queue import Taker, difference
 from nathlon.arena.queue_entry import KEY_SHOWN, check_place, digest_of
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)

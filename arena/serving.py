@@ -14,23 +14,21 @@ from typing import Any
 from nathlon.arena.job import Answer, Job, Opening, Racing, Wanted
 from nathlon.arena.match_policies import match_policy
 from nathlon.arena.output_log import print_into
-from nathlon.arena.processor import processor
 from nathlon.arena.recorder import Recorded, record_races
 from nathlon.arena.recording import recording_name, write_recording
 from nathlon.arena.results import came_out_alike
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.workers import NO_MEMORY, READY
-from nathlon.arena.worlds.contract import LineUp
-from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.arena.world import LineUp
+from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_registry import load_world
 from nathlon.policies.isolation import preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
-
-OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
 
 
 def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
@@ -122,7 +120,7 @@ def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -
         return film_episodes(wanted, policies, watch)
     recorded = record_races(wanted.match, policies, wanted.races, wanted.names, watch, wanted.seen_by)
     if wanted.results is not None and not came_out_alike(recorded.results, wanted.results):
-        return came_otherwise(wanted)
+        return wanted.came_otherwise
     if wanted.folder is None:
         return recorded
     watch.rest()
@@ -132,13 +130,6 @@ def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -
     except OSError as error:
         return InputError(f"{wanted.folder}: the recording cannot be written: {error.strerror}")
     return recorded._replace(logs=[])
-
-
-def came_otherwise(wanted: Wanted) -> InputError:
-    """Its policies or this machine do not compute the same as then, so that it is not what was seen then."""
-    here, then = processor(), wanted.processor
-    why = "" if then in (None, here) else f" (they are of a processor {then}, and this one is {here})"
-    return InputError(f"match {wanted.match.key[:10]}: {OTHERWISE}{why}")
 
 
 def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Any | Absent:

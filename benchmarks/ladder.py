@@ -20,7 +20,7 @@ from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import home
+from nathlon.arena.world_registry import home
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.load import load_file
 from nathlon.selection.battery import marked, marking_matches, skill_matches

@@ -41,7 +41,7 @@ from nathlon.arena.queue_worker import work
 from nathlon.arena.results import RESULTS
 from nathlon.arena.store import Store
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import LineUp, Measure, Setup
+from nathlon.arena.world import LineUp, Measure, Setup
 
 NAP_S = 0.01
 """That a match takes, unless it is told."""

@@ -32,7 +32,7 @@ from benchmarks.result import write_result
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import TESTED, Match, Race, Seat
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.selection.trials import against, draw_seeds
 
 FRESH = np.random.SeedSequence(2029)

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 
 # Two test processes share two cores: BLAS and torch must not take more than one each.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

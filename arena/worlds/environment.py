@@ -15,21 +15,22 @@ from typing import Any, Literal
 
 import numpy as np
 
-from nathlon.arena.worlds.contract import (
+from nathlon.arena.world import (
     KNOWN,
+    Loader,
     Measure,
     Onlooker,
     Outcome,
     Player,
     Points,
     Setup,
+    Space,
     WorldError,
 )
 from nathlon.arena.worlds.episodes import EpisodeWorld
 from nathlon.arena.worlds.foreign import Foreign
 from nathlon.arena.worlds.host import Alone, hashes
-from nathlon.arena.worlds.loaded import Loader, by_ending
-from nathlon.arena.worlds.player import Space
+from nathlon.arena.worlds.loaded import by_ending
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
@@ -145,7 +146,7 @@ class PettingZooWorld(EpisodeWorld):
         self._spaces: dict[str, dict[str, tuple[Space, Space]]] = {}
 
     def setup(self, scenario: str) -> Setup:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
         seats = tuple(self._known(scenario))
         sides = [[seat] for seat in seats] if self._sides is None else self._sides
         taken = {seat for side in sides for seat in side}

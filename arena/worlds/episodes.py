@@ -19,18 +19,20 @@ from nathlon.arena.match import Match, Race
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.rounding import levelled
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import (
+from nathlon.arena.world import (
     KNOWN,
     LineUp,
+    Loader,
     Measure,
     Onlooker,
     Outcome,
     Player,
     Setup,
+    Space,
     WorldError,
 )
-from nathlon.arena.worlds.loaded import LoadedPolicy, Loader, loader_of
-from nathlon.arena.worlds.player import Asking, Space
+from nathlon.arena.worlds.loaded import LoadedPolicy, loader_of
+from nathlon.arena.worlds.player import Asking
 from nathlon.policies.general import load_general
 from nathlon.policies.general.policy import GeneralPolicy
 from nathlon.policies.general.roles import RolePolicies, Spaces
@@ -47,8 +49,8 @@ class EpisodeWorld(ABC):
     """A world of episodes; whoever derives from it says what is played and plays it.
 
     Attributes:
-        name: by which it is loaded, see `nathlon.arena.worlds.registry`.
-        scenarios, measures, baseline, episode, circuits: as of `nathlon.arena.worlds.contract.World`.
+        name: by which it is loaded, see `nathlon.arena.world_registry`.
+        scenarios, measures, baseline, episode, circuits: as of `nathlon.arena.world.World`.
         file: of the module that it is found in; None where there is none.
         loaders: of files of policies, by the endings of their names.
         fault: why the last episode that was void was so; '' while none was.
@@ -68,10 +70,10 @@ class EpisodeWorld(ABC):
 
     @abstractmethod
     def setup(self, scenario: str) -> Setup:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
 
     def check(self, scenario: str) -> None:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
         self.setup(scenario)
 
     @abstractmethod
@@ -87,7 +89,7 @@ class EpisodeWorld(ABC):
         """Play an episode: what came of it for every seat. All randomness comes from the seed."""
 
     def shows(self, scenario: str) -> bool:
-        """As of `nathlon.arena.worlds.contract.Visible`: not, unless `show` hands pictures on."""
+        """As of `nathlon.arena.world.Visible`: not, unless `show` hands pictures on."""
         return False
 
     def show(
@@ -97,11 +99,11 @@ class EpisodeWorld(ABC):
         return self.play(scenario, players, seed)
 
     def facts(self, scenario: str) -> dict[str, Any]:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
         return {"code": fingerprint(names=EPISODES), "world_files": self.identity()}
 
     def enter(self, source: str) -> Entrant:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
         policy = self.policy(source)
         algorithm = policy.algorithm or "unknown"
         name = Path(source).name.removesuffix(ROLES) if source.endswith(ROLES) else Path(source).stem
@@ -109,7 +111,7 @@ class EpisodeWorld(ABC):
         return Entrant(policy.id, name, source, algorithm, "", "", policy.step, policy.seed, self.name)
 
     def policy(self, source: str) -> GeneralPolicy | LoadedPolicy | RolePolicies:
-        """As of `nathlon.arena.worlds.contract.World`.
+        """As of `nathlon.arena.world.World`.
 
         Raises:
             InputError: if it cannot be loaded, or does not fit a seat that entrants take.
@@ -147,7 +149,7 @@ class EpisodeWorld(ABC):
         return seats
 
     def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
-        """As of `nathlon.arena.worlds.contract.World`: one episode after another."""
+        """As of `nathlon.arena.world.World`: one episode after another."""
         for number, (match, policies) in line_ups.items():
             rows = [
                 row
@@ -157,7 +159,7 @@ class EpisodeWorld(ABC):
             yield number, pl.DataFrame(rows, schema=RESULTS)
 
     def replay(self, line_up: LineUp, race: int, watch: Watch, onlooker: Onlooker) -> pl.DataFrame:
-        """As of `nathlon.arena.worlds.contract.Visible`."""
+        """As of `nathlon.arena.world.Visible`."""
         match, policies = line_up
         rows = self._rows(match, race, match.races[race], policies, watch, 0, onlooker)
         return pl.DataFrame(rows, schema=RESULTS)

@@ -10,8 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from nathlon.arena.worlds.contract import WorldError
-from nathlon.arena.worlds.player import Space
+from nathlon.arena.world import Space, WorldError
 from nathlon.policies.child import Child, ChildError
 from nathlon.policies.patience import WORLD_OPENS_S
 from nathlon.sim import wire

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nathlon.arena.worlds.contract import WorldError
+from nathlon.arena.world import WorldError
 from nathlon.sim.expressions import Quantity, read_expression
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ a world's mapping names them, and they run in the processes in which matches do.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,19 +17,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from nathlon.arena.world import Loader, Space
 from nathlon.policies.checkpoint import checkpoint_id
 from nathlon.policies.general.outputs import IllegalActionError, Outputs
 from nathlon.policies.sources import WEIGHTS
 from nathlon.sim.errors import InputError
 
-Space = spaces.Space[Any]
-Loader = Callable[[Path, Space, Space], Any]
-"""Makes a policy of a file, for a space of observations and one of actions.
-
-What it gives is called with one observation, and answers with an action. Or it has
-`act(observation, memory)`, which answers with an action and the memory for the next step; the first is None.
-If it has `reset(seed)`, that is called before every episode. A module of torch is called with a batch of one.
-"""
 _FLAT = (spaces.Box, spaces.Discrete, spaces.MultiDiscrete)
 """Action spaces whose actions are rows of numbers."""
 

@@ -11,15 +11,13 @@ from gymnasium import spaces
 
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import WorldError
+from nathlon.arena.world import Space, WorldError
 from nathlon.arena.worlds.loaded import LoadedPolicy, Seated
 from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.isolation import Apart
 from nathlon.policies.policy import Batch
 
 log = logging.getLogger(__name__)
-
-Space = spaces.Space[Any]
 
 
 class Asking:
@@ -66,7 +64,7 @@ class Asking:
         return self
 
     def act(self, observation: Any) -> Any:
-        """An action of the seat's space; see `nathlon.arena.worlds.contract.Player`.
+        """An action of the seat's space; see `nathlon.arena.world.Player`.
 
         Raises:
             WorldError: if the observation is none of the seat's space: that is the world's fault.

@@ -14,9 +14,8 @@ import polars as pl
 from nathlon.arena.entrant import Entrant, enter
 from nathlon.arena.runner import run_together
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import LineUp, Measure, Setup
-from nathlon.arena.worlds.loaded import Loader
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world import LineUp, Loader, Measure, Setup
+from nathlon.arena.world_finding import RACING
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
@@ -54,11 +53,11 @@ class Racing:
         )
 
     def check(self, scenario: str) -> None:
-        """As of `nathlon.arena.worlds.contract.World`: whether the circuit has room for its places."""
+        """As of `nathlon.arena.world.World`: whether the circuit has room for its places."""
         load_scenario(scenario).place(load_track(self._circuit), np.random.default_rng(0))
 
     def facts(self, scenario: str) -> dict[str, Any]:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
         return surroundings(scenario, self._circuit, self._car) | {
             "code": fingerprint(),
             "numpy": _version("numpy"),
@@ -67,15 +66,15 @@ class Racing:
         }
 
     def enter(self, source: str) -> Entrant:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
         return enter(source, self._circuit, self._car)
 
     def policy(self, source: str) -> Policy:
-        """As of `nathlon.arena.worlds.contract.World`."""
+        """As of `nathlon.arena.world.World`."""
         return load_policy(source, self._circuit, self._car)
 
     def run(self, line_ups: Mapping[int, LineUp], watch: Watch) -> Iterator[tuple[int, pl.DataFrame]]:
-        """As of `nathlon.arena.worlds.contract.World`: all races in one world, a matrix a policy and tick."""
+        """As of `nathlon.arena.world.World`: all races in one world, a matrix a policy and tick."""
         return run_together(line_ups, watch)
 
 

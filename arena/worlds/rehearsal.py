@@ -21,9 +21,10 @@ from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.arena.rounding import differing
 from nathlon.arena.statistics import Floats, holm, p_values
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import Measure, Setup, World
+from nathlon.arena.world import Measure, Setup, World
+from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.environment import GymnasiumWorld, PettingZooWorld
-from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.arena.worlds.repeats import Elsewhere, Played, any_policy, differs, repeated, starts
 from nathlon.policies.sources import RANDOM
 from nathlon.sim.errors import InputError

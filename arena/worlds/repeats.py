@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import Setup, World
+from nathlon.arena.world import Setup, World
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.episodes import EpisodeWorld
-from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.child import Child, ChildError
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources import RANDOM

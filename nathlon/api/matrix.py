@@ -10,7 +10,7 @@ import polars as pl
 from nathlon.api.candidates import Candidate, named_sources
 from nathlon.api.selection import at_home, configured
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.judge.matrix.cells import plan_cells
 from nathlon.judge.matrix.matrix import run_matrix
 from nathlon.judge.matrix.replays import record_worst

@@ -9,7 +9,7 @@ from nathlon.api.candidates import Candidates, named_sources
 from nathlon.api.selection import configured
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.rehearsal import PATIENCE_S, episode_times
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.forecast import Forecast

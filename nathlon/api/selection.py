@@ -13,7 +13,7 @@ from nathlon.api.candidates import Candidates, named_sources
 from nathlon.arena.entrance import check_world, endings_of, enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.reports.picture import ranking_picture
 from nathlon.reports.verdict import Verdict, verdict
 from nathlon.results.selection import Selection

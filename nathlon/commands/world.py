@@ -10,7 +10,7 @@ from nathlon.commands.options import AsJson
 from nathlon.terminal import print_json, say, warn
 
 if TYPE_CHECKING:
-    from nathlon.arena.worlds.contract import Setup
+    from nathlon.arena.world import Setup
     from nathlon.arena.worlds.rehearsal import Report
 
 WorldName = Annotated[
@@ -22,7 +22,7 @@ def list_worlds(as_json: AsJson = False) -> None:
     """List the worlds that are known by name; none is loaded."""
     from importlib.metadata import entry_points
 
-    from nathlon.arena.worlds.registry import RACING, WORLDS
+    from nathlon.arena.world_finding import RACING, WORLDS
 
     found = [{"name": RACING, "from": "nathlon"}]
     found += [{"name": one.name, "from": one.value} for one in sorted(entry_points(group=WORLDS))]

@@ -13,7 +13,7 @@ import polars as pl
 from pydantic import Field, ValidationError
 
 from nathlon.arena.voids import NotJudged
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.results.forecast import Forecast
 from nathlon.results.part import Part
 from nathlon.results.words import an_episode, episodes

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
-from nathlon.arena.worlds.contract import KNOWN, World
+from nathlon.arena.world import KNOWN, World
+from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.racing import surroundings
-from nathlon.arena.worlds.registry import RACING, load_world
 from nathlon.policies.bundled import generalist
 from nathlon.policies.sources import DRIVER, GENERALIST, RANDOM
 from nathlon.policies.sources.identity import policy_id
@@ -57,7 +58,7 @@ class Config(Section):
     Attributes:
         checkpoints: folders and files that a night watches; `plugin:NAME` too.
         circuit, car: what is raced; empty in another world.
-        world: name of the simulator, see `nathlon.arena.worlds.registry`.
+        world: name of the simulator, see `nathlon.arena.world_registry`.
         store: path of the SQLite file, or the URL of a PostgreSQL database.
         out: folder for the reports.
         seed: of all randomness.

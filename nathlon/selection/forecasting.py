@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.results.forecast import Budget, Forecast, StageForecast
 from nathlon.results.summary import Stage, Summary
 from nathlon.selection.battery import MARKS_RUNS

@@ -35,8 +35,8 @@ class MatrixSettings(Section):
         places: starting places of the policy and of the baseline, as far as the scenario has them.
         opponents: who start from the other places, in turn; the world's baseline where there are none.
         margins: measures (`nathlon.selection.battery.measures.MEASURES`), and by how much of each the policy
-            may be worse: a share of the baseline's mark where that is a time, a way or a speed, and in the measure's
-            unit otherwise.
+            may be worse: a share of the baseline's mark where that is a time, a way or a speed, and in the
+            measure's unit otherwise.
         runs: of each cell in the screening.
         confirm: cells, those that look worst, that are driven again on other starts.
         most_runs: of a cell that is driven again.

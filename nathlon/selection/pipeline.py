@@ -16,7 +16,7 @@ import polars as pl
 from nathlon.arena.entrant import Entrant, entrants_table
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.arena.voids import NotJudged, most_void
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import is_still
 from nathlon.results.forecast import Forecast

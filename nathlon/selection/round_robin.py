@@ -19,8 +19,9 @@ from nathlon.arena.match import BACKGROUND, NO_TEAM, Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RANKING, RECORDS, RESULTS
 from nathlon.arena.voids import not_judged_by_meetings
-from nathlon.arena.worlds.contract import Setup
-from nathlon.arena.worlds.registry import RACING, home, load_world
+from nathlon.arena.world import Setup
+from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_registry import home, load_world
 from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.bounds import MOST_PAIRS
 from nathlon.selection.run import CONFIDENCE, Answer, Run

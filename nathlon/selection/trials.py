@@ -8,7 +8,7 @@ import numpy as np
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import BACKGROUND, TESTED, Match, Race, Seat
-from nathlon.arena.worlds.registry import home
+from nathlon.arena.world_registry import home
 from nathlon.policies.sources.identity import policy_id
 
 

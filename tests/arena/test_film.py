@@ -19,7 +19,7 @@ from nathlon.arena.film import SIDE, Camera, Film
 from nathlon.arena.film_recording import holds_film, read_film, write_film
 from nathlon.arena.mcap_file import is_schema_of
 from nathlon.arena.recording import write_recording
-from nathlon.arena.worlds.contract import WorldError
+from nathlon.arena.world import WorldError
 from tests.support.games import refused
 from tests.support.race_logs import oval_race
 

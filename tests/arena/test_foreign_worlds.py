@@ -16,9 +16,9 @@ import pytest
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.results import RESULTS
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.environment import PettingZooWorld
 from nathlon.arena.worlds.foreign import HOST
-from nathlon.arena.worlds.registry import load_world
 from nathlon.sim import wire
 from nathlon.sim.wire import pack, unpack
 from tests.arena.test_worlds import play, policies_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nathlon.arena.worlds.contract import WorldError
+from nathlon.arena.world import WorldError
 from nathlon.arena.worlds.environment import Seat
 from nathlon.arena.worlds.formula import Formula
 from nathlon.sim.errors import InputError

@@ -18,9 +18,9 @@ from nathlon.arena.entrance import enter_all
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import World
+from nathlon.arena.world import World
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.loaded import LoadedPolicy, by_ending, loader_of
-from nathlon.arena.worlds.registry import load_world
 from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError

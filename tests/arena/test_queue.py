@@ -35,7 +35,7 @@ from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.queue_entry import digest_of
 from nathlon.arena.queue_worker import Shift, work
 from nathlon.arena.store import Queued, Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.selection.trials import against
 from tests.support.checkpoints import BUNDLED
 from tests.support.clocks import Clock

@@ -29,7 +29,7 @@ from nathlon.arena.on_ray.nodes import Nodes
 from nathlon.arena.pool import Pool
 from nathlon.arena.processor import processor
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.handed_over import hand_over
 from nathlon.results.summary import Summary

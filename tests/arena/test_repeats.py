@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.rehearsal import rehearse
 from nathlon.arena.worlds.repeats import SEEDS, Elsewhere, differs, play_here, repeated, starts
 

@@ -10,8 +10,8 @@ import nathlon
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import World
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world import World
+from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.battery.skill import standing_tests

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nathlon.arena.rounding import differing, levelled
-from nathlon.arena.worlds.contract import Outcome
+from nathlon.arena.world import Outcome
 from nathlon.arena.worlds.episodes import place_points, placed
 from nathlon.arena.worlds.rehearsal import fairness
 from nathlon.selection.battery.ranking import MARKS, rank_battery

@@ -16,9 +16,10 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.results import INTERRUPTED, RESULTS
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import Outcome, World
+from nathlon.arena.world import Outcome, World
+from nathlon.arena.world_finding import offered_worlds
+from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.episodes import place_points, placed, score_points
-from nathlon.arena.worlds.registry import load_world, offered_worlds
 from tests.support.games import box_player, player, refused, world_of
 
 MAKER = """

@@ -13,7 +13,7 @@ import pytest
 from nathlon.arena.entrant import Entrant, enter, only_once
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.commands.pareto import pareto as pareto_command
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.pareto import STANDARD

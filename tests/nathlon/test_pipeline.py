@@ -15,7 +15,7 @@ from nathlon.arena.entrant import Entrant, enter, only_once
 from nathlon.arena.pool import Pool, run_matches
 from nathlon.arena.recording import read_recording
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.results.summary import Sent, Summary, read_summary
 from nathlon.selection.battery import BatterySettings, skill_matches
 from nathlon.selection.battery.skill import load_skills

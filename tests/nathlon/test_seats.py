@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nathlon.arena.match import TESTED
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.selection.battery.skill import standing_tests
 from nathlon.selection.config import Config
 from nathlon.selection.pareto.filter import FilterSettings, Plan

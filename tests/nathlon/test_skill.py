@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from nathlon.arena.match import NO_TEAM, TESTED
 from nathlon.arena.results import RESULTS
-from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_registry import load_world
 from nathlon.selection.battery import DECATHLON
 from nathlon.selection.battery.measures import MEASURES, measured
 from nathlon.selection.battery.skill import SKILLS_FOLDER, Gains, Marks, Skill, load_skills, read_skill

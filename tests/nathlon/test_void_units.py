@@ -16,7 +16,7 @@ from nathlon.arena.decision import Decision
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import Store
 from nathlon.arena.voids import most_void
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.judge.gate.gate import run_gate
 from nathlon.judge.matrix.cells import plan_cells
 from nathlon.judge.matrix.matrix import run_matrix

@@ -20,7 +20,7 @@ from nathlon.arena.results import INTERRUPTED
 from nathlon.arena.store import Store
 from nathlon.arena.voids import not_judged_by_meetings, not_judged_by_tests
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.reports.verdict import verdict
 from nathlon.results.selection import Selection
 from nathlon.selection.config import read_config

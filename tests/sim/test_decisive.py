@@ -14,8 +14,8 @@ from nathlon.sim.decisive import DECISIVE, PACKAGE, files, fingerprint
 CARRIERS = {
     "arena/entrant.py",  # gives ids, which are in the key
     "arena/worlds/__init__.py",
-    "arena/worlds/contract.py",
-    "arena/worlds/registry.py",
+    "arena/world.py",
+    "arena/world_finding.py",
     "policies/__init__.py",
     "policies/bundled/__init__.py",  # a path
     "sim/__init__.py",

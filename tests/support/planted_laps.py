@@ -18,7 +18,7 @@ import polars as pl
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import RESULTS
 from nathlon.arena.watch import Watch
-from nathlon.arena.worlds.contract import LineUp, Measure, Setup
+from nathlon.arena.world import LineUp, Measure, Setup
 from nathlon.policies.sources.identity import policy_id
 
 

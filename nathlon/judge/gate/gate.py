@@ -14,7 +14,7 @@ from nathlon.arena.entrance import check_opponents
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.arena.voids import MOST, void_races
-from nathlon.arena.worlds.registry import home
+from nathlon.arena.world_registry import home
 from nathlon.judge.gate.questions import (
     BROKEN,
     NO_LAP,

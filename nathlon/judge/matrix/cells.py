@@ -11,8 +11,8 @@ from typing import NamedTuple
 from nathlon.arena.entrance import check_opponents, enter_each
 from nathlon.arena.entrant import Entrant, only_once
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.contract import World
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world import World
+from nathlon.arena.world_registry import load_world
 from nathlon.selection.config import Config
 from nathlon.selection.matrix_settings import MatrixSettings
 from nathlon.sim.car import load_car

@@ -14,7 +14,7 @@ from nathlon.arena.match import TESTED, Match
 from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.tested import BREAKDOWNS, entrant_rows
 from nathlon.arena.voids import MOST
-from nathlon.arena.worlds.registry import home
+from nathlon.arena.world_registry import home
 from nathlon.judge.matrix.cells import Cell, Plan, Setting
 from nathlon.selection.battery.measures import Measure, Row, measured
 from nathlon.selection.run import MATRIX, Run

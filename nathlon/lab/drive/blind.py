@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from nathlon.arena.store import Store
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.lab.drive.choice import Choice, Offer, Opponent, Plan, entered, plan
 from nathlon.lab.drive.difficulty import CHOSEN
 from nathlon.lab.drive.heat import Driven

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.policies.checkpoint import ANY, read_card
 from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 import nathlon.selection.committee as committee
 from nathlon.arena.store import RunRecord, Store
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.lab.serve.folders import Folders, runs_of
 from nathlon.lab.serve.live_report import races_to_look_at
 from nathlon.lab.serve.wishes import Compare, Decide, Reopen, Said, Vote

@@ -18,8 +18,8 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
 from nathlon.arena.voids import not_judged_by_tests
-from nathlon.arena.worlds.contract import World
-from nathlon.arena.worlds.registry import home
+from nathlon.arena.world import World
+from nathlon.arena.world_registry import home
 from nathlon.policies.sources import DRIVER
 from nathlon.selection.battery.measures import Measure, measured
 from nathlon.selection.battery.ranking import MARKS, rank_battery, skills

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nathlon.arena.tested import BREAKDOWNS
-from nathlon.arena.worlds.contract import KNOWN, World
+from nathlon.arena.world import KNOWN, World
 from nathlon.selection.battery.scoring import Kind
 
 OWN = "own."

@@ -16,8 +16,9 @@ from scipy.optimize import brentq
 from nathlon.arena.match import TESTED
 from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.arena.tested import entrant_rows
-from nathlon.arena.worlds.contract import KNOWN, World
-from nathlon.arena.worlds.registry import RACING, load_world
+from nathlon.arena.world import KNOWN, World
+from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources import DRIVER
 from nathlon.selection.battery.measures import MEASURES, OWN, Measure, measured
 from nathlon.selection.battery.ranking import MARKS

@@ -11,7 +11,7 @@ import polars as pl
 from nathlon.arena.entrance import check_opponents
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import INCIDENTS
-from nathlon.arena.worlds.registry import home
+from nathlon.arena.world_registry import home
 from nathlon.selection.battery import skill_matches
 from nathlon.selection.battery.measures import measured
 from nathlon.selection.battery.skill import Skill, load_skills

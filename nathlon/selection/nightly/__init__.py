@@ -14,7 +14,7 @@ from nathlon.arena.entrance import check_world, enter_all, intact
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import RunRecord, Store
-from nathlon.arena.worlds.registry import load_world
+from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.selection import Selection

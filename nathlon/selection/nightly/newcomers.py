@@ -9,7 +9,7 @@ from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant, named_apart
 from nathlon.arena.naming import short_names
 from nathlon.arena.pool import Pool
-from nathlon.arena.worlds.registry import RACING
+from nathlon.arena.world_finding import RACING
 from nathlon.selection.field import Exclusion
 from nathlon.selection.nightly.watching import Watched
 from nathlon.sim.errors import InputError

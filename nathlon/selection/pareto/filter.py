@@ -17,8 +17,8 @@ from nathlon.arena.match import Match
 from nathlon.arena.results import RESULTS
 from nathlon.arena.statistics import Floats
 from nathlon.arena.voids import not_judged_by_tests
-from nathlon.arena.worlds.contract import World
-from nathlon.arena.worlds.registry import home
+from nathlon.arena.world import World
+from nathlon.arena.world_registry import home
 from nathlon.selection.pareto import STANDARD, came_through, in_contention, pareto
 from nathlon.selection.pareto.objective import OWN, RACE, TIME_TRIAL, Objective, objectives_table, own_runs
 from nathlon.selection.run import Answer, Run

@@ -16,7 +16,7 @@ from nathlon.arena.rounding import levelled
 from nathlon.arena.statistics import Floats, Sizes, group_sums
 from nathlon.arena.tested import RACE as RACE_KEY
 from nathlon.arena.tested import entrant_rows
-from nathlon.arena.worlds.contract import KNOWN, Measure
+from nathlon.arena.world import KNOWN, Measure
 from nathlon.sim.data_file import Section
 
 RACE: Final = "race"
@@ -92,7 +92,7 @@ class Objective(Section):
 
     Attributes:
         name: unique among the objectives.
-        measure: one of `QUANTITIES` or of `nathlon.arena.worlds.contract.KNOWN`, or `own.NAME` of a world.
+        measure: one of `QUANTITIES` or of `nathlon.arena.world.KNOWN`, or `own.NAME` of a world.
         source: whether it is measured in the race or in the time trial; `from` in files.
         goal: whether less or more is better.
     """

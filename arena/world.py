@@ -7,18 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import polars as pl
+from gymnasium import spaces
 
 if TYPE_CHECKING:
     from nathlon.arena.entrant import Entrant
     from nathlon.arena.match import Match
     from nathlon.arena.team import Absent
     from nathlon.arena.watch import Watch
-    from nathlon.arena.worlds.loaded import Loader
 
 Points = Literal["place", "score"]
+Space = spaces.Space[Any]
+Loader = Callable[[Path, Space, Space], Any]
+"""Makes a policy of a file, for a space of observations and one of actions.
+
+What it gives is called with one observation, and answers with an action. Or it has
+`act(observation, memory)`, which answers with an action and the memory for the next step; the first is None.
+If it has `reset(seed)`, that is called before every episode. A module of torch is called with a batch of one.
+"""
 
 
 class WorldError(Exception):
@@ -118,7 +127,7 @@ class World(Protocol):
     """A simulator.
 
     Attributes:
-        name: by which it was loaded, see `nathlon.arena.worlds.registry`.
+        name: by which it was loaded, see `nathlon.arena.world_finding`.
         scenarios: names of what can be played; the first is what everybody plays in the filter.
         measures: its own, by name; a name of `KNOWN` has its unit there.
         baseline: source of the policy that takes the seats of no side, and sets the marks of tests.

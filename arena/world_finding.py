@@ -1,4 +1,7 @@
-"""Worlds by name: our own, those that installed packages offer, and those in a module or file."""
+"""Worlds by name: our own, those that installed packages offer, and those in a module or file.
+
+They are foreign code: `nathlon.arena.world_registry` gives what is found here its type.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,14 @@ from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
-from nathlon.arena.worlds.contract import World
 from nathlon.sim.errors import InputError
 
 RACING = "racing"
 """Name of our own simulator."""
+_OWN = ("nathlon.arena.worlds.racing", "Racing")
+"""Where it is, by name as any other world."""
 WORLDS = "nathlon.worlds"
 """Group of the entry points by which packages offer worlds."""
 _NEEDED = ("scenarios", "measures", "baseline", "setup", "check", "facts", "enter", "policy", "run")
@@ -25,8 +29,8 @@ _DEFAULTS = {"episode": "episode", "circuits": False, "loaders": {}}
 
 
 @lru_cache
-def load_world(name: str, circuit: str = "", car: str = "") -> World:
-    """The world of a name.
+def find_world(name: str, circuit: str = "", car: str = "") -> Any:
+    """The world of a name, see `nathlon.arena.world.World`.
 
     Args:
         name: `racing`, the name of an entry point of the group `nathlon.worlds`, `MODULE:NAME`, or
@@ -38,9 +42,8 @@ def load_world(name: str, circuit: str = "", car: str = "") -> World:
         InputError: if there is no such world, or it cannot be loaded.
     """
     if name == RACING:
-        from nathlon.arena.worlds.racing import Racing
-
-        return Racing(circuit, car)
+        place, attribute = _OWN
+        return getattr(import_module(place), attribute)(circuit, car)
     # It is foreign code: what it prints is no output of ours, and whatever it raises, the user wants to know
     # whose it is.
     with redirect_stdout(sys.stderr):
@@ -62,24 +65,7 @@ def load_world(name: str, circuit: str = "", car: str = "") -> World:
     world.name = name
     if hasattr(world, "file"):
         world.file = _file(name)
-    loaded: World = world
-    return loaded
-
-
-class AtHome(Protocol):
-    """A match or an entrant: what says where it plays."""
-
-    @property
-    def world(self) -> str: ...
-    @property
-    def circuit(self) -> str: ...
-    @property
-    def car(self) -> str: ...
-
-
-def home(one: AtHome) -> World:
-    """The world of a match or an entrant; see `load_world`."""
-    return load_world(one.world, one.circuit, one.car)
+    return world
 
 
 def offered_worlds() -> list[str]:
