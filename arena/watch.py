@@ -9,8 +9,8 @@ from collections import defaultdict
 from collections.abc import MutableSequence
 from typing import NamedTuple
 
+from nathlon.policies.memory_limit import data_bytes
 from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S, Waiting
-from nathlon.policies.sources.memory_limit import data_bytes
 from nathlon.sim.process import scheduled
 
 MATCH_S = 300.0

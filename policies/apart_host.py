@@ -11,8 +11,8 @@ from typing import Any
 
 from nathlon.policies.isolation import Globals
 from nathlon.policies.load import load_policy
+from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.policy import Policy
-from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.sim.errors import InputError
 from nathlon.sim.wire import pack, unpack
 

@@ -1,6 +1,6 @@
 """Checkpoints: a policy's weights and the card that says what it is, in one safetensors file.
 
-The file is read as `nathlon.policies.sources.weights` tells, the card stands there under the key `nathlon`.
+The file is read as `nathlon.policies.weights` tells, the card stands there under the key `nathlon`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 
 from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.policy import Batch
-from nathlon.policies.sources.policy_file import content_id, open_policy_file, opening, read_policy_file
-from nathlon.policies.sources.weights import (
+from nathlon.policies.policy_file import content_id, open_policy_file, opening, read_policy_file
+from nathlon.policies.weights import (
     Count,
     Names,
     Text,

@@ -8,6 +8,7 @@ from pathlib import Path
 from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
+from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.planning import Mppi
 from nathlon.policies.planning.prior import Prior
 from nathlon.policies.policy import Policy
@@ -24,7 +25,6 @@ from nathlon.policies.sources import (
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import handed_over
 from nathlon.policies.sources.human import load_person
-from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.policies.sources.onnx import OnnxPolicy
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import load_plugin

@@ -46,11 +46,15 @@ DECISIVE = (
     "policies/driver",
     "policies/isolation.py",
     "policies/load.py",
+    "policies/memory_limit.py",
     "policies/mlp.py",
     "policies/patience.py",
     "policies/planning",
     "policies/policy.py",
+    "policies/policy_file.py",
+    "policies/strict_json.py",
     "policies/temper.py",
+    "policies/weights.py",
     "arena/classification.py",
     "arena/match.py",
     "arena/match_policies.py",
@@ -67,6 +71,8 @@ SUFFIXES = (".py", ".toml", ".csv")
 
 
 EPISODES = (
+    "arena/world.py",
+    "arena/world_finding.py",
     "arena/worlds",
     "arena/classification.py",
     "arena/match.py",
@@ -74,9 +80,13 @@ EPISODES = (
     "arena/rounding.py",
     "policies/general",
     "policies/isolation.py",
+    "policies/memory_limit.py",
     "policies/mlp.py",
     "policies/patience.py",
+    "policies/policy_file.py",
     "policies/sources",
+    "policies/strict_json.py",
+    "policies/weights.py",
     "sim/wire.py",
 )
 """What decides, in the same way, how an episode of another world ends, beside that world's own files."""

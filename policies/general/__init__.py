@@ -14,8 +14,8 @@ from nathlon.policies.general.outputs import Draw
 from nathlon.policies.general.plugin import load_general_plugin
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless
 from nathlon.policies.general.sb3 import load_sb3
+from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.sources import PLUGIN, RANDOM, suffix_of
-from nathlon.policies.sources.memory_limit import memory_limit
 from nathlon.policies.sources.recognised import LOADER, recognised
 from nathlon.sim.errors import InputError
 

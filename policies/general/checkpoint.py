@@ -1,6 +1,6 @@
 """Checkpoints of QR-SAC from any environment: weights and a card in one safetensors file.
 
-The file is read as `nathlon.policies.sources.weights` tells, the card stands there under `nathlon.general`.
+The file is read as `nathlon.policies.weights` tells, the card stands there under `nathlon.general`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pydantic import Field
 
 from nathlon.policies.general.outputs import Outputs
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless
-from nathlon.policies.sources.policy_file import content_id, opening, read_policy_file
-from nathlon.policies.sources.weights import (
+from nathlon.policies.policy_file import content_id, opening, read_policy_file
+from nathlon.policies.weights import (
     Count,
     Text,
     Versions,

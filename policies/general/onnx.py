@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from nathlon.policies.general.outputs import Outputs
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless
+from nathlon.policies.policy_file import content_id, opening, read_policy_file
 from nathlon.policies.sources.onnx_graph import OnnxGraph, checked_card, open_session, shapes
-from nathlon.policies.sources.policy_file import content_id, opening, read_policy_file
 from nathlon.sim.errors import InputError
 
 MOST_NUMBERS = 1 << 20

@@ -11,7 +11,7 @@ from nathlon.policies.general.outputs import Outputs
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless, Network
 from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
-from nathlon.policies.sources.policy_file import content_id, opening, read_policy_file
+from nathlon.policies.policy_file import content_id, opening, read_policy_file
 from nathlon.policies.sources.sb3_file import ACTORS, Family, Sb3File
 from nathlon.sim.errors import InputError
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nathlon.policies.checkpoint import ACTION_SIZE, Card, encoded
 from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
-from nathlon.policies.sources.weights import layers_of
+from nathlon.policies.weights import layers_of
 
 LEAST, MOST = 0.02, 0.5
 """Of deviations: less would hold the car to the policy, more tells nothing."""

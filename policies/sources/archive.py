@@ -8,7 +8,7 @@ import zipfile
 import zlib
 from collections.abc import Collection
 
-from nathlon.policies.sources.policy_file import MOST_BYTES
+from nathlon.policies.policy_file import MOST_BYTES
 
 MOST_MEMBERS = 100_000
 

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from nathlon.policies.bundled import generalist
+from nathlon.policies.policy_file import open_policy_file
 from nathlon.policies.sources import (
     DRIVER,
     GENERALIST,
@@ -24,7 +25,6 @@ from nathlon.policies.sources import (
     is_path,
     suffix_of,
 )
-from nathlon.policies.sources.policy_file import open_policy_file
 from nathlon.policies.sources.recognised import LOADER
 from nathlon.sim.errors import InputError, together
 from nathlon.sim.names import printable

@@ -8,7 +8,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from nathlon.policies.checkpoint import Observation
-from nathlon.policies.sources.weights import Count, Names, Text, Versions
+from nathlon.policies.weights import Count, Names, Text, Versions
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nathlon.policies.policy import Batch
-from nathlon.policies.sources.policy_file import content_id
+from nathlon.policies.policy_file import content_id
 from nathlon.sim.data_file import Name
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec

@@ -10,10 +10,10 @@ import numpy as np
 from nathlon.policies.checkpoint import ACTION_SIZE, ENCODER, NetworkPolicy
 from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.policy import Batch
+from nathlon.policies.policy_file import content_id, opening, read_policy_file
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
 from nathlon.policies.sources.onnx_graph import OnnxGraph, checked_card, open_session, shapes
-from nathlon.policies.sources.policy_file import content_id, opening, read_policy_file
-from nathlon.policies.sources.weights import CARD_KEY
+from nathlon.policies.weights import CARD_KEY
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
 

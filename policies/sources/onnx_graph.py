@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.foreign import ForeignCard
-from nathlon.policies.sources.weights import CARD_KEY, parse_card
+from nathlon.policies.weights import CARD_KEY, parse_card
 from nathlon.sim.errors import InputError
 
 MOST_PARTS = 200_000

@@ -6,7 +6,7 @@ import os
 import zipfile
 from pathlib import Path
 
-from nathlon.policies.sources.policy_file import open_policy_file
+from nathlon.policies.policy_file import open_policy_file
 
 LOADER = (
     "expected a loader in the world's mapping: load=function, which gets path, observation space and action "

@@ -9,8 +9,8 @@ import numpy as np
 from nathlon.policies.checkpoint import ACTION_SIZE
 from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
+from nathlon.policies.policy_file import content_id, opening, read_policy_file
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
-from nathlon.policies.sources.policy_file import content_id, opening, read_policy_file
 from nathlon.policies.sources.sb3_file import ACTORS, Sb3File
 from nathlon.sim.errors import InputError
 

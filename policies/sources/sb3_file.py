@@ -19,12 +19,12 @@ from typing import Any, Literal
 import numpy as np
 
 from nathlon.policies.policy import Batch
+from nathlon.policies.policy_file import opening, read_policy_file
 from nathlon.policies.sources.archive import unpack
 from nathlon.policies.sources.foreign import ForeignCard
-from nathlon.policies.sources.policy_file import opening, read_policy_file
 from nathlon.policies.sources.state_dict import read_state_dict
-from nathlon.policies.sources.strict_json import parse_json
-from nathlon.policies.sources.weights import CARD_KEY, MOST_COUNT, parse_card
+from nathlon.policies.strict_json import parse_json
+from nathlon.policies.weights import CARD_KEY, MOST_COUNT, parse_card
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 

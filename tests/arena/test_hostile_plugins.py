@@ -301,7 +301,7 @@ def test_opening_has_a_limit_on_memory_that_ends_with_it() -> None:
 
 
 OPENING = """
-from nathlon.policies.sources.memory_limit import memory_limit
+from nathlon.policies.memory_limit import memory_limit
 
 try:
     with memory_limit(1 << 26):

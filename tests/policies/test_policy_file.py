@@ -16,8 +16,8 @@ import pytest
 
 from nathlon.policies.checkpoint import load_checkpoint, read_card, save_checkpoint
 from nathlon.policies.load import load_file
+from nathlon.policies.policy_file import MOST_BYTES, content_id, read_policy_file
 from nathlon.policies.sources.onnx import export_onnx
-from nathlon.policies.sources.policy_file import MOST_BYTES, content_id, read_policy_file
 from nathlon.sim.errors import InputError
 from tests.support.checkpoints import BUNDLED
 from tests.support.refusals import refusal

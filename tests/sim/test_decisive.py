@@ -16,6 +16,7 @@ CARRIERS = {
     "arena/worlds/__init__.py",
     "arena/world.py",
     "arena/world_finding.py",
+    "arena/world_registry.py",
     "policies/__init__.py",
     "policies/bundled/__init__.py",  # a path
     "sim/__init__.py",

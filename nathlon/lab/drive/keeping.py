@@ -15,9 +15,9 @@ from nathlon.arena.store import Store
 from nathlon.lab.drive.choice import UNDER_WAY, Plan
 from nathlon.lab.drive.heat import Driven
 from nathlon.lab.drive.mark import Mark
+from nathlon.policies.policy_file import content_id
 from nathlon.policies.sources import HUMAN
 from nathlon.policies.sources.human import write_inputs
-from nathlon.policies.sources.policy_file import content_id
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.names import file_stem
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from nathlon.lab.drive.room import Letterbox, Room, Words
 from nathlon.lab.web.connection import TOO_MUCH, Connection, Gone, Rate
-from nathlon.policies.sources.strict_json import parse_json
+from nathlon.policies.strict_json import parse_json
 from nathlon.sim.errors import InputError
 
 LARGEST_FRAME = 4096

@@ -22,7 +22,7 @@ from safetensors.numpy import save
 
 from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
-from nathlon.policies.sources.strict_json import parse_json
+from nathlon.policies.strict_json import parse_json
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from nathlon.policies.sources.memory_limit import OutOfMemoryError
+from nathlon.policies.memory_limit import OutOfMemoryError
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import open_regular
 
