@@ -41,39 +41,47 @@ from nathlon.terminal import print_json, warn
 from nathlon.terminal.streams import standard_streams
 
 app = Group("Which of my thousands of racing checkpoints do I send to the race, and why?")
-for command in (
-    demo, evaluate, gate, matrix, pareto, battery, init, plan, nightly, worker, status, report, train, polish,
-    league, ablate, recipes, race, drive, serve, replay, twin, incident, coach, export, observation,
-):  # fmt: skip
-    app.command()(command)
 
 track = Group("Import circuits, make up new ones, and look at them.")
 track.command("import")(import_track)
 track.command("generate")(generate_track)
 track.command("limit")(limit_track)
 track.command("show")(show_track)
-app.add_typer(track, name="track")
 
 car = Group("Check car files, tune cars and make up new ones.")
 car.command("check")(check_car)
 car.command("generate")(generate_car)
 car.command("tune")(tune_car)
-app.add_typer(car, name="car")
 
 world = Group("Look at simulators whose policies can be selected among.")
 world.command("check")(check_world)
 world.command("list")(list_worlds)
-app.add_typer(world, name="world")
 
 reward = Group("Rewards for training.")
 reward.command("design")(design_reward)
-app.add_typer(reward, name="reward")
 
 store = Group("Look after stores.")
 store.command("copy")(copy_store)
 store.command("clean")(clean_store)
-app.add_typer(store, name="store")
-app.add_typer(committee, name="committee")
+
+app.add(
+    "Select",
+    demo,
+    evaluate,
+    plan,
+    init,
+    nightly,
+    worker,
+    status,
+    report,
+    pareto,
+    battery,
+    committee=committee,
+)
+app.add("Judge", gate, matrix, recipes, incident, twin)
+app.add("Look", race, drive, serve, replay, coach)
+app.add("Train", train, polish, league, ablate, reward=reward)
+app.add("Files", export, observation, track=track, car=car, world=world, store=store)
 
 
 class _OneLine(logging.Formatter):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import groupby
 from typing import Any
 
 import typer
@@ -10,6 +11,8 @@ from typer.core import TyperCommand, TyperGroup
 
 from nathlon.sim.errors import InputError
 
+PANELS = ("Select", "Judge", "Look", "Train", "Files", "Commands")
+"""Headings of a list of commands, in their order."""
 NAMES = "NAME,.."
 """Shown for an option with names and commas between; there may be none."""
 
@@ -24,6 +27,25 @@ class _Group(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         _refuse_empty(self, ctx, args)
         return super().parse_args(ctx, args)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """In the order in which they were added, groups among commands."""
+        return sorted(super().list_commands(ctx), key=lambda name: PANELS.index(self._panel(ctx, name)))
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Commands by what they are for, each with its whole first sentence."""
+        for panel, names in groupby(self.list_commands(ctx), lambda name: self._panel(ctx, name)):
+            with formatter.section(panel):
+                formatter.write_dl(
+                    [(name, self._command(ctx, name).get_short_help_str(200)) for name in names]
+                )
+
+    def _command(self, ctx: Any, name: str) -> Any:
+        return self.get_command(ctx, name)
+
+    def _panel(self, ctx: Any, name: str) -> str:
+        panel = self._command(ctx, name).rich_help_panel
+        return panel if panel in PANELS else PANELS[-1]
 
 
 def _refuse_empty(command: TyperCommand | TyperGroup, ctx: Any, args: list[str]) -> None:
@@ -57,3 +79,10 @@ class Group(typer.Typer):
     def command(self, name: str | None = None, **options: Any) -> Callable[..., Any]:
         """See `typer.Typer.command`."""
         return super().command(name, cls=_Command, **options)
+
+    def add(self, panel: str, *commands: Callable[..., Any], **groups: Group) -> None:
+        """Add commands, and groups by their names, below a heading of `PANELS`."""
+        for command in commands:
+            self.command(rich_help_panel=panel)(command)
+        for name, group in groups.items():
+            self.add_typer(group, name=name, rich_help_panel=panel)

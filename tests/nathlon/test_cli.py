@@ -30,6 +30,9 @@ def test_help_names_every_command(tmp_path: Path) -> None:
     assert result.returncode == 0
     for command in ("demo", "evaluate", "train", "ablate", "race", "replay", "observation"):
         assert command in result.stdout
+    headings = ["Options", "Select", "Judge", "Look", "Train", "Files"]
+    assert re.findall(r"^(\w+):$", result.stdout, re.MULTILINE) == headings
+    assert "..." not in result.stdout.partition("Select:")[2]
 
 
 def test_the_observation_layout_can_be_printed(tmp_path: Path) -> None:
