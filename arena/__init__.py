@@ -1,2 +1,2 @@
 if __name__ != "nathlon.arena":
-    raise ModuleNotFoundError("import nathlon.arena in place of arena", name="arena")
+    raise ModuleNotFoundError("import nathlon.arena instead of arena", name="arena")

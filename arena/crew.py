@@ -39,7 +39,7 @@ class Crew(ABC):
         """Run matches side by side, asking for more whenever processes have nothing to do.
 
         It ends when all are idle and there is nothing to do now. At every look those matches come that have
-        ended since the last one, without logs; in place of one there is an InputError where a policy cannot
+        ended since the last one, without logs; instead of one there is an InputError where a policy cannot
         be loaded, or is another one by now.
         """
 

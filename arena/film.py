@@ -30,7 +30,7 @@ class Film:
     Attributes:
         world, scenario, match, race, seed: which episode it is.
         version: of the program.
-        seats: names of the seats and of who had them.
+        seats: names of the seats and of the entrants that had them.
         time_s: of each picture since the start of the episode, s; it increases.
         pictures: JPEGs of one size.
         note: how it was shortened, in a sentence; '' where it was not.

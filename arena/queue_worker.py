@@ -130,7 +130,7 @@ class Abilities:
         check_world(self._pool, world)
         if lack := difference(facts):
             raise InputError(
-                f"{where}: this machine has {lack}; expected the nathlon and packages of who wants it"
+                f"{where}: this machine has {lack}; expected the nathlon and packages of the run"
             )
         if digest_of(facts) != digest:
             raise InputError(f"{where}: damaged surroundings, expected what their digest names")

@@ -40,7 +40,7 @@ HERE = nullcontext()
 
 @dataclass(frozen=True)
 class Absent:
-    """In place of a policy that is not asked: its cars are out from the start.
+    """Instead of a policy that is not asked: its cars are out from the start.
 
     Attributes:
         ending: how their runs end, one of `nathlon.arena.results.POLICY_FAULTS`.
@@ -134,7 +134,7 @@ class Team:
             log.warning("a policy raised %r: its cars are out", error)
             return np.full((n, 2), np.nan, np.float32), "policy_raised"
         if not (isinstance(answer, tuple) and len(answer) == 2):
-            return self._refused(f"a {type(answer).__name__} in place of actions and memory")
+            return self._refused(f"a {type(answer).__name__} instead of actions and memory")
         actions, memory = answer
         if not _is_batch(actions, (n, 2)):
             return self._refused(f"actions {_describe(actions)}, expected ({n}, 2) float32")

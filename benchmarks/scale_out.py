@@ -237,7 +237,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2, 8])
     parser.add_argument("--engines", nargs="+", choices=ENGINES, default=["local", "queue"])
     parser.add_argument("--nap", type=float, default=NAP_S, help="seconds that a match takes")
-    parser.add_argument("--busy", action="store_true", help="compute in place of sleeping")
+    parser.add_argument("--busy", action="store_true", help="compute instead of sleeping")
     parser.add_argument("--json", type=Path, help="where to write the figures")
     asked = parser.parse_args()
     figures: list[dict[str, Any]] = []

@@ -11,7 +11,15 @@ What is here loads what it needs when it is first used. Importing the package ma
 
 from __future__ import annotations
 
-from nathlon.policies.registration import register_with_gymnasium
+try:
+    from nathlon.policies.registration import register_with_gymnasium
+except ModuleNotFoundError as error:
+    if error.name != "nathlon.policies":
+        raise
+    raise ImportError(
+        "nathlon/policies is no folder: this clone has no symbolic links; clone with "
+        "`git clone -c core.symlinks=true`, on Windows in developer mode"
+    ) from None
 
 TYPE_CHECKING = False  # so named, type checkers take it for true; `typing` takes longer to load than all this
 if TYPE_CHECKING:

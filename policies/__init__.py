@@ -1,2 +1,2 @@
 if __name__ != "nathlon.policies":
-    raise ModuleNotFoundError("import nathlon.policies in place of policies", name="policies")
+    raise ModuleNotFoundError("import nathlon.policies instead of policies", name="policies")

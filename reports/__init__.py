@@ -1,2 +1,2 @@
 if __name__ != "nathlon.reports":
-    raise ModuleNotFoundError("import nathlon.reports in place of reports", name="reports")
+    raise ModuleNotFoundError("import nathlon.reports instead of reports", name="reports")

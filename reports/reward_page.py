@@ -60,7 +60,7 @@ class RoundShown(NamedTuple):
         refused: those thrown out.
         wins: of the row's against the column's, in the order of `trained`; a draw counts half; None for
             themselves.
-        remarks: of who judged.
+        remarks: of the judges.
     """
 
     number: int

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if __name__ != "nathlon.sim":
-    raise ModuleNotFoundError("import nathlon.sim in place of sim", name="sim")
+    raise ModuleNotFoundError("import nathlon.sim instead of sim", name="sim")
 
 if TYPE_CHECKING:
     from nathlon.sim.observation import ObservationSpec

@@ -53,7 +53,7 @@ def proper_name(text: str) -> str:
 
 
 def check_new_name(name: str) -> None:
-    """Raise InputError for a name that a circuit or car of one's own should not have."""
+    """Raise InputError for a name that your own circuit or car should not have."""
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name):
         raise InputError(f"--name: {name!r}, expected lowercase letters and digits, with hyphens between")
 

@@ -62,7 +62,7 @@ class Scenario(Section):
         origin: name of the section at whose beginning rolling starts are placed, and before whose end
             those abreast, or `longest straight`, `last chicane`; without it they are placed from the line.
         laps: laps to drive; counted from the line.
-        finish_m: m to drive from the line, or past the end of the origin, in place of laps.
+        finish_m: m to drive from the line, or past the end of the origin, instead of laps.
         time_s: time at which the run ends for all.
         rules: what the stewards go by; a shipped name or the path of a `.toml` file.
         compound: of the tyres; the car's own if none is named.
@@ -256,7 +256,7 @@ SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip")
 
 @lru_cache
 def load_scenario(name: str) -> Scenario:
-    """A scenario by its shipped name, or by the path of a `.toml` file, with settings in place of its own.
+    """A scenario by its shipped name, or by the path of a `.toml` file, with settings instead of its own.
 
     With other laps its time changes in proportion; cars are how many start; a person sits in that place, from
     1, and acts in every dynamics step; a compound is that of all cars, and a delay, s, that with which all of

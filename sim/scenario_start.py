@@ -36,7 +36,7 @@ class GridStart(Section):
 class StoppedCar(Section):
     """The first car of a column stands on the road; every quantity is drawn evenly from its span."""
 
-    gap_m: Span  # to the next car, in place of that of the column
+    gap_m: Span  # to the next car, instead of that of the column
     lateral_m: Span
     heading_rad: Angles  # relative to the road, + is to the left
 

@@ -1,8 +1,8 @@
 """Work stealing: threads share work on many like things, and each takes the next until none is left.
 
 To wake a thread takes tens of microseconds, and all that a world has to do takes some hundreds. So nobody is
-waited for who wakes late, or shares a core with another program: the others take its share. What is taken
-has to be independent of who takes it and when.
+waited for that wakes late, or shares a core with another program: the others take its share. What is taken
+has to be independent of which thread takes it and when.
 """
 
 from __future__ import annotations

@@ -1,2 +1,2 @@
 if __name__ != "nathlon.tournament":
-    raise ModuleNotFoundError("import nathlon.tournament in place of tournament", name="tournament")
+    raise ModuleNotFoundError("import nathlon.tournament instead of tournament", name="tournament")

@@ -67,7 +67,7 @@ def _unevenness(race: list[int], met: NDArray[np.int64], entrants: int) -> int:
 
 
 def _best(race: list[int], met: NDArray[np.int64], entrants: int) -> int:
-    """Whom to add to a race so that meetings stay as even as can be; of equals the first."""
+    """The entrant to add to a race so that meetings stay as even as can be; of equals the first."""
     total = met + _meetings(race, entrants)
     distances = (np.arange(entrants)[:, None] - np.array(race)) % entrants
     # Each distance is met once more both ways round.

@@ -1,7 +1,7 @@
 """When to stop: which two entrants need no more races, decided from the units raced so far.
 
 The sequential test is that of normalized Elo (Van den Bergh, Comments on normalized Elo, 2020), on point
-differences of units in place of game pairs. With the mean m and the standard deviation s of N differences,
+differences of units instead of game pairs. With the mean m and the standard deviation s of N differences,
 and hypotheses "the mean is t0 s" and "the mean is t1 s", the normal likelihood with its variance free is
 largest at s^2 + (m - t s)^2, so that the logarithm of the ratio is, with t = m / s,
 

@@ -96,7 +96,7 @@ class Node:
                     if place not in self._compiled:
                         check_world(pool, facts["world"])
                     if lack := difference(facts):
-                        return f"has {lack}, expected the nathlon and packages of who wants the matches"
+                        return f"has {lack}, expected the nathlon and packages of the run"
                 except InputError as error:
                     return f"lacks what a match needs: {error}"
                 if place not in self._compiled:

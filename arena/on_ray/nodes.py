@@ -194,7 +194,7 @@ class Nodes(Crew):
             try:
                 answer = ray.get(call)
             except ray.exceptions.RayTaskError as error:
-                # Our own error is for the user to see, a full disk only for who is there.
+                # Our own error is for the user to see, a full disk only for whoever runs that machine.
                 if not isinstance(error, OSError):
                     raise
                 self._lose(hand, queue, f"cannot go on ({error.cause})", for_good=True)

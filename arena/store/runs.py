@@ -50,7 +50,7 @@ def begin(connection: sa.Connection, name: str, config: dict[str, Any]) -> RunRe
 
 
 def end(connection: sa.Connection, name: str, status: str) -> None:
-    """Say how a run ended, in place of what was said before."""
+    """Say how a run ended, instead of what was said before."""
     began_at = connection.scalar(sa.select(schema.run.c.began_at).where(schema.run.c.name == name))
     _update(connection, name, ended_at=max(stamp(clock(connection)), began_at or ""), status=status)
 
@@ -112,7 +112,7 @@ def table(connection: sa.Connection, name: str, table_name: str) -> pl.DataFrame
 
 
 def put_fact(connection: sa.Connection, name: str, key: str, value: schema.JsonValue) -> None:
-    """Keep a fact about a run, in place of the one that had this key."""
+    """Keep a fact about a run, instead of the one that had this key."""
     table, run = schema.fact, _hold(connection, name)
     connection.execute(table.delete().where(table.c.run == run, table.c.key == key))
     connection.execute(table.insert(), {"run": run, "key": key, "value": schema.to_json(value)})

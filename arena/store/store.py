@@ -178,7 +178,7 @@ class Store:
         return self._database.read(runs.table, run, name)
 
     def put_fact(self, run: str, key: str, value: JsonValue) -> None:
-        """Keep a fact about a run, in place of the one that had this key."""
+        """Keep a fact about a run, instead of the one that had this key."""
         self._database.write(runs.put_fact, run, key, value)
 
     def fact_of_runs(self, key: str) -> dict[str, JsonValue]:

@@ -22,7 +22,7 @@ WITHOUT = {
     "last": ("the last checkpoint", GREEN, "--"),
     "fastest": ("the fastest lap", ORANGE, ":"),
 }
-"""Whom one would send without a round robin: label, colour and style of the line."""
+"""Which one would be sent without a round robin: label, colour and style of the line."""
 
 
 def plot(figures: Mapping[str, Mapping[str, Any]], path: Path) -> None:

@@ -88,8 +88,8 @@ def gate(
         champion: whose place they would take.
         out: folder for everything that the gate leaves; it may be that of earlier gates.
         config: whose section `gate` has margins and budget, or the path of a `nathlon.toml`.
-        seed, workers: in place of the configuration's.
-        world: the simulator, in place of the configuration's.
+        seed, workers: instead of the configuration's.
+        world: the simulator, instead of the configuration's.
         progress: whether to show it, on standard error.
 
     Raises:

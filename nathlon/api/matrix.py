@@ -71,8 +71,8 @@ def matrix(
         out: folder for everything that the matrix leaves; it may be that of earlier ones.
         baseline: beside whom; the world's own, in our simulator the built-in driver, if there is none.
         config: whose section `matrix` has the settings, or the path of a `nathlon.toml`.
-        seed, workers: in place of the configuration's.
-        world: the simulator, in place of the configuration's.
+        seed, workers: instead of the configuration's.
+        world: the simulator, instead of the configuration's.
         progress: whether to show it, on standard error.
 
     Raises:

@@ -38,10 +38,10 @@ def plan(
     Args:
         checkpoints: who takes part; without any, what the next night would judge.
         config: how to select, or the path of a `nathlon.toml`.
-        pairs, workers: in place of the configuration's: mirrored pairs of races for every two finalists, at
+        pairs, workers: instead of the configuration's: mirrored pairs of races for every two finalists, at
             most; processes.
-        world: the simulator, in place of the configuration's.
-        store: where earlier selections are, in place of the configuration's.
+        world: the simulator, instead of the configuration's.
+        store: where earlier selections are, instead of the configuration's.
 
     Raises:
         InputError: if a name or file is wrong, or nothing is new.

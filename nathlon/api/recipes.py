@@ -69,8 +69,8 @@ def recipes(
         folders: one a recipe, which lends its name, or `NAME=FOLDER`; the first is the one to be better than.
         out: folder for everything that is left.
         config: whose anchors and tournament are raced, or the path of a `nathlon.toml`.
-        pairs, seed, workers: in place of the configuration's.
-        world: the simulator, in place of the configuration's.
+        pairs, seed, workers: instead of the configuration's.
+        world: the simulator, instead of the configuration's.
         progress: whether to show it, on standard error.
 
     Raises:

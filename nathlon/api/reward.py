@@ -91,7 +91,7 @@ def design_reward(
         starts: clips of everybody.
         preferences: between clips of known drivers, before the first round.
         each: clips in which two candidates are compared; all by a rule, else 1.
-        transcripts: folder of another run's, whose answers are given again in place of a model's.
+        transcripts: folder of another run's, whose answers are given again instead of a model's.
         seed: of all randomness.
         threads: of the learner.
         port: of the page for people, 0 for any that is free.

@@ -162,9 +162,9 @@ def select(
         checkpoints: who takes part; a folder stands for all checkpoints below it.
         out: folder for everything that the selection leaves.
         config: how to select, or the path of a `nathlon.toml`; the standard way by default.
-        seed, shortlist, pairs, workers: in place of the configuration's: of all randomness; entrants that
+        seed, shortlist, pairs, workers: instead of the configuration's: of all randomness; entrants that
             reach the round robin; mirrored pairs of races for every two of them, at most; processes.
-        world: the simulator, in place of the configuration's: `MODULE:NAME`, `PATH.py:NAME`, or a name that a
+        world: the simulator, instead of the configuration's: `MODULE:NAME`, `PATH.py:NAME`, or a name that a
             package offers.
         store: where everything is kept, path or URL, so that workers elsewhere can take part; a file in the
             folder by default.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def drive(
     entrants: Annotated[
         list[str] | None,
-        typer.Argument(help="Whom to race: checkpoints, folders of them, generalist, drivers, plugin:NAME."),
+        typer.Argument(help="Opponents: checkpoints, folders of them, generalist, drivers, plugin:NAME."),
     ] = None,
     run: Annotated[
         Path | None, typer.Option("--run", help="Race the finalists of the run in this folder.")

@@ -22,7 +22,7 @@ SHOWN = 12
 def matrix(
     policy: Annotated[str, typer.Argument(help="Checkpoint, driver or plugin to look at.")],
     baseline: Annotated[
-        str | None, typer.Option(help="Beside whom; the world's own if none is named.")
+        str | None, typer.Option(help="Policy to compare against; the world's own by default.")
     ] = None,
     out: Out = Path("runs/matrix"),
     config: ConfigPath = None,

@@ -27,7 +27,7 @@ Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the
 Seed = Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
 ConfigSeed = Annotated[
     int | None,
-    typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness, in place of the configuration's."),
+    typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness, instead of the configuration's."),
 ]
 ConfigPath = Annotated[Path | None, typer.Option("--config", help="How to select (nathlon init writes one).")]
 ConfigFile = Annotated[Path, typer.Option("--config", help="How to select (nathlon init writes one).")]

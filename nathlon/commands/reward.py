@@ -53,7 +53,7 @@ def design_reward(
         ),
     ] = None,
     transcripts: Annotated[
-        Path | None, typer.Option(help="Transcripts of another run, to answer in place of a model.")
+        Path | None, typer.Option(help="Transcripts of another run, to answer instead of a model.")
     ] = None,
     seed: Seed = 1,
     threads: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner.")] = 1,

@@ -74,7 +74,7 @@ def polish(
         str, typer.Option(help="Training configuration whose races and reward count: name or path.")
     ] = "time_trial",
     out: Out = Path("runs/polished"),
-    rounds: Annotated[int, typer.Option(min=1, max=10**9, help="Rounds of the whole.")] = 100,
+    rounds: Annotated[int, typer.Option(min=1, max=10**9, help="Number of rounds.")] = 100,
     seed: Seed = 1,
     as_json: AsJson = False,
 ) -> None:

@@ -18,7 +18,7 @@ def twin(
     car: Annotated[str, typer.Option(help="Number or name of the car to compare.")],
     other: Annotated[
         Path | None,
-        typer.Argument(help="Recording of another race from the same start, in place of --policy."),
+        typer.Argument(help="Recording of another race from the same start, instead of --policy."),
     ] = None,
     policy: Annotated[
         str | None, typer.Option(help="Who drives the car in the twin: checkpoint, driver or plugin.")

@@ -137,7 +137,7 @@ class Config(Section):
 
     @property
     def suited(self) -> Config:
-        """The configuration with what its world has in place of defaults that are those of our circuits."""
+        """The configuration with what its world has instead of defaults that are those of our circuits."""
         world = load_world(self.world)
         if world.circuits:
             return self

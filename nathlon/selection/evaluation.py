@@ -60,7 +60,7 @@ def evaluate(
 
 
 def _references(config: Config, pool: Pool) -> tuple[Entrant, ...]:
-    """Whom the candidates race in a gauntlet; where there is none they race each other alone."""
+    """The references of a gauntlet; without any, candidates race each other alone."""
     if not config.in_gauntlet:
         return ()
     return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car, config.world))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @cache
 def console(stderr: bool = False) -> Terminal:
-    """Where results are printed, or what is none; rich takes long to load for who prints nothing."""
+    """A lazy console, for results or for remarks: importing rich is slow."""
     from nathlon.terminal.console import Terminal
 
     return Terminal(stderr=stderr)

@@ -67,7 +67,7 @@ class Rollouts(Section):
         mistakes: share of the starts, once there are any, from shortly before a learner's loss of control.
         demonstrators: policies that drive the learner's cars in its place, in turn, so that it learns from
             what they do; see nathlon.policies.load.
-        perception_delay_s: in place of the scenario's, for all cars or for each place.
+        perception_delay_s: instead of the scenario's, for all cars or for each place.
     """
 
     scenario: str
@@ -145,7 +145,7 @@ class TrainingConfig(Section):
 
     Attributes:
         circuit, car: what is driven; `any` where there is a variety.
-        variety: of circuits and cars, in place of one of each.
+        variety: of circuits and cars, instead of one of each.
         updates: gradient updates of the whole run.
         updates_per_step: updates after each step of all rollouts.
         warm_up: transitions to gather before the first update.

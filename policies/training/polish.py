@@ -81,7 +81,7 @@ class Polish:
             checkpoint: the policy.
             config: what it drives, and what counts.
             folder: for checkpoints, curve and state.
-            rounds: of the whole.
+            rounds: in all.
             seed: of all that is drawn.
 
         Raises:

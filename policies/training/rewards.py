@@ -1,5 +1,5 @@
 """The reward: a weighted sum of components over arrays of transitions (Wurman et al., 2022, table 1), and an
-expression of one's own (`nathlon.sim.expressions`).
+expression of your own (`nathlon.sim.expressions`).
 
 Penalties for leaving the road and touching the wall are charged on the speed that was brought
 there, not on the speed that is left: otherwise the wall becomes a brake.

@@ -43,7 +43,7 @@ class Step(NamedTuple):
 
 
 def scenario_of(rollouts: Rollouts, pair: Pair) -> Scenario:
-    """The scenario of the races, with the perception delay and grip that they have in place of its own."""
+    """The scenario of the races, with the perception delay and grip that they have instead of its own."""
     scenario = pair.conditions(load_scenario(rollouts.scenario))
     delay = rollouts.perception_delay_s
     if delay is None:

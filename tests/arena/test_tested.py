@@ -1,4 +1,4 @@
-"""What the seats of who is tested came to together."""
+"""What the seats of a tested entrant come to together."""
 
 from __future__ import annotations
 

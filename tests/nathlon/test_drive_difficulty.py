@@ -96,7 +96,7 @@ def test_longer_laps_are_of_a_slower_pace() -> None:
 
 @pytest.mark.parametrize("seat", [1, 5])
 def test_whoever_is_matched_is_expected_in_the_middle(seat: int) -> None:
-    """Who starts last has cars to pass and gets slower ones than who starts first."""
+    """The car that starts last has cars to pass and gets slower ones than the first."""
     setting, shown = Setting(CIRCUIT, CAR, 5, seat, 1), Form(0.88, 0.01, 2)
     paces = matched(setting, shown, "fair")
     assert paces == sorted(paces, reverse=True)

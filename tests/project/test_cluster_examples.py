@@ -29,7 +29,7 @@ def accepted(arguments: list[str]) -> dict[str, Any]:
 
 
 def called(script: Path) -> list[str]:
-    """The call of nathlon in a script, with values in place of what the shell puts in."""
+    """The call of nathlon in a script, with values instead of what the shell puts in."""
     [line] = re.findall(r"nathlon worker .*", script.read_text("utf-8").partition("set -eu")[2])
     line = re.sub(r'"\$\(.*?\)"|"\$store"', "store.sqlite", line.partition("<")[0])
     return shlex.split(re.sub(r'"\$SLURM_\w+"', "16", line))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -54,7 +55,7 @@ def test_no_module_is_loaded_under_two_names() -> None:
 @pytest.mark.parametrize("room", ROOMS)
 def test_a_room_alone_is_refused_by_the_name_that_it_has(room: str) -> None:
     done = run("-c", f"import {room}")
-    assert done.stderr.splitlines()[-1] == f"ModuleNotFoundError: import nathlon.{room} in place of {room}"
+    assert done.stderr.splitlines()[-1] == f"ModuleNotFoundError: import nathlon.{room} instead of {room}"
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -63,3 +64,10 @@ def test_a_room_is_a_folder_at_the_top_and_a_link(room: str) -> None:
         pytest.skip("a source distribution has the rooms in nathlon/ only")
     assert not (ROOT / room).is_symlink()
     assert (ROOT / "nathlon" / room).readlink() == Path("..") / room
+
+
+def test_a_clone_without_links_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "nathlon.policies.registration")
+    monkeypatch.setitem(sys.modules, "nathlon.policies", None)
+    with pytest.raises(ImportError, match="core.symlinks=true"):
+        runpy.run_path(str(ROOT / "nathlon" / "__init__.py"))

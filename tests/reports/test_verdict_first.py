@@ -73,7 +73,7 @@ def test_ctrl_c_after_the_verdict_loses_nothing(tmp_path: Path) -> None:
 
 
 def _verdict(lines: Iterable[str]) -> list[str]:
-    """What is printed up to who is sent."""
+    """What is printed up to the one that is sent."""
     said = []
     for line in lines:
         said.append(line.rstrip())

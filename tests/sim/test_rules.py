@@ -1,4 +1,4 @@
-"""Rules: the shipped ones, one's own, and what is said about faulty files."""
+"""Rules: the shipped ones, your own, and what is said about faulty files."""
 
 from __future__ import annotations
 

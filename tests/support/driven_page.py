@@ -58,7 +58,7 @@ class Drive:
 
 
 class DriveFromRoom(Drive):
-    """A page that drives, in place of the committee's room that it was opened from."""
+    """A page that drives, instead of the committee's room that it was opened from."""
 
     def __init__(self, page: Page) -> None:
         self.page = page

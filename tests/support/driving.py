@@ -91,7 +91,7 @@ def start_at(
     heading: list[float] | float = 0.0,
     finish: float = np.inf,
 ) -> Start:
-    """A start; numbers in place of lists hold for all cars."""
+    """A start; numbers instead of lists hold for all cars."""
 
     def spread(value: list[float] | float) -> NDArray[np.float64]:
         return np.broadcast_to(np.array(value, np.float64), len(distance)).copy()

@@ -20,7 +20,7 @@ def game(*beats: tuple[int, int, float], count: int = 3) -> np.ndarray:
 @settings(deadline=None, max_examples=40)
 @given(st.tuples(*[st.floats(0.2, 5.0)] * 3))
 def test_a_cycle_of_three_has_its_closed_form(margins: tuple[float, float, float]) -> None:
-    """Whom each beats by how much weighs the third: p of rock is the margin of the other two."""
+    """By how much each beats each weighs the third: p of rock is the margin of the other two."""
     x, y, z = margins
     weights = nash_weights(game((0, 1, x), (1, 2, y), (2, 0, z)))
     assert weights == pytest.approx(np.array([y, z, x]) / (x + y + z), abs=1e-3)

@@ -48,7 +48,7 @@ class _Ways(NamedTuple):
     Attributes:
         window: that is driven.
         edits: to try.
-        near: in place of a trial, where another car is near.
+        near: instead of a trial, where another car is near.
     """
 
     window: Window

@@ -104,7 +104,7 @@ class Driven(NamedTuple):
         places: (ticks,) m from the line.
         time_s: (ticks,) since the start of the part.
         speed, lateral, pedal: (ticks,) of the car.
-        off_course_s, wall_s: of the whole.
+        off_course_s, wall_s: in all.
     """
 
     places: Trace

@@ -1,4 +1,4 @@
-"""Whom a lap is compared with: the champion of the circuit, or the best lap of another race."""
+"""The lap to compare with: that of the champion of the circuit, or the best lap of another race."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Reference(NamedTuple):
     """A lap to compare with.
 
     Attributes:
-        name: of who drove it.
+        name: of its driver.
         kind: the bundled champion, the built-in driver where there is none, or a recorded race.
         lap: the lap.
         limit_s: the limit lap time of circuit and car, s; None where it is not known.

@@ -235,7 +235,7 @@ def plan(choice: Choice, offer: Offer, field: Field | None = None) -> Plan:
     Args:
         choice: what the person wants.
         offer: what there is.
-        field: the opponents, in place of those chosen.
+        field: the opponents, instead of those chosen.
 
     Raises:
         InputError: if something is not offered, or an opponent cannot drive there.

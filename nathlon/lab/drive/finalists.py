@@ -1,4 +1,4 @@
-"""Whom to race when nobody is named: the finalists of a run, or the bundled champions."""
+"""Opponents when none is named: the finalists of a run, or the bundled champions."""
 
 from __future__ import annotations
 

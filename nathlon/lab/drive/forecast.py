@@ -21,7 +21,7 @@ from nathlon.policies.sources import DRIVER
 RACES = 12
 """Driven for a forecast."""
 SPREAD = -1.3, -0.6, 0.0, 0.6, 1.3
-"""Paces of who stands for the person, in standard deviations of their form, in turn."""
+"""Paces of the drivers that stand for the person, in standard deviations of their form, in turn."""
 FIRST_SEED = 1000
 CAR_SECONDS = 100_000
 """That a forecast may simulate, some seconds of work: of longer races it drives fewer laps."""

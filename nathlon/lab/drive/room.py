@@ -101,7 +101,7 @@ class Room:
         self._loop = asyncio.get_running_loop()
 
     def enter(self) -> Letterbox:
-        """A page has come, in place of any that was there; what it is to be told. A race waits for it."""
+        """A page has come, instead of any that was there; what it is to be told. A race waits for it."""
         self.desk.clear()
         self._pause()
         letters = self._letters = Letterbox()

@@ -1,4 +1,4 @@
-"""The circuit and a lap to hold one's own against, as the page reads them."""
+"""The circuit and a lap to compare your own with, as the page reads them."""
 
 from __future__ import annotations
 

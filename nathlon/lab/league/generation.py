@@ -176,7 +176,7 @@ def _does(parent: Member, champion: Member, stop: StopRule) -> bool:
 
 
 def _at_fault(member: Member) -> float:
-    """Contacts a kilometre that are laid to it; of who has not moved nobody knows."""
+    """Contacts a kilometre that are laid to it; None if it never moved."""
     return math.inf if member.at_fault_per_km is None else member.at_fault_per_km
 
 

@@ -45,7 +45,7 @@ class LeagueSettings(Section):
         rounds: of polishing in a generation.
         generations: at most.
         population: entrants that meet, and drive as opponents, at most.
-        pairs: mirrored pairs of races for every two of them, at most, in place of the selection's.
+        pairs: mirrored pairs of races for every two of them, at most, instead of the selection's.
         seed: of all randomness.
         stop: when it has come to what it is for; without it it ends after its generations.
     """

@@ -44,7 +44,7 @@ class Transcripts(NamedTuple):
     Attributes:
         folder: where they are kept.
         endpoint: the model; None if there is none.
-        earlier: folder of another run, whose answers are given again in place of a model's.
+        earlier: folder of another run, whose answers are given again instead of a model's.
     """
 
     folder: Path

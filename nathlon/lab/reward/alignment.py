@@ -61,7 +61,7 @@ def align(formula: Expression, clips: Mapping[str, Clips], preferences: Iterable
 
     Args:
         formula: a reward of one step.
-        clips: by who drives.
+        clips: by driver.
         preferences: between some of them.
     """
     value = {name: returns(formula, one) for name, one in clips.items()}

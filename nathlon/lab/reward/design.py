@@ -53,7 +53,7 @@ class Design:
         folder: keeps all of it.
         settings: what it is made of.
         studio: where clips are made.
-        clips: of the library and of all trained so far, by who drives.
+        clips: of the library and of all trained so far, by driver.
         preferences: all so far.
         rounds: candidates of each round so far.
         outcomes: of each round that is over, the best first.

@@ -23,7 +23,7 @@ ATTEMPTS = 2
 
 
 class Pair(NamedTuple):
-    """Two clips from the same start, by who drives."""
+    """Two clips from the same start, by driver."""
 
     first: str
     second: str
@@ -36,7 +36,7 @@ class Question(NamedTuple):
     Attributes:
         label: of the occasion, `library` or `round-2`.
         task: in words.
-        clips: by who drives.
+        clips: by driver.
         driver: the built-in driver's.
         pairs: to be judged.
     """

@@ -56,7 +56,7 @@ class BatterySettings(Section):
 
     Attributes:
         tests: shipped names, or paths of `.toml` files.
-        runs: of an entrant in every test, in place of the number that the test asks for.
+        runs: of an entrant in every test, instead of the number that the test asks for.
         incidents: folder of incidents that survivors must pass as well; they bring no points.
     """
 

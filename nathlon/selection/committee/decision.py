@@ -80,7 +80,7 @@ class Decision:
 
     @property
     def told_drives(self) -> list[Entry]:
-        """Test drives of which may be told: not of who still drives, and must not know who is who."""
+        """Test drives that may be shown: none of a member who still drives blind."""
         ballots = self.ballots()
         return [
             entry

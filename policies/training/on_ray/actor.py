@@ -64,7 +64,7 @@ class RolloutActor:
         from nathlon.sim.process import HOST
 
         if fingerprint() != begin.code:
-            raise InputError(f"{self._name} on {HOST}: has another nathlon, expected that of who learns")
+            raise InputError(f"{self._name} on {HOST}: has another nathlon, expected that of the learner")
         torch.set_num_threads(1)
         self._arrived = Arrived()
         self._arrived.unpack(begin.parcels)

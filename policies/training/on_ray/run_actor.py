@@ -74,7 +74,7 @@ class RunActor:
         from nathlon.sim.process import HOST
 
         if fingerprint() != start.code:
-            raise InputError(f"{self._name} on {HOST}: has another nathlon, expected that of who asks")
+            raise InputError(f"{self._name} on {HOST}: has another nathlon, expected that of the caller")
         torch.set_num_threads(1)
         arrived = Arrived()
         arrived.unpack(start.parcels)

@@ -11,7 +11,7 @@ function lapTime(seconds) {
 
 const signed = (seconds) => `${seconds < 0 ? "−" : "+"}${Math.abs(seconds).toFixed(2)}`;
 
-// The lap that one's own is held against: time since the line at each row of the circuit.
+// The lap to compare your own with: time since the line at each row of the circuit.
 function newReference(driver, lapM) {
   const rows = driver.time.length;
   let own = null;
