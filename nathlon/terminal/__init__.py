@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from nathlon.terminal.console import Terminal
+    from nathlon.terminal.rich_console import Terminal
 
 
 @cache
 def console(stderr: bool = False) -> Terminal:
     """A lazy console, for results or for remarks: importing rich is slow."""
-    from nathlon.terminal.console import Terminal
+    from nathlon.terminal.rich_console import Terminal
 
     return Terminal(stderr=stderr)
 

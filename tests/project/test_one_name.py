@@ -69,5 +69,5 @@ def test_a_room_is_a_folder_at_the_top_and_a_link(room: str) -> None:
 def test_a_clone_without_links_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "nathlon.policies.registration")
     monkeypatch.setitem(sys.modules, "nathlon.policies", None)
-    with pytest.raises(ImportError, match="core.symlinks=true"):
+    with pytest.raises(ImportError, match=r"core\.symlinks=true"):
         runpy.run_path(str(ROOT / "nathlon" / "__init__.py"))
