@@ -14,7 +14,7 @@ from __future__ import annotations
 try:
     from nathlon.policies.registration import register_with_gymnasium
 except ModuleNotFoundError as error:
-    if error.name != "nathlon.policies":
+    if error.name not in ("nathlon.policies", "nathlon.policies.registration"):
         raise
     raise ImportError(
         "nathlon/policies is no folder: this clone has no symbolic links; clone with "

@@ -15,7 +15,7 @@ from nathlon.policies.sources.identity import policy_id
 from nathlon.results.forecast import Forecast
 from nathlon.selection.config import Config
 from nathlon.selection.forecasting import earlier, forecast, habits_of
-from nathlon.selection.nightly import awaited
+from nathlon.selection.nightly.night import awaited
 from nathlon.sim.errors import InputError
 from nathlon.terminal.progress import worker_count
 

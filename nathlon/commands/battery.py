@@ -41,7 +41,7 @@ def battery(
     from nathlon.arena.results import VOID_ENDINGS
     from nathlon.results.summary import void_runs, voided
     from nathlon.selection.battery import run_battery
-    from nathlon.selection.nightly import HEALTH
+    from nathlon.selection.nightly.night import HEALTH
     from nathlon.selection.single_run import single_run
     from nathlon.terminal.progress import stage_progress, worker_count
 

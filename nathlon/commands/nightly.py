@@ -16,7 +16,7 @@ from nathlon.terminal import new_table, print_json, print_table, say, tell
 
 if TYPE_CHECKING:
     from nathlon.arena.store import Store
-    from nathlon.selection.nightly import Night
+    from nathlon.selection.nightly.night import Night
 
 
 def init(
@@ -46,8 +46,8 @@ def nightly(
     """
     from nathlon.api.selection import SelectionResult
     from nathlon.selection.config import read_config
-    from nathlon.selection.nightly import nightly as run_nightly
-    from nathlon.selection.nightly import told
+    from nathlon.selection.nightly.night import nightly as run_nightly
+    from nathlon.selection.nightly.night import told
     from nathlon.terminal.progress import stage_progress, worker_count
 
     settings = read_config(config)

@@ -40,7 +40,7 @@ def pareto(
     from nathlon.arena.results import VOID_ENDINGS
     from nathlon.reports.tables import as_texts
     from nathlon.results.summary import void_runs, voided
-    from nathlon.selection.nightly import HEALTH
+    from nathlon.selection.nightly.night import HEALTH
     from nathlon.selection.pareto.filter import run_filter
     from nathlon.selection.single_run import single_run
     from nathlon.terminal.progress import stage_progress, worker_count

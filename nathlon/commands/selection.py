@@ -75,7 +75,7 @@ def evaluate(
 
     start_server()
     from nathlon import select
-    from nathlon.selection.nightly import HEALTH
+    from nathlon.selection.nightly.night import HEALTH
 
     with stoppable(f"The same command goes on from {store or out / 'store.sqlite'}."):
         result = select(

@@ -23,7 +23,7 @@ from nathlon.policies.sources.identity import policy_id
 from nathlon.results.summary import Sent, SetAside, read_summary
 from nathlon.selection.config import TEMPLATE, Config, read_config
 from nathlon.selection.field import Field
-from nathlon.selection.nightly import GATE, HEALTH, NOT_JUDGED, OK, Night, awaited, judge, nightly, told
+from nathlon.selection.nightly.night import GATE, HEALTH, NOT_JUDGED, OK, Night, awaited, judge, nightly, told
 from nathlon.selection.run import DONE, KERNELS, RECORDINGS, STAGES
 from nathlon.sim.errors import InputError
 from tests.support import forked
@@ -333,7 +333,7 @@ def test_a_night_with_a_changed_configuration_is_abandoned(tmp_path: Path) -> No
 
 FORKED = """
 import os, signal, sys
-from nathlon.selection.nightly import nightly
+from nathlon.selection.nightly.night import nightly
 
 def is_killed(night):
     child = os.fork()

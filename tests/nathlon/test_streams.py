@@ -14,7 +14,7 @@ import pytest
 
 from nathlon import cli
 from nathlon.commands.selection import stoppable
-from nathlon.selection.nightly import Night
+from nathlon.selection.nightly.night import Night
 from tests.support.command_line import nathlon, refused
 
 QUIET = Night(None, "done", 1, f"Nobody passed{'!' * 10_000}", None)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from nathlon.arena.store import Store
-from nathlon.selection.nightly import HEALTH, OK
+from nathlon.selection.nightly.night import HEALTH, OK
 from tests.nathlon.test_nightly import FORKED, WEAK, run, watch_two
 from tests.support import forked
 from tests.support.command_line import nathlon
@@ -16,7 +16,7 @@ from tests.support.command_line import nathlon
 TELLING = (
     FORKED
     + """
-import nathlon.selection.nightly
+import nathlon.selection.nightly.night
 from nathlon.commands import nightly as command
 from nathlon.arena.store import Store
 
@@ -30,7 +30,7 @@ def dying(place, name, death):
 
 outcome_stored = (Store, "end_run", dies)
 run_ended = (Store, "end_run", dies_after)
-printed = (nathlon.selection.nightly, "told", dies)
+printed = (nathlon.selection.nightly.night, "told", dies)
 for point in (outcome_stored, run_ended, printed):
     assert is_killed(lambda: dying(*point)), point
 """

@@ -25,7 +25,7 @@ from nathlon.reports.verdict import verdict
 from nathlon.results.selection import Selection
 from nathlon.selection.config import read_config
 from nathlon.selection.field import Field
-from nathlon.selection.nightly import HEALTH, judge
+from nathlon.selection.nightly.night import HEALTH, judge
 from nathlon.selection.pipeline import select
 from nathlon.selection.publish.gathering import gather
 from nathlon.selection.run import Run

@@ -11,7 +11,7 @@ import nathlon
 from nathlon.arena.store import Store
 from nathlon.commands.selection import print_verdict
 from nathlon.selection.config import read_config
-from nathlon.selection.nightly import nightly
+from nathlon.selection.nightly.night import nightly
 from tests.support.command_line import nathlon as command
 from tests.support.games import player, refused, world_of
 

@@ -1,0 +1,297 @@
+"""The nightly selection: what is new in the watched folders, against the best of the nights before."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Container, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from nathlon.arena.entrance import check_world, enter_all, intact
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.pool import Pool
+from nathlon.arena.store import RunRecord, Store
+from nathlon.arena.world_registry import load_world
+from nathlon.policies.sources import is_path
+from nathlon.policies.sources.identity import policy_id
+from nathlon.results.selection import Selection
+from nathlon.results.summary import Summary
+from nathlon.selection.config import Config
+from nathlon.selection.engines import engine_of
+from nathlon.selection.field import Exclusion, Field
+from nathlon.selection.nightly.incumbents import incumbents, located
+from nathlon.selection.nightly.newcomers import newcomers
+from nathlon.selection.nightly.pool import best_first, rank_nights
+from nathlon.selection.nightly.watching import Watched, watch
+from nathlon.selection.pipeline import select
+from nathlon.selection.publish.output import POLICY_LOG, OutputFolder
+from nathlon.selection.publish.publish import publish
+from nathlon.selection.publish.recordings import record_tournament
+from nathlon.selection.publish.sent import keep_sent
+from nathlon.selection.run import DONE, WAITING, OnMatch, Run
+from nathlon.sim.decisive import fingerprint
+from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import check_output
+
+NIGHT = "night-"
+"""What the names of nights begin with in the store."""
+
+EXCLUSION = "exclusion"
+"""Kind of log entry: a file that was set aside on a night without newcomers, which is no run."""
+
+ABANDONED = "abandoned"
+"""Status of a night that cannot go on: its configuration, its files or the simulator have changed."""
+
+NOT_JUDGED = "not_judged"
+"""Fact of a night: ids of those that it could not judge."""
+TRIES = 2
+"""Nights that a newcomer has to be judged in: what makes most of its runs void may pass."""
+
+OK, GATE, BAD_INPUT, HEALTH = 0, 1, 2, 3
+"""Exit codes. Nobody was fit to be sent; the input was bad; too many faults to trust the night."""
+
+
+@dataclass(frozen=True)
+class Night:
+    """How a night went.
+
+    Attributes:
+        name: of the run in the store; None where nothing was new.
+        status: `done`, or `waiting` for people to vote.
+        code: for the scheduler.
+        reason: of the code, in a sentence.
+        selection: what the report shows; None where nothing was new or people must vote first.
+        excluded: what was set aside where nothing else was new.
+    """
+
+    name: str | None
+    status: str
+    code: int
+    reason: str
+    selection: Selection | None
+    excluded: tuple[Exclusion, ...] = ()
+
+
+def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
+    """Go on with the night that has not ended, or begin one with what is new.
+
+    Processes that do this on one store at the same time share the work of one night. A night that has ended
+    stays to be told until `told` says that it was: if its process was killed before, the next one tells it.
+
+    Args:
+        config: what to watch and how to select.
+        workers: processes.
+        on_match: told about progress.
+
+    Raises:
+        InputError: if a watched folder, the store or the engine cannot be used, a watched folder is empty in
+            which earlier nights found checkpoints, or what is to be sent is gone.
+    """
+    check_output(Path(config.out))
+    with Store(config.store) as store, Pool(workers) as pool:
+        check_world(pool, config.world)
+        config = config.suited
+        untold = _untold(store)
+        if untold:
+            name, outcome = untold
+            selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
+            return Night(name, DONE, outcome["code"], outcome["reason"], selection)
+        # First: a night that cannot have its engine does not begin.
+        with engine_of(config, store, pool) as engine:
+            night, field = _open(
+                store, config, pool, watch(config.checkpoints, load_world(config.world).loaders)
+            )
+            if night is None:
+                return _quiet(field)
+            number = [record.name for record in _nights(store)].index(night.name)
+            output = OutputFolder(Path(config.out) / night.name)
+            pool.log.keep_in(output.root / POLICY_LOG)
+            run = Run(store, night.name, (config.seed, number), pool, on_match, other_engine=engine)
+            if select(run, field, config) is None:
+                store.end_run(night.name, WAITING)
+                return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
+            # At once: what is kept can be sent whatever becomes of the file.
+            keep_sent(store, night.name, output)
+            run.keep(rank_nights(store, _nights(store), night, config.nightly.incumbents))
+            selection = publish(store, night.name, output, pool, on_match)
+            if config.recordings == "all":
+                record_tournament(store, night.name, output, engine, on_match)
+            code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
+            if missed := [one.entrant for one in selection.summary.not_judged]:
+                store.put_fact(night.name, NOT_JUDGED, missed)
+            store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
+            store.end_run(night.name, DONE)
+            return Night(night.name, DONE, code, reason, selection)
+
+
+def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
+    """How many newcomers, incumbents and anchors the next night would begin with, as far as files tell.
+
+    Args:
+        config: what it watches.
+        store: where earlier nights are; None where there was none.
+
+    Raises:
+        InputError: if a watched path does not exist.
+    """
+    done = [] if store is None else [night for night in _nights(store) if night.status == DONE]
+    fields = [Field.from_plan(night.config) for night in done]
+    anchors = {policy_id(anchor) for anchor in config.nightly.anchors}
+    judged = set() if store is None else set(_judged(store, done))
+    refused = set() if store is None else _refused(store, fields)
+    new = watch(config.checkpoints, load_world(config.world).loaders).unjudged(judged | anchors, refused)
+    pool = set() if store is None or not done else set(store.table(done[-1].name, "pool")["entrant"])
+    return len(set(new.values()) - {None}), min(config.nightly.incumbents, len(pool - anchors)), len(anchors)
+
+
+def told(config: Config, night: Night) -> None:
+    """Note that a night has been told to whoever asked for it; the last thing to do before exiting."""
+    if night.status != DONE or (night.name is None and not night.excluded):
+        return
+    with Store.open(config.store) as store:
+        for item in night.excluded:
+            store.append(EXCLUSION, asdict(item))
+        if night.name is not None:
+            outcome = {"code": night.code, "reason": night.reason, "told": True}
+            store.put_fact(night.name, "outcome", outcome)
+
+
+def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, str]:
+    """Exit code of a night that came to its end, and why."""
+    if summary.not_judged:
+        return HEALTH, summary.void_runs
+    faulty = summary.faults + summary.void
+    if faulty > max_fault_share * summary.car_runs:
+        return HEALTH, f"{faulty:,} of {summary.car_runs:,} car runs ended by a fault."
+    excluded = len(summary.excluded)
+    if excluded > max_fault_share * (excluded + entered):
+        return HEALTH, f"{excluded:,} of {excluded + entered:,} new files were set aside."
+    if not summary.sent:
+        lost = "".join(f" {item.source} {item.reason}." for item in summary.gone)
+        return GATE, f"Nobody passed the committee's gates.{lost}"
+    return OK, f"{summary.sent[0].name} is sent."
+
+
+def _quiet(field: Field) -> Night:
+    """A night on which there is nobody new."""
+    if field.excluded:
+        reason = f"All that is new was set aside: {field.excluded[0].reason}."
+        return Night(None, DONE, HEALTH, reason, None, field.excluded)
+    reason = " ".join(["Nothing is new:", *field.notes]) if field.notes else "Nothing is new."
+    return Night(None, DONE, OK, reason, None)
+
+
+def _nights(store: Store) -> list[RunRecord]:
+    return [record for record in store.runs() if record.name.startswith(NIGHT)]
+
+
+def _untold(store: Store) -> tuple[str, dict[str, Any]] | None:
+    """Name and outcome of the first night that has ended and was not told."""
+    for night in _nights(store):
+        if night.status == DONE:
+            outcome: Any = store.facts(night.name).get("outcome") or {}
+            # Nights of older versions do not say so.
+            if not outcome.get("told", True):
+                return night.name, outcome
+    return None
+
+
+def _open(store: Store, config: Config, pool: Pool, watched: Watched) -> tuple[RunRecord | None, Field]:
+    """The night that has not ended if it can go on, a new one if there is something new, or None.
+
+    And who takes part in it; of none, what is set aside.
+    """
+    nights = _nights(store)
+    for night in nights:
+        if night.status in (DONE, ABANDONED):
+            continue
+        field = _there(Field.from_plan(night.config), config, watched)
+        if night.config["world"] == _world(config) and field and all(intact(pool, field.entrants)):
+            return night, field
+        store.end_run(night.name, ABANDONED)
+    done = [night for night in nights if night.status == DONE]
+    fields = [Field.from_plan(night.config) for night in done]
+    judged = _judged(store, done)
+    anchors = _anchors(pool, config)
+    known = judged | {anchor.id: anchor.name for anchor in anchors}
+    refused = _refused(store, fields)
+    new, excluded = newcomers(pool, watched, config.circuit, config.car, known, refused, config.world)
+    notes = tuple(f"{folder} holds no checkpoint." for folder in watched.empty)
+    if not new:
+        if not excluded:
+            _check_full(watched, fields)
+        return None, Field((), anchors=anchors, excluded=tuple(excluded), notes=notes)
+    best: list[Entrant] = []
+    missing: tuple[str, ...] = ()
+    if done:
+        ranked = _ranked(store.table(done[-1].name, "pool"), fields, {anchor.id for anchor in anchors})
+        best, missing = incumbents(pool, ranked, config.nightly.incumbents, watched, Path(config.out))
+    field = Field(tuple(new), tuple(best), anchors, tuple(excluded), (*notes, *missing))
+    plan = {"world": _world(config), "field": asdict(field)}
+    try:
+        return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan), field
+    except InputError:
+        # Another process has begun this night meanwhile, with what it found.
+        return _open(store, config, pool, watched)
+
+
+def _check_full(watched: Watched, fields: Sequence[Field]) -> None:
+    """Raise InputError for an empty folder in which earlier nights found checkpoints."""
+    sources = [Path(one.source) for field in fields for one in field.newcomers if is_path(one.source)]
+    for folder in watched.empty:
+        if any(source.is_relative_to(folder) for source in sources):
+            raise InputError(
+                f"{folder}: holds no checkpoint any more, expected those that earlier nights have judged"
+            )
+
+
+def _refused(store: Store, fields: Sequence[Field]) -> set[str]:
+    """Keys of what was set aside before, on nights with newcomers and on others."""
+    alone = [Exclusion(**entry.entry) for entry in store.log(EXCLUSION)]
+    return {item.key for field in fields for item in field.excluded} | {item.key for item in alone}
+
+
+def _there(field: Field, config: Config, watched: Watched) -> Field | None:
+    """The field of a night under way with the places where its files lie now; None if one is gone."""
+    groups = [
+        [located(entrant, watched, Path(config.out)) for entrant in group]
+        for group in (field.newcomers, field.incumbents)
+    ]
+    found = [tuple(entrant for entrant in group if entrant is not None) for group in groups]
+    if sum(map(len, found)) < sum(map(len, groups)):
+        return None
+    return replace(field, newcomers=found[0], incumbents=found[1])
+
+
+def _judged(store: Store, done: Sequence[RunRecord]) -> dict[str, str]:
+    """Names of the newcomers that nights have judged, by ids; who could not be judged has another night."""
+    names: dict[str, str] = {}
+    tries = Counter[str]()
+    not_judged: Any = store.fact_of_runs(NOT_JUDGED)
+    for night in done:
+        missed = not_judged.get(night.name, ())
+        for entrant in Field.from_plan(night.config).newcomers:
+            tries[entrant.id] += 1
+            if entrant.id not in missed or tries[entrant.id] == TRIES:
+                names[entrant.id] = entrant.name
+    return names
+
+
+def _world(config: Config) -> dict[str, str]:
+    """What must stay the same within a night."""
+    return {"config": config.digest, "code": fingerprint()}
+
+
+def _anchors(pool: Pool, config: Config) -> tuple[Entrant, ...]:
+    if not config.nightly.anchors:
+        return ()
+    return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car, config.world))
+
+
+def _ranked(ranking: pl.DataFrame, fields: Sequence[Field], anchors: Container[str]) -> list[Entrant]:
+    """The entrants of earlier nights in the order of the pool, without anchors."""
+    entrants = {entrant.id: entrant for field in fields for entrant in field.entrants}
+    return [entrants[one] for one in best_first(ranking) if one in entrants and one not in anchors]
