@@ -96,7 +96,7 @@ def real_circuits(folder: Path) -> list[Track]:
     """The circuits of a folder of the racetrack database."""
     with tempfile.TemporaryDirectory() as name:
         return [
-            read_track(import_circuit(file, f"real-{number}", Path(name)))
+            read_track(import_circuit(file, f"real-{number}", Path(name)).path)
             for number, file in enumerate(sorted(folder.glob("*.csv")))
         ]
 
