@@ -1,4 +1,4 @@
-"""A line round a circuit made a closed one: which of its points make a lap, and points where they lie far apart."""
+"""A line round a circuit made a closed one: the points of one lap, and more where they lie far apart."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from nathlon.sim.track.centre_line import MOST_POINTS
 
 SAME_M = 0.01
 NEAR_M, ALIKE = 25.0, np.cos(np.radians(60.0))
-"""How near a line comes to its start, and to its first lap, that goes round again, and how much in its direction."""
+"""How near a line that goes round again comes to its start, and how much in the same direction."""
 LEAST_LAP_M = 250.0
-OPEN_M, OPEN_SHARE = 100.0, 0.05
+OPEN_M, OPEN_SHARE = 50.0, 0.05
 """The most that may lie between the last point and the first: as much as that, or a share of the lap."""
 GRADING = 3.0
 """How many times longer than the one beside it a step may be."""
@@ -50,14 +50,17 @@ def lap_of(line: NDArray[np.float64], surveyed: bool) -> tuple[NDArray[np.int64]
     steps = np.hypot(*np.diff(points, axis=0).T)
     if not len(steps):
         return kept, notes
+    closed = False
     while len(kept) > 3 and np.hypot(*(points[0] - points[len(kept) - 1])) < 0.5 * np.median(steps):
-        kept = kept[:-1]
+        kept, closed = kept[:-1], True
+    if closed or again is not None:
+        return kept, notes
     gap, length = float(np.hypot(*(points[len(kept) - 1] - points[0]))), float(steps.sum())
     if gap > max(1.01 * steps.max(), 3.0 * np.median(steps)):
         if gap > min(OPEN_M, OPEN_SHARE * length):
             raise InputError(
-                f"the last point lies {gap:.1f} m from the first and the others at most {steps.max():.1f} m apart, "
-                "expected a closed line"
+                f"the last point lies {gap:.1f} m from the first and the others at most "
+                f"{steps.max():.1f} m apart, expected a closed line"
             )
         notes.append(f"the last point lies {gap:.1f} m from the first: joined")
     return kept, notes
@@ -96,9 +99,10 @@ def _returns(points: NDArray[np.float64]) -> int | None:
     return None
 
 
-def graded(line: NDArray[np.float64], values: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
-    """A closed line with more points where a long step follows a short one, so that a curve through them bends
-    where the points do.
+def graded(
+    line: NDArray[np.float64], values: Sequence[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], ...]:
+    """A closed line with more points on long steps beside short ones, so that a curve bends where they do.
 
     Long steps are taken for straight: whoever draws a line sets points where it bends.
 

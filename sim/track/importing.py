@@ -39,8 +39,8 @@ STEEPEST = 0.05
 SMOOTHED_M = 50.0
 """Waves of this length are halved by the smoothing, shorter ones vanish."""
 TOLERANCE_M, MAP_TOLERANCES_M, TOLERANCE_OVER_M = 0.2, (1.0, 2.0, 4.0), 15.0
-"""How far the smoothed line may lie beside the data, in the mean over a stretch; for points of a map the first
-of some with which cars can follow the road."""
+"""How far the smoothed line may lie beside the data, in the mean over a stretch; for points of a map the
+first of some with which cars can follow the road."""
 TRIM_M = 2.0
 """How far an inner edge may move."""
 STEEPEST_ROAD, SHARPEST_CREST = 0.2, 0.005
@@ -159,7 +159,9 @@ def _drivable_road(lap: LapLine) -> tuple[Road, tuple[str, ...]]:
             return smooth_road(lap.points, tolerance), ()
         except InputError:
             continue
-    note = () if lap.surveyed else (f"smoothed by up to {tolerances[-1]:g} m for a road that cars can follow",)
+    note = (
+        () if lap.surveyed else (f"smoothed by up to {tolerances[-1]:g} m for a road that cars can follow",)
+    )
     return smooth_road(lap.points, tolerances[-1]), note
 
 
@@ -178,7 +180,9 @@ def _heights(lap: LapLine, road: Road) -> tuple[NDArray[np.float64], str, tuple[
         height = _smooth_heights(_along_road(lap, lap.height, road), road)
         if all(abs(height[one] - height[other]) > LEAST_CLEARANCE_M for one, other, _ in road.crossings):
             return height, f"{np.ptp(height):.0f} m from its lowest to its highest place", note
-        note = ("the file's heights are left out: where the road crosses itself they leave no room for a bridge",)
+        note = (
+            "the file's heights are left out: where the road crosses itself they leave no room for a bridge",
+        )
     height = bridge_heights(road.crossings, len(road.position), road.spacing)
     slope = np.abs(np.roll(height, -1) - height) / road.spacing
     steepest = int(np.argmax(slope))

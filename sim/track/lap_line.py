@@ -63,12 +63,7 @@ def lap_line(outline: Outline, width: float | None = None, scale: float = 1.0) -
         raise InputError(f"--scale is {scale:g}, expected a positive number of less than 10,000")
     if width is not None and not LEAST_WIDTH_M <= width <= 100.0:
         raise InputError(f"--width is {width:g}, expected {LEAST_WIDTH_M:g} to 100 m")
-    columns = {
-        name: None if values is None else values * (1.0 if name == "bank" else scale)
-        for name in ("line", "right_edge", "right", "left", "height", "bank")
-        for values in (getattr(outline, name),)
-    }
-    outline = replace(outline, **columns)
+    outline = _scaled(outline, scale)
     if outline.right_edge is not None:
         outline = _between(outline, outline.right_edge)
     kept, said = lap_of(outline.line, outline.surveyed)
@@ -103,7 +98,9 @@ def _in_metres(outline: Outline) -> tuple[Outline, list[str]]:
     if unit == "degrees":
         extent = np.ptp(line, axis=0).max()
         if extent > 1.0 or not (np.abs(line) <= [360.0, 89.0]).all():
-            raise InputError(f"longitudes and latitudes over {extent:.1f} degrees, expected those of one circuit")
+            raise InputError(
+                f"longitudes and latitudes over {extent:.1f} degrees, expected those of one circuit"
+            )
         notes.append("degrees made metres")
         line = local_metres(line)
     elif unit == "km":
@@ -116,6 +113,20 @@ def _in_metres(outline: Outline) -> tuple[Outline, list[str]]:
         line = line - line[0]
     surveyed = outline.surveyed and unit != "degrees"
     return replace(outline, line=line, right_edge=edge, surveyed=surveyed), notes
+
+
+def _scaled(outline: Outline, scale: float) -> Outline:
+    def times(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        return None if values is None else values * scale
+
+    return replace(
+        outline,
+        line=outline.line * scale,
+        right=times(outline.right),
+        left=times(outline.left),
+        right_edge=times(outline.right_edge),
+        height=times(outline.height),
+    )
 
 
 def _between(outline: Outline, right_edge: NDArray[np.float64]) -> Outline:
@@ -158,7 +169,9 @@ def _check_line(line: NDArray[np.float64], places: Sequence[str], surveyed: bool
         raise InputError(
             f"x_m, y_m: a lap of {length:.0f} m, expected {LEAST_LENGTH_M:g} to {LARGEST_LENGTH_M:g} m{hint}"
         )
-    most = max(LARGEST_GAP_M, LARGEST_GAP_STEPS * float(np.median(gaps))) if surveyed else LARGEST_GAP_ON_MAPS_M
+    most = (
+        max(LARGEST_GAP_M, LARGEST_GAP_STEPS * float(np.median(gaps))) if surveyed else LARGEST_GAP_ON_MAPS_M
+    )
     if gaps.max() > most:
         at = (int(np.argmax(gaps)) + 1) % len(line)
         raise InputError(
@@ -190,4 +203,6 @@ def _check_widths(right: NDArray[np.float64], left: NDArray[np.float64], places:
         )
     if widths.max() > 200.0:
         at = int(np.argmax(widths))
-        raise InputError(f"{places[at]}: w_tr_right_m + w_tr_left_m is {widths[at]:.0f}, expected at most 200 m")
+        raise InputError(
+            f"{places[at]}: w_tr_right_m + w_tr_left_m is {widths[at]:.0f}, expected at most 200 m"
+        )

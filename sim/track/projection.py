@@ -38,7 +38,9 @@ def transverse_mercator(degrees: NDArray[np.float64], meridian: float) -> NDArra
     x = x + (5 - 18 * tangent + tangent**2 + 72 * turned - 58 * _E2 / (1 - _E2)) * east**5 / 120
     y = east**2 / 2 + (5 - tangent + 9 * turned + 4 * turned**2) * east**4 / 24
     y = y + (61 - 58 * tangent + tangent**2 + 600 * turned - 330 * _E2 / (1 - _E2)) * east**6 / 720
-    return np.column_stack([normal * x, SEMI_MAJOR_M * arc + normal * np.sqrt(tangent) * np.sign(latitude) * y])
+    return np.column_stack(
+        [normal * x, SEMI_MAJOR_M * arc + normal * np.sqrt(tangent) * np.sign(latitude) * y]
+    )
 
 
 def local_metres(degrees: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -74,4 +74,6 @@ def _bound(lanelet: Element, tag: str) -> NDArray[np.float64]:
     points = [] if bound is None else list(bound.iterfind("point"))
     if not points:
         raise InputError(f"{place(lanelet)}: the lanelet has no <{tag}> with points, {EXPECTED}")
-    return np.array([[to_number(text_at(point, axis), place(point), axis) for axis in "xy"] for point in points])
+    return np.array(
+        [[to_number(text_at(point, axis), place(point), axis) for axis in "xy"] for point in points]
+    )

@@ -28,7 +28,7 @@ def is_fast_lane(content: bytes) -> bool:
     if len(content) < HEADER:
         return False
     version, points = struct.unpack_from("<ii", content)
-    return 0 < version < NEWEST and 0 < points and len(content) >= HEADER + min(points, 2) * POINT.itemsize
+    return 0 < version < NEWEST and points > 0 and len(content) >= HEADER + min(points, 2) * POINT.itemsize
 
 
 def read_fast_lane(content: bytes) -> Outline:
@@ -43,9 +43,7 @@ def read_fast_lane(content: bytes) -> Outline:
     end = HEADER + count * POINT.itemsize
     if len(content) < end:
         raise InputError(f"{len(content):,} bytes, expected {end:,} for {count:,} points")
-    east, up, south = (
-        np.frombuffer(content, POINT, count, HEADER)["position"].astype(np.float64).T
-    )
+    east, up, south = np.frombuffer(content, POINT, count, HEADER)["position"].astype(np.float64).T
     line = np.column_stack([east, -south])
     sides = _sides(content, end, count)
     if not (np.abs(np.column_stack([line, up])) < LARGEST).all():

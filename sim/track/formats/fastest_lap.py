@@ -39,7 +39,9 @@ def read_arrays(root: Element, text: str) -> Outline:
     height = upward * _array(data, "centerline/z") if data.find("centerline/z") is not None else None
     for name, values in (("centerline/y", y), ("nl", left), ("nr", right), ("centerline/z", height)):
         if values is not None and len(values) != len(x):
-            raise InputError(f"{place(data)}: {name} has {len(values)} numbers, expected {len(x)} as centerline/x")
+            raise InputError(
+                f"{place(data)}: {name} has {len(values)} numbers, expected {len(x)} as centerline/x"
+            )
     return Outline(
         "a circuit of fastest-lap",
         np.column_stack([x, upward * y]),

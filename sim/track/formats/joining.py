@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -85,14 +86,20 @@ def outline_of(dialect: str, ways: Sequence[Way], expected: str) -> Outline:
     if len(ways) > MOST_WAYS:
         raise InputError(f"{len(ways):,} lines, expected those of one circuit, at most {MOST_WAYS:,}")
     check_most(sum(len(way.points) for way in ways), "the lines")
-    ways, converted = _projected(ways)
-    notes = ("degrees made metres",) if converted else ()
+    ways, origin = _projected(ways)
+    notes = () if origin is None else ("degrees made metres",)
     edges = _edges(ways)
     if edges is not None:
         left, right = edges
         return Outline(
-            f"{dialect}, two edges", left.points[:, :2], left.places, right_edge=right.points[:, :2],
-            height=_heights(left), surveyed=False, notes=notes,
+            f"{dialect}, two edges",
+            left.points[:, :2],
+            left.places,
+            right_edge=right.points[:, :2],
+            height=_heights(left),
+            origin=origin,
+            surveyed=False,
+            notes=notes,
         )
     rings = [way for way in ways if way.is_ring]
     if len(rings) > 1 and len(rings) == len(ways):
@@ -101,7 +108,13 @@ def outline_of(dialect: str, ways: Sequence[Way], expected: str) -> Outline:
     if len(ways) > 1:
         notes = (*notes, f"made of some of {len(ways)} lines")
     return Outline(
-        dialect, way.points[:, :2], way.places, height=_heights(way), surveyed=False, notes=notes
+        dialect,
+        way.points[:, :2],
+        way.places,
+        height=_heights(way),
+        origin=origin,
+        surveyed=False,
+        notes=notes,
     )
 
 
@@ -114,28 +127,29 @@ def _heights(way: Way) -> NDArray[np.float64] | None:
     return known_heights(np.interp(at, at[known], height[known]))
 
 
-def _projected(ways: Sequence[Way]) -> tuple[list[Way], bool]:
-    """Ways in metres, and whether they were in degrees."""
+def _projected(ways: Sequence[Way]) -> tuple[list[Way], tuple[float, float] | None]:
+    """Ways in metres, and where their origin lies if they were in degrees."""
     points = np.vstack([way.points for way in ways])
-    degrees = bool((np.abs(points[:, 0]) <= 360.0).all() and (np.abs(points[:, 1]) <= 90.0).all())
-    if degrees:
+    origin = None
+    if (np.abs(points[:, 0]) <= 360.0).all() and (np.abs(points[:, 1]) < 89.0).all():
         extent = np.ptp(points[:, :2], axis=0)
         if extent.max() > WIDEST_DEGREES:
             raise InputError(
                 f"lines over {extent.max():.1f} degrees, expected one circuit: leave one of them in the file"
             )
+        origin = (float(points[0, 0]), float(points[0, 1]))
         points = np.column_stack([local_metres(points[:, :2]), points[:, 2]])
     elif not (np.abs(points[:, :2]) < LARGEST).all():
         raise InputError(f"coordinates of more than {LARGEST:g}, expected degrees or metres")
     stops = np.cumsum([0, *(len(way.points) for way in ways)])
     return [
         replace(way, points=points[start:stop])
-        for way, start, stop in zip(ways, stops[:-1], stops[1:], strict=True)
-    ], degrees
+        for way, (start, stop) in zip(ways, pairwise(stops), strict=True)
+    ], origin
 
 
 def _edges(ways: Sequence[Way]) -> tuple[Way, Way] | None:
-    """Left and right edge, where two ways are the edges of a road: by their names, or as rings side by side."""
+    """Left and right edge, where two ways are those of a road: by their names, or as rings side by side."""
     if len(ways) != 2:
         return None
     for left, right in (ways, ways[::-1]):
@@ -179,9 +193,7 @@ def _longest_step(way: Way) -> float:
 
 
 def _together(parts: Sequence[Way]) -> Way:
-    return Way(
-        np.vstack([part.points for part in parts]), [one for part in parts for one in part.places]
-    )
+    return Way(np.vstack([part.points for part in parts]), [one for part in parts for one in part.places])
 
 
 def _reversed(way: Way) -> Way:
@@ -197,7 +209,7 @@ def _split(ways: Sequence[Way]) -> list[_Edge]:
     for way in ways:
         apart, nearest = near.query(way.points[:, :2])
         stops = sorted({0, len(way.points) - 1, *np.flatnonzero(apart < TOUCH_M).tolist()})
-        for start, stop in zip(stops[:-1], stops[1:], strict=True):
+        for start, stop in pairwise(stops):
             piece = replace(way, points=way.points[start : stop + 1], places=way.places[start : stop + 1])
             ahead, astern = piece.points[1] - piece.points[0], piece.points[-1] - piece.points[-2]
             if piece.length > 0.0:

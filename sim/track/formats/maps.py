@@ -100,7 +100,11 @@ def read_geojson(text: str) -> Outline:
     for number, feature in enumerate(_features(value), start=1):
         where = f"feature {number}"
         known = feature.get("properties")
-        tags = {key: one for key, one in known.items() if isinstance(one, str)} if isinstance(known, dict) else {}
+        tags = (
+            {key: one for key, one in known.items() if isinstance(one, str)}
+            if isinstance(known, dict)
+            else {}
+        )
         relations = known.get("@relations") if isinstance(known, dict) else None
         member = isinstance(relations, list) and any(_is_circuit(one) for one in relations)
         for geometry in _geometries(feature.get("geometry")):

@@ -30,8 +30,8 @@ def parse(text: str) -> Element:
         count += 1
         if len(open_elements) >= DEEPEST or count > MOST_ELEMENTS:
             raise InputError(
-                f"line {parser.CurrentLineNumber}: <{name[:40]}>: expected at most {MOST_ELEMENTS:,} elements, "
-                f"{DEEPEST} deep"
+                f"line {parser.CurrentLineNumber}: <{name[:40]}>: expected at most "
+                f"{MOST_ELEMENTS:,} elements, {DEEPEST} deep"
             )
         element = Element(plain(name), {plain(key): value for key, value in attributes.items()})
         element.set("at line", str(parser.CurrentLineNumber))
@@ -48,7 +48,8 @@ def parse(text: str) -> Element:
     def declared(name: str, _: int, value: str | None, *__: object) -> None:
         if value is not None:
             raise InputError(
-                f"line {parser.CurrentLineNumber}: the entity {name[:40]!r} is declared, expected plain XML without"
+                f"line {parser.CurrentLineNumber}: the entity {name[:40]!r} is declared, "
+                "expected plain XML without"
             )
 
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, data
@@ -58,7 +59,8 @@ def parse(text: str) -> Element:
         parser.Parse(text, True)
     except expat.ExpatError as error:
         raise InputError(
-            f"line {error.lineno}: not well-formed XML ({expat.ErrorString(error.code)}), expected a whole file"
+            f"line {error.lineno}: not well-formed XML ({expat.ErrorString(error.code)}), "
+            "expected a whole file"
         ) from None
     return roots[0]
 

@@ -33,6 +33,7 @@ class Outline:
         right_edge: (m, 2) the right edge, in driving order.
         height: (n,) of `line`.
         bank: (n,) slope across the road, + where the left is higher, rad.
+        origin: longitude and latitude of what is 0, 0 where degrees were made metres.
         surveyed: whether points lie where the road is, to centimetres; on maps they lie some metres off.
         notes: what was assumed or left out, in short sentences.
     """
@@ -46,6 +47,7 @@ class Outline:
     right_edge: NDArray[np.float64] | None = None
     height: NDArray[np.float64] | None = None
     bank: NDArray[np.float64] | None = None
+    origin: tuple[float, float] | None = None
     surveyed: bool = True
     notes: tuple[str, ...] = ()
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import codecs
 import re
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.track.formats.commonroad import read_commonroad
@@ -15,6 +18,7 @@ from nathlon.sim.track.formats.markup import parse
 from nathlon.sim.track.formats.outline import Outline
 from nathlon.sim.track.formats.segments import read_arcs, read_torcs
 from nathlon.sim.track.formats.tables import read_table
+from nathlon.sim.track.projection import local_metres
 from nathlon.sim.untrusted_file import read_bytes
 
 MOST_MIB = 16
@@ -22,16 +26,45 @@ ENDINGS = frozenset(
     (".csv", ".txt", ".tsv", ".dat", ".xml", ".gpx", ".kml", ".osm", ".json", ".geojson", ".ai")
 )
 """Of files that a folder is searched for; a file by itself may have any."""
-BY_ROOT = {"gpx": read_gpx, "kml": read_kml, "osm": read_osm, "commonRoad": read_commonroad, "params": read_torcs}
+BY_ROOT = {
+    "gpx": read_gpx,
+    "kml": read_kml,
+    "osm": read_osm,
+    "commonRoad": read_commonroad,
+    "params": read_torcs,
+}
 KNOWN = "expected a table, GeoJSON, GPX, KML, OpenStreetMap, CommonRoad, TORCS, fastest-lap or fast_lane.ai"
 
 
 def read_outline(path: Path) -> Outline:
-    """Read a file that describes a circuit.
+    """Read a file that describes a circuit, and with `x_left.kml` the right edge in `x_right.kml` beside it.
 
     Raises:
         InputError: if it cannot be read, or is of no kind that is known, or says what cannot be.
     """
+    edges = edge_files(path)
+    if edges is None:
+        return _outline_of(path)
+    left, right = map(_outline_of, edges)
+    if left.origin is None or right.origin is None or left.right_edge is not None:
+        return _outline_of(path)
+    beside = local_metres(np.array([left.origin, right.origin]))[1]
+    note = f"{edges[0].name} and {edges[1].name} taken for the edges"
+    return replace(
+        left, dialect=f"{left.dialect}, two edges", right_edge=right.line + beside, notes=(*left.notes, note)
+    )
+
+
+def edge_files(path: Path) -> tuple[Path, Path] | None:
+    """The files with the left and the right edge, where a file and one beside it are called so."""
+    for one, other in (("left", "right"), ("Left", "Right")):
+        files = [path.with_name(path.name.replace(other, one)), path.with_name(path.name.replace(one, other))]
+        if files[0] != files[1] and path in files and all(file.is_file() for file in files):
+            return files[0], files[1]
+    return None
+
+
+def _outline_of(path: Path) -> Outline:
     content = read_bytes(path, MOST_MIB, "centre line")
     try:
         return _outline(content)
@@ -93,4 +126,6 @@ def _decoded(content: bytes, encoding: str) -> str:
     try:
         return content.decode(encoding)
     except UnicodeDecodeError as error:
-        raise InputError(f"byte {error.start} is not {encoding.upper()}, expected one encoding throughout") from None
+        raise InputError(
+            f"byte {error.start} is not {encoding.upper()}, expected one encoding throughout"
+        ) from None

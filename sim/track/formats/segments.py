@@ -71,17 +71,19 @@ def read_arcs(root: Element) -> Outline:
     pieces = []
     for element in root:
         if element.tag == "straight":
-            if "length" in element.keys():
+            if element.get("length") is not None:
                 length = to_number(element.get("length"), place(element), "length")
                 pieces.append(Piece(length, (0.0, 0.0), place(element)))
         elif element.tag == "corner":
-            radius, sweep = (to_number(element.get(name), place(element), name) for name in ("radius", "sweep"))
+            radius, sweep = (
+                to_number(element.get(name), place(element), name) for name in ("radius", "sweep")
+            )
             turn = _turn(element.get("direction"), place(element), "direction") / _not_zero(radius, element)
             pieces.append(Piece(radius * sweep, (turn, turn), place(element)))
         else:
             raise InputError(f"{place(element)}: <{element.tag[:40]}>, {EXPECTED_ARCS}")
-    width = to_number(root.get("width"), place(root), "width") if "width" in root.keys() else None
-    if any(element.tag == "straight" and "length" not in element.keys() for element in root):
+    width = to_number(root.get("width"), place(root), "width") if root.get("width") is not None else None
+    if any(element.tag == "straight" and element.get("length") is None for element in root):
         pieces = _closed_by_straight(pieces)
     return _outline("straights and corners of fastest-lap", pieces, width or None)
 
@@ -131,13 +133,17 @@ def _outline(dialect: str, pieces: Sequence[Piece], width: float | None) -> Outl
 
 
 def _lay(pieces: Sequence[Piece]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points of pieces one after another, (n + 1, 2), and how far along they lie, (n + 1,); the end is last."""
+    """Points of pieces in a row to their end, (n + 1, 2), and how far along they lie, (n + 1,)."""
     lengths, turns = [], []
     for length, (first, last), *_ in pieces:
         steps = max(1, math.ceil(length / STEP_M))
         # The radius changes evenly; along a straight the curvature is none.
         share = (np.arange(steps) + 0.5) / steps
-        bends = np.full(steps, first) if first == last else 1.0 / (1.0 / first + (1.0 / last - 1.0 / first) * share)
+        bends = (
+            np.full(steps, first)
+            if first == last
+            else 1.0 / (1.0 / first + (1.0 / last - 1.0 / first) * share)
+        )
         lengths.append(np.full(steps, length / steps))
         turns.append(bends * (length / steps))
     step, turn = np.concatenate(lengths), np.concatenate(turns)
@@ -189,7 +195,9 @@ def _section(root: Element, *names: str) -> Element | None:
 
 
 def _attribute(segment: Element, name: str) -> Element | None:
-    return next((found for found in segment if found.tag.startswith("att") and found.get("name") == name), None)
+    return next(
+        (found for found in segment if found.tag.startswith("att") and found.get("name") == name), None
+    )
 
 
 def _has(segment: Element, name: str) -> bool:

@@ -31,8 +31,27 @@ EXPECTED = "expected columns named x_m and y_m (or lon and lat), and w_tr_right_
 
 _AXES = ("{}", "pos_{}", "{}_pos", "position_{}", "p{}", "utm_{}", "{}_ref", "{}_center", "center_{}")
 _CENTRES = ("{}_centre", "centre_{}", "{}_c", "{}c", "c{}", "centerline_{}", "centreline_{}", "{}_centerline")
-_SIDES = ("w_tr_{}", "tr_{}", "width_{}", "{}_width", "w_{}", "{}_w", "{}", "dist_{}", "distance_{}", "tr_width_{}")
-_EDGES = ("{0}_{1}", "{1}_{0}", "{0}_{1}_m", "{1}_bound_{0}", "{1}_boundary_{0}", "{0}_bound_{1}", "{1}_edge_{0}")
+_SIDES = (
+    "w_tr_{}",
+    "tr_{}",
+    "width_{}",
+    "{}_width",
+    "w_{}",
+    "{}_w",
+    "{}",
+    "dist_{}",
+    "distance_{}",
+    "tr_width_{}",
+)
+_EDGES = (
+    "{0}_{1}",
+    "{1}_{0}",
+    "{0}_{1}_m",
+    "{1}_bound_{0}",
+    "{1}_boundary_{0}",
+    "{0}_bound_{1}",
+    "{1}_edge_{0}",
+)
 
 
 def _axis(axis: str, *others: str) -> tuple[str, ...]:
@@ -155,6 +174,7 @@ def _cells(text: str) -> tuple[list[str] | None, list[list[str]], list[str]]:
     said = [(number, line) for number, line in lines if line and not line.startswith(COMMENTS)]
     if not said:
         raise InputError("no points, " + EXPECTED)
+    check_most(len(said), "the table")
     separator = _separator([line for _, line in said[:LOOKED_AT]])
     rows = [_split(line.partition(" #")[0], separator, number) for number, line in said]
     names = None
@@ -164,7 +184,6 @@ def _cells(text: str) -> tuple[list[str] | None, list[list[str]], list[str]]:
         above = lines[said[0][0] - 2][1].lstrip("#%/ \t")
         candidate = _split(above, separator, said[0][0] - 1)
         names = candidate if len(candidate) == len(rows[0]) and not any(map(_is_number, candidate)) else None
-    check_most(len(rows), "the table")
     count = len(names or rows[0])
     for (number, _), row in zip(said, rows, strict=True):
         while len(row) > count and not row[-1]:
@@ -176,7 +195,10 @@ def _cells(text: str) -> tuple[list[str] | None, list[list[str]], list[str]]:
     if commas:
         if any("." in cell and _is_number(cell) for row in rows for cell in row):
             raise InputError("decimal commas and decimal points are mixed, expected one of them")
-        rows = [[cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
+        rows = [
+            [cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in row]
+            for row in rows
+        ]
     return names, rows, [f"line {number}" for number, _ in said]
 
 
@@ -209,12 +231,10 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _columns(
-    names: list[str] | None, rows: list[list[str]], places: list[str]
-) -> tuple[_Table, list[str]]:
+def _columns(names: list[str] | None, rows: list[list[str]], places: list[str]) -> tuple[_Table, list[str]]:
     if names is None:
         return _unnamed(rows, places)
-    found = {}
+    found: dict[str, _Column] = {}
     for place, name in enumerate(names):
         plain = re.sub(r"[^a-z0-9]+", "_", name.lstrip("#%/ ").lower()).strip("_")
         base, unit = matched.groups() if (matched := UNIT.fullmatch(plain)) else (plain, "")
@@ -231,14 +251,18 @@ def _unnamed(rows: list[list[str]], places: list[str]) -> tuple[_Table, list[str
     fields = ["x", "y", "right", "left"]
     start = int(len(rows[0]) in (3, 5) and _counts(rows))
     width = len(rows[0]) - start
-    note = "no column names: taken as x, y" + (", and the distances to the right and left edge" if width == 4 else "")
+    note = "no column names: taken as x, y" + (
+        ", and the distances to the right and left edge" if width == 4 else ""
+    )
     if width == 3:
         width, note = 2, note + "; the third column is left out"
     if width not in (2, 4):
         raise InputError(f"{places[0]}: {len(rows[0])} columns without names, " + EXPECTED)
     columns = {field: _Column(start + place, field, "") for place, field in enumerate(fields[:width])}
     table = _Table(columns, rows, places)
-    if width == 4 and not all(0.0 < value < WIDEST_M for role in ("right", "left") for value in table.numbers(role)):
+    if width == 4 and not all(
+        0.0 < value < WIDEST_M for role in ("right", "left") for value in table.numbers(role)
+    ):
         raise InputError(f"{places[0]}: four columns without names that are not x, y and widths, " + EXPECTED)
     return table, [note]
 
