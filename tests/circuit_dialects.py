@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +48,7 @@ def _closed(line: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.vstack([line, line[:1]])
 
 
-def _table(
-    header: str, separator: str, columns: Iterable[NDArray[np.float64]], *, comma: bool = False
-) -> bytes:
+def _table(header: str, separator: str, columns: Iterable[NDArray[Any]], *, comma: bool = False) -> bytes:
     rows = [separator.join(f"{cell:.6f}" for cell in row) for row in np.column_stack([*columns])]
     text = "\n".join(row.replace(".", ",") if comma else row for row in rows)
     return f"{header}\n{text}\n".encode() if header else f"{text}\n".encode()
@@ -221,8 +220,9 @@ def torcs() -> bytes:
     ]
     head = '<!DOCTYPE params SYSTEM "params.dtd" [<!ENTITY default-surfaces SYSTEM "surfaces.xml">]>'
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?>{head}<params name="stadium"><section name="Surfaces">'
-        f'&default-surfaces;</section><section name="Main Track"><attnum name="width" unit="m" val="{RIGHT + LEFT}"/>'
+        f'<?xml version="1.0"?>{head}<params name="stadium"><section name="Surfaces">'
+        '&default-surfaces;</section><section name="Main Track">'
+        f'<attnum name="width" unit="m" val="{RIGHT + LEFT}"/>'
         f'<section name="Track Segments">{"".join(segments)}</section></section></params>'
     ).encode()
 

@@ -136,6 +136,9 @@ def _between(outline: Outline, right_edge: NDArray[np.float64]) -> Outline:
         kept, _ = lap_of(edge, surveyed=True)
         if len(kept) < LEAST_POINTS // 2:
             raise InputError(f"an edge of {len(kept)} points, expected at least {LEAST_POINTS // 2}")
+        length = float(np.hypot(*np.diff(edge[kept], axis=0).T).sum())
+        if length > 2.0 * LARGEST_LENGTH_M:
+            raise InputError(f"an edge of {length:,.0f} m, expected at most {2.0 * LARGEST_LENGTH_M:,.0f} m")
         edges.append(edge[kept])
     line, right, left = middle_of(*edges)
     height = None

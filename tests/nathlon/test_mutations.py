@@ -23,8 +23,11 @@ from nathlon.policies.training.config import CONFIGS, read_config
 from nathlon.sim.car import read_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import read_track
+from nathlon.sim.track.formats.reading import read_outline
 from nathlon.sim.track.importing import import_circuit
+from nathlon.sim.track.lap_line import lap_line
 from tests.checkpoints import BUNDLED
+from tests.circuit_dialects import DIALECTS
 from tests.policies.test_sb3 import save
 
 DATA = Path(str(sim.__file__)).parent / "data"
@@ -53,6 +56,11 @@ TOKENS = [
     b"\n\n",
     b"= =",
 ]
+READERS = (
+    *("semicolons", "gpx", "kml", "geojson", "osm", "commonroad"),
+    *("torcs", "arcs", "fastest-lap", "fast_lane.ai"),
+)
+"""A dialect for each reader of circuits."""
 
 watching = False
 caught: list[str] = []
@@ -188,6 +196,18 @@ def test_spoilt_centre_lines(data: st.DataObject) -> None:
         lambda path: import_circuit(path, "spoilt", path.parent),
         "line.csv",
         data.draw(spoilt(whole, tokens=True)),
+    )
+
+
+@pytest.mark.parametrize("dialect", READERS)
+@SETTINGS
+@given(data=st.data())
+def test_spoilt_circuits_of_other_dialects(dialect: str, data: st.DataObject) -> None:
+    whole = DIALECTS[dialect][0]()
+    survives(
+        lambda path: lap_line(read_outline(path)),
+        "circuit.dat",
+        data.draw(spoilt(whole, tokens=dialect != "fast_lane.ai")),
     )
 
 

@@ -43,7 +43,8 @@ def read_fast_lane(content: bytes) -> Outline:
     end = HEADER + count * POINT.itemsize
     if len(content) < end:
         raise InputError(f"{len(content):,} bytes, expected {end:,} for {count:,} points")
-    east, up, south = np.frombuffer(content, POINT, count, HEADER)["position"].astype(np.float64).T
+    with np.errstate(invalid="ignore"):
+        east, up, south = np.frombuffer(content, POINT, count, HEADER)["position"].astype(np.float64).T
     line = np.column_stack([east, -south])
     sides = _sides(content, end, count)
     if not (np.abs(np.column_stack([line, up])) < LARGEST).all():
@@ -76,7 +77,8 @@ def _sides(content: bytes, start: int, count: int) -> NDArray[np.float64] | None
     if struct.unpack_from("<i", content, start)[0] != count:
         return None
     extra = np.frombuffer(content, "<f4", count * EXTRA, start + 4).reshape(count, EXTRA)
-    sides = extra[:, [LEFT, RIGHT]].astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        sides = extra[:, [LEFT, RIGHT]].astype(np.float64)
     usable = np.isfinite(sides).all() and (sides >= 0.0).all() and (sides.sum(axis=1) > 1.0).all()
     # Recorded widths jump where pit lanes and exits begin.
     return median_filter(np.minimum(sides, WIDEST_M), (SMOOTHED, 1), mode="wrap") if usable else None
