@@ -43,8 +43,9 @@ def circuit_files(folder: Path) -> list[Path]:
 
 
 def _stands_alone(file: Path) -> bool:
+    """Whether a file is neither the right one of two edges nor part of a circuit that was made."""
     edges = edge_files(file)
-    return edges is None or file == edges[0]
+    return (edges is None or file == edges[0]) and not (file.parent / "circuit.toml").exists()
 
 
 def name_of(file: Path) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable, proper_name
 from nathlon.sim.track.formats.outline import (
     METRES,
     Outline,
@@ -189,7 +190,7 @@ def _cells(text: str) -> tuple[list[str] | None, list[list[str]], list[str]]:
         while len(row) > count and not row[-1]:
             row.pop()
         if len(row) != count:
-            expected = ",".join(names) if names else f"{count} as above"
+            expected = printable(",".join(names)) if names else f"{count} as above"
             raise InputError(f"line {number}: {len(row)} columns, expected {expected[:100]}")
     commas = any(DECIMAL_COMMA.fullmatch(cell) for row in rows for cell in row)
     if commas:
@@ -238,7 +239,7 @@ def _columns(names: list[str] | None, rows: list[list[str]], places: list[str]) 
     for place, name in enumerate(names):
         plain = re.sub(r"[^a-z0-9]+", "_", name.lstrip("#%/ ").lower()).strip("_")
         base, unit = matched.groups() if (matched := UNIT.fullmatch(plain)) else (plain, "")
-        found.setdefault(base, _Column(place, name.lstrip("#%/ ") or plain, unit))
+        found.setdefault(base, _Column(place, proper_name(name.lstrip("#%/ ")) or plain, unit))
     columns = {
         role: next(found[name] for name in known if name in found)
         for role, known in ROLES.items()
