@@ -15,6 +15,8 @@ SAME_M = 0.01
 NEAR_M, ALIKE = 25.0, np.cos(np.radians(60.0))
 """How near a line that goes round again comes to its start, and how much in the same direction."""
 LEAST_LAP_M = 250.0
+MOST_RETURNS = 20
+"""Places at which a line may seem to begin again, of which one is looked for that does."""
 OPEN_M, OPEN_SHARE = 50.0, 0.05
 """The most that may lie between the last point and the first: as much as that, or a share of the lap."""
 GRADING = 3.0
@@ -90,7 +92,7 @@ def _returns(points: NDArray[np.float64]) -> int | None:
     onward = np.append(steps @ ahead / np.maximum(lengths, SAME_M), 1.0) > ALIKE
     # Passing the start, from behind it to before it.
     passes = (at > LEAST_LAP_M) & (aside < reach) & (along >= 0.0) & (along < NEAR_M + lengths.max()) & onward
-    for index in np.flatnonzero(passes):
+    for index in np.flatnonzero(passes)[:MOST_RETURNS]:
         if not -lengths.max() - reach < along[index - 1] < reach:
             continue
         off, _ = KDTree(points[:index]).query(points[index:])

@@ -22,7 +22,7 @@ LEAST_RING_M, BESIDE_M = 250.0, 60.0
 WIDEST_DEGREES = 1.0
 SHARPEST = np.cos(np.radians(110.0))
 """Of a turn from way to way: a lap does not leave an acute fork by its other branch."""
-MOST_WAYS, MOST_STEPS = 1_000, 200_000
+MOST_WAYS, MOST_STEPS = 1_000, 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +225,7 @@ def _unit(step: NDArray[np.float64]) -> NDArray[np.float64]:
 def _longest_lap(edges: Sequence[_Edge]) -> list[tuple[_Edge, bool]] | None:
     """The longest way round over edges, each forward or backward, that passes no node twice.
 
-    The search is broken off after MOST_STEPS, with the longest lap so far.
+    The search is broken off after MOST_STEPS over edges, with the longest lap so far.
     """
     leaving: dict[int, list[tuple[int, bool]]] = defaultdict(list)
     for number, edge in enumerate(edges):
@@ -237,8 +237,8 @@ def _longest_lap(edges: Sequence[_Edge]) -> list[tuple[_Edge, bool]] | None:
         # Each lap is found from the first of its edges.
         stack = [[(first, True)]]
         while stack and steps < MOST_STEPS:
-            steps += 1
             path = stack.pop()
+            steps += len(path)
             number, along = path[-1]
             here = edges[number].nodes[1 if along else 0]
             if here == edges[first].nodes[0]:
