@@ -15,8 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
@@ -30,7 +28,7 @@ from nathlon.sim.data_file import DATA
 from nathlon.sim.track import BANK, CURVATURE, LEFT, RIGHT, SLOPE, Track, Z, load_track, read_track
 from nathlon.sim.track.generating import generate_track, write_generated
 from nathlon.sim.track.importing import import_circuit
-from nathlon.sim.track.plan import PAPER, draw_ground, wall_lines
+from nathlon.sim.track.map import draw_sheet
 from nathlon.sim.track.styles import STYLES
 
 SHOWN, COUNTED = 10, 40
@@ -96,26 +94,9 @@ def real_circuits(folder: Path) -> list[Track]:
     """The circuits of a folder of the racetrack database."""
     with tempfile.TemporaryDirectory() as name:
         return [
-            read_track(import_circuit(file, f"real-{number}", Path(name)))
+            read_track(import_circuit(file, f"real-{number}", Path(name)).path)
             for number, file in enumerate(sorted(folder.glob("*.csv")))
         ]
-
-
-def draw_sheet(path: Path) -> None:
-    """A picture of circuits, a row of five after another, each to a scale of its own."""
-    shown = [(style, seed) for style in STYLES for seed in range(SHOWN)]
-    figure = Figure(figsize=(20, 24), dpi=90, facecolor=PAPER)
-    FigureCanvasAgg(figure)
-    for place, (style, seed) in enumerate(shown, start=1):
-        track = generate_track(seed, style)
-        axes = figure.add_subplot(len(shown) // 5, 5, place)
-        walls = np.concatenate(wall_lines(track))
-        axes.set(xlim=np.quantile(walls[:, 0], (0, 1)), ylim=np.quantile(walls[:, 1], (0, 1)), aspect="equal")
-        axes.set_axis_off()
-        draw_ground(axes, track, np.ones(len(track.table), np.bool_), 1.0)
-        axes.set_title(f"{track.name}\n{track.description}", fontsize=7)
-    figure.tight_layout()
-    figure.savefig(path, facecolor=PAPER)
 
 
 def summary(trials: Sequence[TimeTrial]) -> dict[str, Any]:
@@ -181,7 +162,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="file for the figures as well")
     options = parser.parse_args()
     if options.sheet:
-        draw_sheet(options.sheet)
+        draw_sheet([generate_track(seed, style) for style in STYLES for seed in range(SHOWN)], options.sheet)
     groups = {style: [generate_track(seed, style) for seed in range(COUNTED)] for style in STYLES}
     groups["bundled"] = [load_track(path.name) for path in sorted((DATA / "circuits").iterdir())]
     if options.circuits:

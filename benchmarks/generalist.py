@@ -64,7 +64,7 @@ def pairs(folder: Path, real: Path | None, cars: int) -> list[tuple[str, str]]:
         circuits = [str(write_generated(folder, seed, styles[seed % len(styles)])) for seed in seeds]
     else:
         files = sorted(real.glob("*.csv"))
-        circuits = [str(import_circuit(file, file.stem.lower(), folder)) for file in files]
+        circuits = [str(import_circuit(file, file.stem.lower(), folder).path) for file in files]
     if not circuits:
         raise InputError(f"{real}: no CSV file, expected those of circuits")
     made = []

@@ -10,9 +10,10 @@ import typer
 
 from nathlon.commands.options import AsJson
 from nathlon.selection.bounds import LARGEST_SEED
+from nathlon.sim.errors import InputError
 from nathlon.sim.names import file_stem
 from nathlon.sim.whole_file import check_output
-from nathlon.terminal import new_table, print_json, print_table, say
+from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:
     from nathlon.sim.track import NamedSection, Track
@@ -21,16 +22,75 @@ STRAIGHT_RADIUS_M = 400.0  # from here on a bend is no corner
 
 
 def import_track(
-    file: Annotated[Path, typer.Argument(help="CSV file with x_m, y_m, w_tr_right_m, w_tr_left_m.")],
-    name: Annotated[str, typer.Option(help="Name of the circuit: lowercase letters, digits, hyphens.")],
+    file: Annotated[Path, typer.Argument(help="File that describes a circuit, or a folder of such files.")],
+    name: Annotated[
+        str | None,
+        typer.Option(help="Name of the circuit: lowercase letters, digits, hyphens. The file's by default."),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
+    width: Annotated[
+        float | None, typer.Option(help="Width of the road in metres, instead of the file's or of a guess.")
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Enlarges the circuit: 10 for a model of 1:10.")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Make a circuit of a centre line from the TUM racetrack database, as the folder NAME."""
+    """Make a circuit, as the folder NAME, of a table, GeoJSON, GPX, KML, OpenStreetMap, TORCS and others.
+
+    What a file is follows from its contents. Of a folder of files it makes as many circuits as it can, and a
+    sheet with pictures of them.
+    """
+    from nathlon.sim.track.collection import name_of
     from nathlon.sim.track.importing import import_circuit
 
     check_output(out)
-    _tell(import_circuit(file, name, out), as_json)
+    if file.is_dir():
+        _import_folder(file, name, out, width, scale, as_json)
+        return
+    imported = import_circuit(file, name or name_of(file), out, width, scale)
+    if not as_json:
+        say(f"Read as      {imported.dialect}")
+        for note in imported.notes:
+            say(f"Note         {note}")
+    _tell(imported.path, as_json, dialect=imported.dialect, notes=imported.notes)
+
+
+def _import_folder(
+    folder: Path, name: str | None, out: Path, width: float | None, scale: float, as_json: bool
+) -> None:
+    """Import a folder of files, and draw a sheet of the circuits."""
+    from nathlon.sim.track import load_track
+    from nathlon.sim.track.collection import Tried, import_folder
+    from nathlon.sim.track.map import draw_sheet
+
+    if name is not None:
+        raise InputError(
+            f"--name is {name!r}, expected none for a folder: circuits are called like their files"
+        )
+
+    def tell(tried: Tried) -> None:
+        if tried.imported is None:
+            warn(f"Left out     {tried.refusal}")
+        elif not as_json:
+            said = "; ".join([tried.imported.dialect, *tried.imported.notes])
+            say(f"Circuit      {tried.imported.path}: {said}")
+
+    tried = import_folder(folder, out, width, scale, tell)
+    circuits = [load_track(str(one.imported.path)) for one in tried if one.imported]
+    if not circuits:
+        raise InputError(f"{folder}: none of {len(tried)} files made a circuit")
+    sheet = out / "circuits.png"
+    draw_sheet(circuits, sheet)
+    if as_json:
+        files = [
+            {"file": one.file, "error": one.refusal}
+            if one.imported is None
+            else {"file": one.file, **one.imported._asdict()}
+            for one in tried
+        ]
+        print_json({"files": files, "sheet": sheet})
+        return
+    say(f"Imported     {len(circuits)} of {len(tried)} files")
+    say(f"Sheet        {sheet}")
 
 
 def generate_track(
@@ -49,13 +109,13 @@ def generate_track(
     _tell(write_generated(out, seed, style, length), as_json)
 
 
-def _tell(path: Path, as_json: bool) -> None:
+def _tell(path: Path, as_json: bool, **facts: Any) -> None:
     """Say what circuit there is now."""
     from nathlon.sim.track import load_track
 
     circuit = load_track(str(path))
     if as_json:
-        print_json({"circuit": path, "description": circuit.description, "length_m": circuit.length})
+        print_json({"circuit": path, "description": circuit.description, "length_m": circuit.length, **facts})
         return
     say(f"Circuit      {path}: {circuit.description}")
     say(f"Map          nathlon track show {path}")

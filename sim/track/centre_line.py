@@ -70,11 +70,16 @@ def check_count(path: Path, points: int) -> None:
         raise InputError(f"{path}: x_m, y_m: {points:,} points, expected at most {MOST_POINTS:,}")
 
 
-def check_turns(path: Path, points: NDArray[np.float64]) -> None:
-    """Raise InputError where the closed line through points (n, 2), of lines 2 on, turns back on itself."""
+def turns_between(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much the closed line through points, (n, 2), turns at each, (n,) rad, without sign."""
     steps = np.roll(points, -1, axis=0) - points
     direction = np.arctan2(steps[:, 1], steps[:, 0])
-    turn = np.abs(np.angle(np.exp(1j * (direction - np.roll(direction, 1)))))
+    return np.abs(np.angle(np.exp(1j * (direction - np.roll(direction, 1)))))
+
+
+def check_turns(path: Path, points: NDArray[np.float64]) -> None:
+    """Raise InputError where the closed line through points (n, 2), of lines 2 on, turns back on itself."""
+    turn = turns_between(points)
     if (turn > SHARPEST_TURN).any():
         at = int(np.argmax(turn))
         raise InputError(

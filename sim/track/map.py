@@ -1,7 +1,8 @@
-"""The map of a circuit: its plan above its heights and bends along the lap."""
+"""The map of a circuit: its plan above its heights and bends along the lap; and plans of many on a sheet."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
@@ -33,11 +34,14 @@ from nathlon.sim.track.plan import (
     START,
     SURFACE,
     WALL,
+    draw_ground,
     draw_plan,
     wall_lines,
 )
 from nathlon.sim.whole_file import whole_file
 
+SHEET_ROW, THUMBNAIL_IN, SHEET_DPI = 5, 4.0, 90
+"""Circuits in a row of a sheet, and the side of each."""
 PLAN_IN, NAMES_IN, MARGIN_IN, DPI = 14.0, 0.9, 0.85, 160
 
 
@@ -55,6 +59,31 @@ def draw_map(track: Track, path: Path) -> None:
             figure.savefig(partial, format="png", facecolor=PAPER)
     except OSError as error:
         raise InputError(f"{path}: the map cannot be written: {error.strerror}") from None
+
+
+def draw_sheet(tracks: Sequence[Track], path: Path) -> None:
+    """Draw the plans of circuits in rows, each to a scale of its own; the kind of picture goes by its name.
+
+    Raises:
+        InputError: if the picture cannot be written.
+    """
+    rows = -(-len(tracks) // SHEET_ROW)
+    figure = Figure(figsize=(SHEET_ROW * THUMBNAIL_IN, rows * THUMBNAIL_IN), dpi=SHEET_DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    for place, track in enumerate(tracks, start=1):
+        axes = figure.add_subplot(rows, SHEET_ROW, place)
+        walls = np.concatenate(wall_lines(track))
+        (left, right), (bottom, top) = np.quantile(walls, (0, 1), axis=0).T
+        axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+        axes.set_axis_off()
+        draw_ground(axes, track, np.ones(len(track.table), np.bool_), 1.0)
+        axes.set_title(f"{track.name}\n{track.description}", fontsize=7, parse_math=False)
+    figure.tight_layout()
+    try:
+        with whole_file(path) as partial:
+            figure.savefig(partial, format=path.suffix.lstrip(".") or "png", facecolor=PAPER)
+    except OSError as error:
+        raise InputError(f"{path}: the sheet cannot be written: {error.strerror}") from None
 
 
 def _drawn(track: Track) -> Figure:

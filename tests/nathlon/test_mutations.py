@@ -6,10 +6,10 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -23,9 +23,11 @@ from nathlon.policies.training.config import CONFIGS, read_config
 from nathlon.sim.car import read_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import read_track
-from nathlon.sim.track.importing import import_circuit
+from nathlon.sim.track.formats.reading import read_outline
+from nathlon.sim.track.lap_line import lap_line
 from tests.policies.test_sb3 import save
 from tests.support.checkpoints import BUNDLED
+from tests.support.circuit_dialects import DIALECTS
 
 DATA = Path(str(sim.__file__)).parent / "data"
 RUNS_CODE = {
@@ -53,6 +55,11 @@ TOKENS = [
     b"\n\n",
     b"= =",
 ]
+READERS = (
+    *("database", "semicolons", "gpx", "kml", "geojson", "osm", "commonroad"),
+    *("torcs", "arcs", "fastest-lap", "fast_lane.ai"),
+)
+"""A dialect for each reader of circuits."""
 
 watching = False
 caught: list[str] = []
@@ -179,18 +186,18 @@ def test_spoilt_circuits(data: st.DataObject) -> None:
     survives(read, "circuit.toml", data.draw(spoilt((folder / "circuit.toml").read_bytes(), tokens=True)))
 
 
+@cache
+def described(dialect: str) -> bytes:
+    """A circuit as a file of a dialect."""
+    return DIALECTS[dialect][0]()
+
+
+@pytest.mark.parametrize("dialect", READERS)
 @SETTINGS
 @given(data=st.data())
-def test_spoilt_centre_lines(data: st.DataObject) -> None:
-    rows = [f"{200 * x:.1f},{200 * y:.1f},6.0,6.0" for x, y in _oval()]
-    whole = "\n".join(["# x_m, y_m, w_tr_right_m, w_tr_left_m", *rows]).encode()
+def test_spoilt_files_that_describe_circuits(dialect: str, data: st.DataObject) -> None:
     survives(
-        lambda path: import_circuit(path, "spoilt", path.parent),
-        "line.csv",
-        data.draw(spoilt(whole, tokens=True)),
+        lambda path: lap_line(read_outline(path)),
+        "circuit.dat",
+        data.draw(spoilt(described(dialect), tokens=dialect != "fast_lane.ai")),
     )
-
-
-def _oval() -> list[tuple[float, float]]:
-    angles = np.linspace(0, 2 * np.pi, 120, endpoint=False)
-    return [(float(1.6 * np.cos(a)), float(np.sin(a))) for a in angles]

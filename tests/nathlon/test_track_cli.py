@@ -12,6 +12,7 @@ from nathlon.cli import app
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import read_track
 from tests.support.centre_lines import path_of, stadium, write_line
+from tests.support.circuit_dialects import DIALECTS
 
 
 def nathlon(*arguments: str | Path) -> str:
@@ -41,6 +42,35 @@ def test_the_circuit_goes_where_the_user_wants(tmp_path: Path) -> None:
     source = write_line(tmp_path / "line.csv", path_of(stadium()))
     nathlon("track", "import", source, "--name", "stadium", "--out", tmp_path / "new" / "circuits")
     assert (tmp_path / "new" / "circuits" / "stadium" / "circuit.toml").is_file()
+
+
+def test_a_folder_becomes_circuits_and_a_sheet_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("files").mkdir()
+    for name, dialect in (("oval.gpx", "gpx"), ("Oval.csv", "database")):
+        Path("files", name).write_bytes(DIALECTS[dialect][0]())
+    Path("files/notes.txt").write_text("to do", "utf-8")
+    said = nathlon("track", "import", "files", "--out", "files", "--width", "12")
+    assert "files/oval/circuit.toml: a table; the file's widths are left out for --width" in said
+    assert "files/oval-2/circuit.toml: GPX; degrees made metres" in said
+    assert "files/notes.txt: no points, expected columns" in said
+    assert "Imported     2 of 3 files" in said
+    height, width = imread("files/circuits.png").shape[:2]
+    assert width > 4 * height
+    with pytest.raises(InputError, match="files: none of 3 files made a circuit"):
+        CliRunner().invoke(app, ["track", "import", "files", "--out", "files"], catch_exceptions=False)
+    with pytest.raises(InputError, match="--name is 'oval', expected none for a folder"):
+        CliRunner().invoke(app, ["track", "import", "files", "--name", "oval"], catch_exceptions=False)
+
+
+def test_a_file_gives_its_name_and_what_was_guessed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("My Oval.geojson").write_bytes(DIALECTS["geojson"][0]())
+    said = nathlon("track", "import", "My Oval.geojson")
+    assert "my-oval/circuit.toml" in said
+    assert "10 m is a guess" in said
 
 
 def test_a_shipped_circuit_is_shown_by_name(tmp_path: Path) -> None:

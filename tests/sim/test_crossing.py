@@ -45,7 +45,7 @@ def eight(width: float = 400.0, height: float = 250.0, start: float = 0.8, point
 
 def imported(folder: Path, points: NDArray, half_width: float = 5.0) -> Path:
     source = write_line(folder / "line.csv", points, half_width, half_width)
-    return import_circuit(source, "eight", folder / "circuits")
+    return import_circuit(source, "eight", folder / "circuits").path
 
 
 @pytest.fixture(scope="module")
