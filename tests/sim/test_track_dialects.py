@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,23 @@ def test_a_receivers_second_and_third_lap_are_left_out(tmp_path: Path) -> None:
     made, track = imported(tmp_path, dialects.gpx(laps=3))
     assert track.length == pytest.approx(dialects.LENGTH, rel=0.005)
     assert "the first of several laps" in made.notes
+
+
+def test_a_small_gap_is_closed_and_said(tmp_path: Path) -> None:
+    line = dialects.centre()[:-5]
+    made, track = imported(tmp_path, "x_m,y_m\n" + "\n".join(f"{x:.4f},{y:.4f}" for x, y in line))
+    assert track.length == pytest.approx(dialects.LENGTH, rel=0.003)
+    assert "the last point lies 30.1 m from the first: joined" in made.notes
+
+
+def test_straights_without_points_stay_straight(tmp_path: Path) -> None:
+    line = dialects.centre()
+    bends = line[np.abs(line[:, 0]) > dialects.STRAIGHT / 2 - 0.1][::3]
+    ring = [[float(x), float(y)] for x, y in dialects.degrees(np.vstack([bends, bends[:1]]))]
+    _, track = imported(tmp_path, json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    assert track.length == pytest.approx(dialects.LENGTH, rel=0.005)
+    across = np.ptp(track.table[:, Y])
+    assert across == pytest.approx(2 * dialects.RADIUS, abs=2.5)
 
 
 def test_two_files_of_edges_are_one_circuit(tmp_path: Path) -> None:
