@@ -141,5 +141,5 @@ def test_they_check_the_checksum_of_a_chunk(reader: Reader, recording: Path, tmp
     content[summary.chunk_indexes[0].chunk_start_offset + CHUNK_CRC] ^= 1
     path = tmp_path / "damaged.mcap"
     path.write_bytes(content)
-    with pytest.raises(FaultyError, match="(?i)crc"):
+    with pytest.raises(FaultyError, match=r"(?i)crc"):
         reader(path)
