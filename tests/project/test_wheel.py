@@ -12,9 +12,7 @@ import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
-import nbformat
 import pytest
-from nbclient import NotebookClient
 
 pytestmark = pytest.mark.takes_long
 
@@ -146,6 +144,9 @@ def test_pytest_runs_beside_packages_of_the_same_names(project: Project) -> None
 def test_a_notebook_runs_beside_packages_of_the_same_names(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    import nbformat  # takes a second, which all test processes would wait for
+    from nbclient import NotebookClient
+
     spec = project.folder / "kernels" / "wheel"
     spec.mkdir(parents=True)
     command = [sys.executable, "-S", "-m", "ipykernel_launcher", "-f", "{connection_file}"]
