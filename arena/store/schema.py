@@ -140,7 +140,8 @@ LOG_TRIGGERS = {
 }
 for _dialect, _statements in LOG_TRIGGERS.items():
     for _statement in _statements:
-        sa.event.listen(log, "after_create", sa.DDL(_statement).execute_if(dialect=_dialect))
+        _trigger = sa.DDL(_statement).execute_if(dialect=_dialect)  # type: ignore[no-untyped-call]
+        sa.event.listen(log, "after_create", _trigger)
 stage_tables = {
     name: sa.Table(
         name,

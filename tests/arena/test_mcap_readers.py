@@ -77,9 +77,9 @@ def by_javascript(folder: Path) -> Reader:
         pytest.skip("needs npm: see your system's packages or the tool's own installer")
     shutil.copytree(JAVASCRIPT, folder, dirs_exist_ok=True)
     # Where there is no registry, one attempt tells.
-    fetch = ["npm", "install", "--no-package-lock", "--no-audit", "--fetch-retries=0", "--prefix", folder]
+    options = ("--no-package-lock", "--no-audit", "--fetch-retries=0")
     try:
-        run(*fetch)
+        run("npm", "install", *options, "--prefix", folder)
     except FaultyError as error:
         pytest.skip(f"npm cannot fetch packages here: {str(error)[-300:]}")
     return lambda path: json.loads(run("node", folder / "read.mjs", path))
