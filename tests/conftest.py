@@ -16,6 +16,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 # Nor may threads of torch, which a training tells to take two, spin on a core that the other process has.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+# Nor may commands start a worker for each core, as each loads for seconds. Pools of two are asked for.
+os.cpu_count = lambda: 1
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

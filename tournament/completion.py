@@ -27,8 +27,7 @@ from math import ceil, log, log1p
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import betainc, betaln
-from scipy.stats import binom
+from scipy.special import bdtr, betainc, betaln
 
 from nathlon.arena.decision import Decision
 
@@ -117,7 +116,7 @@ def enough(rate: float, alpha: float, most: int) -> tuple[int, ...]:
         runs += more
         if runs > most:
             return tuple(needed)
-        open_ = np.convolve(open_, binom.pmf(np.arange(more + 1), more, rate))
+        open_ = np.convolve(open_, np.diff(bdtr(np.arange(more + 1), more, rate), prepend=0.0))
         left -= float(open_[failures])
         open_[failures] = 0.0
         needed.append(runs)

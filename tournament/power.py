@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 import polars as pl
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from nathlon.tournament.event import Event, EventRace
 from nathlon.tournament.evidence import MATCHUP, appearances, differences
@@ -48,7 +48,7 @@ def detectable(
         variance += share**2 * _spread(race, newcomers, references) * deviation**2 / units
         freedom += meeting_count(race, newcomers, references) * (units - 1)
     level = (1 - repeated(confidence, looks)) / (entrants * (entrants - 1) / 2)
-    return float(sqrt(variance) * (t.isf(level / 2, freedom) + t.ppf(POWER, freedom)))
+    return float(sqrt(variance) * (stdtrit(freedom, POWER) - stdtrit(freedom, level / 2)))
 
 
 def meeting_count(race: EventRace, newcomers: int, references: int) -> int:

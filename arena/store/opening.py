@@ -53,6 +53,9 @@ def prepare(database: Database, must_exist: bool) -> None:
         version = _version(connection)
         if version not in (EMPTY, NEWEST) and database.path:
             database.back_up(database.path.with_name(f"{database.path.name}.v{int(version)}.bak"))
+        if version == EMPTY:
+            _lay_out(connection)
+            return
         if version != NEWEST:
             _migrate(connection, version)
         for statement in _missing(connection):
@@ -80,6 +83,17 @@ def _version(connection: sa.Connection) -> str:
     return version
 
 
+def _lay_out(connection: sa.Connection) -> None:
+    """Make a store where there is nothing, as all migrations would, which take a second to load and run."""
+    schema.metadata.create_all(connection, checkfirst=False)
+    versions = sa.Table(
+        VERSION_TABLE, sa.MetaData(), sa.Column("version_num", sa.String(32), primary_key=True)
+    )
+    versions.create(connection)
+    connection.execute(versions.insert().values(version_num=NEWEST))
+    _mark(connection)
+
+
 def _migrate(connection: sa.Connection, version: str) -> None:
     # Loaded only here: it takes long, and most stores are up to date.
     from alembic import command
@@ -91,6 +105,11 @@ def _migrate(connection: sa.Connection, version: str) -> None:
         if version == FIRST:
             command.stamp(config, FIRST)
         command.upgrade(config, NEWEST)
+    _mark(connection)
+
+
+def _mark(connection: sa.Connection) -> None:
+    """Have the header of a SQLite file say what it is."""
     if connection.dialect.name == "sqlite":
         connection.exec_driver_sql(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.exec_driver_sql(f"PRAGMA user_version = {int(NEWEST)}")

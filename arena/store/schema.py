@@ -121,6 +121,27 @@ log = sa.Table(
     sa.Column("run", sa.ForeignKey("run.id")),
     sa.Column("entry", sa.Text, nullable=False),  # JSON
 )
+LOG_TRIGGERS = {
+    "sqlite": (
+        """CREATE TRIGGER log_update BEFORE UPDATE ON log
+        BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END""",
+        """CREATE TRIGGER log_delete BEFORE DELETE ON log
+        BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END""",
+        # INSERT OR REPLACE deletes without asking the trigger above.
+        """CREATE TRIGGER log_replace BEFORE INSERT ON log WHEN EXISTS (SELECT 1 FROM log WHERE id = new.id)
+        BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END""",
+    ),
+    "postgresql": (
+        """CREATE FUNCTION refuse_change_of_log() RETURNS trigger LANGUAGE plpgsql
+        AS $$ BEGIN RAISE EXCEPTION 'the log is append-only'; END $$""",
+        """CREATE TRIGGER log_change BEFORE UPDATE OR DELETE OR TRUNCATE ON log
+        FOR EACH STATEMENT EXECUTE FUNCTION refuse_change_of_log()""",
+    ),
+}
+for _dialect, _statements in LOG_TRIGGERS.items():
+    for _statement in _statements:
+        _trigger = sa.DDL(_statement).execute_if(dialect=_dialect)  # type: ignore[no-untyped-call]
+        sa.event.listen(log, "after_create", _trigger)
 stage_tables = {
     name: sa.Table(
         name,

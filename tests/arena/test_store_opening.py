@@ -113,10 +113,33 @@ def differences(target: str | Path) -> list[object]:
         return list(compare_metadata(context, schema.metadata))
 
 
+def triggers(target: str | Path) -> set[tuple[object, ...]]:
+    """Which tables have them, when, and what they do."""
+    told = "SELECT tbl_name, name, sql FROM sqlite_master WHERE type = 'trigger'"
+    if str(target).startswith("postgresql"):
+        told = (
+            "SELECT event_object_table, event_manipulation, action_statement FROM information_schema.triggers"
+        )
+    with engine(target).connect() as connection:
+        return {tuple(row) for row in connection.execute(sa.text(told))}
+
+
 def test_migrations_lead_to_the_tables_that_the_store_uses(target: str, first: Path) -> None:
+    """And so does what lays out a new store."""
+    Store(target).close()
+    assert differences(target) == []
+    laid_out = triggers(target)
+    change(target, *(f'DROP TABLE "{table.name}"' for table in reversed(schema.metadata.sorted_tables)))
+    change(target, f"DROP TABLE {opening.VERSION_TABLE}")
+    if target.startswith("postgresql"):
+        change(target, "DROP FUNCTION refuse_change_of_log")
+    with engine(target).begin() as connection:
+        opening._migrate(connection, opening.EMPTY)
     for store in (target, first):
         Store(store).close()
         assert differences(store) == []
+    assert triggers(target) == laid_out
+    assert laid_out
 
 
 def test_the_versions_are_those_of_the_migrations() -> None:

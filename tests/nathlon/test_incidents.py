@@ -29,10 +29,12 @@ AGAIN = next(path for path in BUNDLED if path.stem == "lindenring-again-056k")
 SMALL = """
 recordings = "notable"
 [pareto]
+scenario = "slipstream_pass"
 races = 1
 most_races = 1
+opponents = ["driver:pace=0.9"]
 [battery]
-tests = ["hot_lap"]
+tests = ["pass_left"]
 runs = 1
 incidents = "incidents"
 [tournament]

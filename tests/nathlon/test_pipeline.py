@@ -40,7 +40,7 @@ CONFIG = Config(
     pareto=FilterSettings(races=1, most_races=2),
     battery=BatterySettings(tests=("hot_lap", "pass_left", "start_back"), runs=2),
     committee=CommitteeSettings(shortlist=3),
-    tournament=TournamentSettings(pairs=4),
+    tournament=TournamentSettings(pairs=2),
 )
 
 

@@ -39,16 +39,7 @@ def test_ctrl_c_after_the_verdict_loses_nothing(tmp_path: Path) -> None:
     configure(tmp_path, CONFIG)
     config, out = tmp_path / "nathlon.toml", tmp_path / "out"
     checkpoints = [path for path in BUNDLED if path.stem in CHOSEN]
-    command: tuple[str | Path, ...] = (
-        "evaluate",
-        *checkpoints,
-        "--config",
-        config,
-        "--out",
-        out,
-        "--workers",
-        "2",
-    )
+    command: list[str | Path] = ["evaluate", *checkpoints, "--config", config, "--out", out, "--workers", "1"]
 
     process = forked.start(*command, cwd=tmp_path)
     verdict = _verdict(process.stdout)

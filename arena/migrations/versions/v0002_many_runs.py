@@ -13,30 +13,13 @@ import sqlalchemy as sa
 from alembic import op
 
 from nathlon.arena.store.matches import digest
+from nathlon.arena.store.schema import LOG_TRIGGERS
 
 revision = "0002"
 down_revision = "0001"
 
 STAGE_TABLES = ("entrants", "pareto", "skills", "battery", "ranking", "matchups")
 RUNNING_NUMBER = sa.BigInteger().with_variant(sa.Integer, "sqlite")
-
-LOG_TRIGGERS = {
-    "sqlite": (
-        """CREATE TRIGGER log_update BEFORE UPDATE ON log
-        BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END""",
-        """CREATE TRIGGER log_delete BEFORE DELETE ON log
-        BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END""",
-        # INSERT OR REPLACE deletes without asking the trigger above.
-        """CREATE TRIGGER log_replace BEFORE INSERT ON log WHEN EXISTS (SELECT 1 FROM log WHERE id = new.id)
-        BEGIN SELECT RAISE(ABORT, 'the log is append-only'); END""",
-    ),
-    "postgresql": (
-        """CREATE FUNCTION refuse_change_of_log() RETURNS trigger LANGUAGE plpgsql
-        AS $$ BEGIN RAISE EXCEPTION 'the log is append-only'; END $$""",
-        """CREATE TRIGGER log_change BEFORE UPDATE OR DELETE OR TRUNCATE ON log
-        FOR EACH STATEMENT EXECUTE FUNCTION refuse_change_of_log()""",
-    ),
-}
 
 
 def upgrade() -> None:
