@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from multiprocessing import active_children
 from pathlib import Path
@@ -25,6 +26,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match, run_together
 from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
 from nathlon.selection.trials import against
+from nathlon.sim.scratch import scratch_folder
 from nathlon.sim.track import load_track
 from tests.checkpoints import BUNDLED
 
@@ -252,10 +254,16 @@ if __name__ == "__main__":
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_workers_too(sent: signal.Signals, tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
+def test_a_signal_ends_the_workers_too_and_leaves_no_folder(
+    sent: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script, temporary = tmp_path / "script.py", tmp_path / "t"
     script.write_text(SCRIPT)
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent.parent)}
+    temporary.mkdir()
+    environment = os.environ | {
+        "PYTHONPATH": str(Path(__file__).parent.parent.parent),
+        "TMPDIR": str(temporary),
+    }
     with subprocess.Popen(
         [sys.executable, script, BUNDLED[0]],
         stdout=subprocess.PIPE,
@@ -272,11 +280,15 @@ def test_a_signal_ends_the_workers_too(sent: signal.Signals, tmp_path: Path) -> 
     while any(map(alive, workers)) and time.monotonic() < end:
         time.sleep(0.05)
     assert not any(map(alive, workers))
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    with scratch_folder() as next_one:
+        assert list(temporary.iterdir()) == [Path(next_one)]
 
 
 INTERRUPTED = """
 import os, signal, sys, time
 from nathlon.arena.workers import start_server
+from nathlon.sim.scratch import scratch_folder
 
 if __name__ == "__main__":
     start_server()

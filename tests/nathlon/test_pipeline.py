@@ -25,6 +25,7 @@ from nathlon.publishing.output import OutputFolder
 from nathlon.reports.summary import Sent, Summary, read_summary
 from nathlon.selection.config import Config
 from nathlon.selection.evaluation import evaluate
+from nathlon.selection.field import Field
 from nathlon.selection.round_robin import TournamentSettings, tournament_matches
 from nathlon.sim.errors import InputError
 from tests.checkpoints import BUNDLED, save_faulty
@@ -67,7 +68,12 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
     with Pool(2) as pool:
         evaluate(
-            entrants, OutputFolder(folder), CONFIG, pool, lambda *progress: seen.append(progress), on_verdict
+            Field(tuple(entrants)),
+            OutputFolder(folder),
+            CONFIG,
+            pool,
+            lambda *progress: seen.append(progress),
+            on_verdict,
         )
     assert {stage for stage, _, _ in seen} == {"kernels", "pareto", "battery", "tournament"}
     [verdict] = told
@@ -133,7 +139,7 @@ def test_a_second_run_runs_nothing_and_says_the_same(
     sent: list[tuple[Sent, ...]] = []
     with Pool(2) as pool:
         evaluate(
-            entrants,
+            Field(tuple(entrants)),
             OutputFolder(run),
             CONFIG,
             pool,
