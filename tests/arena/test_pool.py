@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from multiprocessing import active_children
+from multiprocessing import active_children, connection
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match, run_together
 from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
+from nathlon.arena.workers import Worker, new_output_log
 from nathlon.selection.trials import against
 from nathlon.sim.scratch import scratch_folder
 from nathlon.sim.track import load_track
@@ -250,6 +251,20 @@ if __name__ == "__main__":
     for match, results in run_matches(matches, 2):
         print(*(child.pid for child in multiprocessing.active_children()), flush=True)
 """
+
+
+def babble(pipe: connection.Connection, watch: Watch, sink: connection.Connection) -> None:
+    pipe.send_bytes(b"no pickle")
+    time.sleep(1e6)
+
+
+def test_a_worker_that_sends_what_cannot_be_read_is_ended() -> None:
+    log = new_output_log()
+    worker = Worker(babble, log.sink, 10.0, 10.0, 10.0)
+    connection.wait(worker.signs)
+    assert list(worker.news()) == []
+    assert worker.dead
+    log.close()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
