@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ from nathlon.selection.field import Exclusion, Field, newcomers
 from nathlon.selection.incumbents import incumbents, located
 from nathlon.selection.nights_pool import best_first, rank_nights
 from nathlon.selection.pipeline import select
-from nathlon.selection.run import DONE, WAITING, OnMatch, Run
+from nathlon.selection.run import DONE, OPENED, WAITING, OnMatch, Run
 from nathlon.selection.watching import Watched, watch
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
@@ -99,12 +100,12 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
             return Night(name, DONE, outcome["code"], outcome["reason"], selection)
         watched = watch(config.checkpoints, load_world(config.world).loaders)
-        found = _look(store, config, pool, watched)
+        found = _look(store, config, pool, watched, on_match)
         if found.night is None and not found.field.newcomers:
             return _quiet(found.field)
         # First: a night that cannot have its engine does not begin.
         with engine_of(config, store, pool) as engine:
-            night, field = _begin(store, config, pool, watched, found)
+            night, field = _begin(store, config, pool, watched, found, on_match)
             if night is None:
                 return _quiet(field)
             number = [record.name for record in _nights(store)].index(night.name)
@@ -216,7 +217,7 @@ class _Found(NamedTuple):
 
 
 def _begin(
-    store: Store, config: Config, pool: Pool, watched: Watched, found: _Found
+    store: Store, config: Config, pool: Pool, watched: Watched, found: _Found, on_match: OnMatch
 ) -> tuple[RunRecord | None, Field]:
     """The night that has been found, or else a new one; None if others have done meanwhile what was new."""
     while found.night is None and found.field.newcomers:
@@ -225,11 +226,11 @@ def _begin(
             return store.begin_run(found.name, plan), found.field
         except InputError:
             # Another process has begun this night meanwhile, with what it found.
-            found = _look(store, config, pool, watched)
+            found = _look(store, config, pool, watched, on_match)
     return found.night, found.field
 
 
-def _look(store: Store, config: Config, pool: Pool, watched: Watched) -> _Found:
+def _look(store: Store, config: Config, pool: Pool, watched: Watched, on_match: OnMatch) -> _Found:
     """See what there is to do."""
     nights = _nights(store)
     name = f"{NIGHT}{len(nights) + 1:04d}"
@@ -246,7 +247,8 @@ def _look(store: Store, config: Config, pool: Pool, watched: Watched) -> _Found:
     anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
     refused = _refused(store, fields)
-    new, excluded = newcomers(pool, watched, config.circuit, config.car, known, refused, config.world)
+    where, opened = (config.circuit, config.car), partial(on_match, OPENED)
+    new, excluded = newcomers(pool, watched, *where, known, refused, config.world, opened)
     notes = tuple(f"{folder} holds no checkpoint." for folder in watched.empty)
     if not new:
         if not excluded:

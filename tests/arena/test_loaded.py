@@ -252,6 +252,8 @@ def hostile(path, observation_space, action_space):
         time.sleep(1e6)
     if what == "stay":
         Path(path).with_name("forked").write_text(str(forked))
+    if what == "move":
+        os.chdir("/")
     if what == "raise":
         raise Beyond
     if what == "exit":
@@ -264,9 +266,10 @@ def hostile(path, observation_space, action_space):
 def test_a_hostile_loader_costs_its_own_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.arena.test_loaded.LOADERS", HOSTILE)
     world = world_with(tmp_path, "hostile")
+    monkeypatch.chdir(tmp_path)
     sources = []
-    for what in ("fork", "stay", "raise", "exit", "good"):
-        sources.append(str(tmp_path / f"{what}.pt"))
+    for what in ("fork", "stay", "move", "raise", "exit", "good"):
+        sources.append(f"{what}.pt")
         Path(sources[-1]).write_text(what)
     with Pool(1) as pool:
         answers = dict(zip(sources, enter_each(pool, sources, "", "", world.name), strict=True))
@@ -276,5 +279,5 @@ def test_a_hostile_loader_costs_its_own_file_alone(tmp_path: Path, monkeypatch: 
     }
     assert said.keys() == {"raise", "exit"}
     for name, sentence in said.items():
-        assert sentence == f"{tmp_path / name}.pt: ended the process that opened it, expected a policy"
+        assert sentence == f"{name}.pt: ended the process that opened it, expected a policy"
     assert has_ended(forked)

@@ -303,7 +303,6 @@ def test_a_signal_ends_the_workers_too_and_leaves_no_folder(
 INTERRUPTED = """
 import os, signal, sys, time
 from nathlon.arena.workers import start_server
-from nathlon.sim.scratch import scratch_folder
 
 if __name__ == "__main__":
     start_server()
