@@ -99,7 +99,10 @@ class _Lines:
             self._told = time.monotonic()
 
     def end(self) -> None:
-        if self._stage is not None:
+        from nathlon.selection.run import OPENED
+
+        # That files were opened is worth a line only where it took long.
+        if self._stage is not None and (self._stage != OPENED or self._told > self._began):
             self._tell(self._stage, "in")
         self._stage = None
 
