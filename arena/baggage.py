@@ -6,13 +6,13 @@ import hashlib
 from collections.abc import Iterable, Set
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Protocol
 
 from nathlon.arena.match import Match
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, OBJECT, PLUGIN, RANDOM, SUFFIXES, suffix_of
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
+from nathlon.sim.scratch import scratch_folder
 from nathlon.sim.whole_file import whole_file
 
 
@@ -117,7 +117,7 @@ class Arrivals:
 
     def __init__(self, store: Files) -> None:
         self._store = store
-        self._folder = TemporaryDirectory(prefix="nathlon-", ignore_cleanup_errors=True)
+        self._folder = scratch_folder()
 
     def source(self, identity: str, label: str) -> str:
         """Where to load an entrant from by its label, see `labels`.

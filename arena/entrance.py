@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, only_once, weights
 from nathlon.arena.job import Opening
-from nathlon.arena.pool import Pool
+from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.world_finding import RACING
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.loaded import loader_of
@@ -15,15 +15,25 @@ from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file
 from nathlon.policies.normalisation import check_as_it_is
 from nathlon.policies.sources import ROLES
+from nathlon.policies.sources.finding import Found
 from nathlon.policies.sources.roles import RolesSource
 from nathlon.sim.errors import InputError, together
 
 
 def enter_each(
-    pool: Pool, sources: Sequence[str], circuit: str, car: str, world: str = RACING
+    pool: Pool,
+    sources: Sequence[str],
+    circuit: str,
+    car: str,
+    world: str = RACING,
+    on_opened: Callable[[int, int], None] = quietly,
 ) -> list[Entrant | InputError]:
-    """The entrants that sources give, or why they give none; see `nathlon.arena.world.World`."""
-    return pool.open([Opening(source, _enter, (source, world, circuit, car)) for source in sources])
+    """The entrants that sources give, or why they give none; see `nathlon.arena.world.World`.
+
+    `on_opened` is told how many have been opened, of how many.
+    """
+    openings = [Opening(source, _enter, (source, world, circuit, car)) for source in sources]
+    return pool.open(openings, on_opened)
 
 
 def _enter(source: str, world: str, circuit: str, car: str) -> Entrant:
@@ -49,10 +59,31 @@ def enter_all(
     Raises:
         InputError: if some cannot drive, which it all names, or there is none.
     """
-    answers = enter_each(pool, list(dict.fromkeys(sources)), circuit, car, world)
-    if refused := [answer for answer in answers if isinstance(answer, InputError)]:
-        raise together(refused)
-    return only_once([answer for answer in answers if isinstance(answer, Entrant)])
+    entrants, _ = enter_found(pool, Found(list(sources), set(sources)), circuit, car, world)
+    return entrants
+
+
+def enter_found(
+    pool: Pool,
+    found: Found,
+    circuit: str,
+    car: str,
+    world: str = RACING,
+    on_opened: Callable[[int, int], None] = quietly,
+) -> tuple[list[Entrant], dict[str, InputError]]:
+    """As `enter_all`, and by their paths why files of folders are set aside, if they cannot drive as well.
+
+    Raises:
+        InputError: if some that were named cannot drive, or nobody can; it names them all.
+    """
+    once = list(dict.fromkeys(found.sources))
+    answers = dict(zip(once, enter_each(pool, once, circuit, car, world, on_opened), strict=True))
+    refused = {source: answer for source, answer in answers.items() if isinstance(answer, InputError)}
+    blamed = [answer for source, answer in refused.items() if source in found.named]
+    if blamed or (refused and len(refused) == len(answers)):
+        raise together(blamed or list(refused.values()))
+    entrants = only_once([answer for answer in answers.values() if isinstance(answer, Entrant)])
+    return entrants, found.set_aside | refused
 
 
 def endings_of(pool: Pool, world: str) -> tuple[str, ...]:

@@ -31,6 +31,10 @@ MOST_OPENINGS = 16
 """Of those that a worker is given at once."""
 
 
+def quietly(_done: int, _total: int) -> None:
+    """Nobody wants to be told how far it is."""
+
+
 class Pool(Crew):
     """Processes of this machine that open policies and run matches.
 
@@ -72,8 +76,12 @@ class Pool(Crew):
         self._processes.clear()
         self.log.close()
 
-    def open(self, openings: Sequence[Opening]) -> list[Any]:
+    def open(self, openings: Sequence[Opening], on_opened: Callable[[int, int], None] = quietly) -> list[Any]:
         """Open policies, watched as those that race, in processes that files cannot harm.
+
+        Args:
+            openings: what to call.
+            on_opened: told how many have come to an end, of how many.
 
         Returns:
             for each what its function returned, or an InputError: because it raised one, did not come to an
@@ -88,6 +96,7 @@ class Pool(Crew):
             for opening, answer in chain.from_iterable(rounds):
                 assert isinstance(opening, Opening)
                 answers[replace(opening, alone=False)] = answer
+                on_opened(len(answers), len(openings))
         return [answers[opening] for opening in openings]
 
     def run(self, matches: Sequence[Match]) -> Generator[tuple[Match, pl.DataFrame], None, None]:
@@ -170,6 +179,7 @@ class Pool(Crew):
                 number, answer = message
                 yield jobs.pop(number), answer
             if lost:
+                worker.kill()
                 del self._processes[worker]
                 if not worker.began:
                     raise RuntimeError("a worker process ended before it could begin")

@@ -149,14 +149,16 @@ class Taker:
         """
         if taken.match in self._known:
             return self._known[taken.match]
-        facts = self._facts(taken.surroundings)
         try:
+            facts = self._facts(taken.surroundings)
             check_entry(taken, facts, self._store.name)
             sources = {
                 entrant: self._arrivals.source(entrant, label)
                 for entrant, label in zip(taken.spec["entrants"], taken.sources, strict=True)
             }
             return Match.from_spec(facts | taken.spec, sources)
+        except KeyError:
+            return None  # a worker has just set them aside, and this entry with them
         except InputError as error:
             log.warning("%s", error)
             if isinstance(error, DamagedError):

@@ -26,7 +26,7 @@ _SOURCES: TypeAdapter[list[str]] = TypeAdapter(list[str])
 
 
 class DamagedError(InputError):
-    """An entry of the queue that is no match, whoever reads it."""
+    """An entry of the queue, or its surroundings, that are of no match, whoever reads them."""
 
 
 class _Seat(Section):
@@ -59,15 +59,18 @@ class _Own(Section):
         return self
 
 
-def digest_of(facts: Mapping[str, Any]) -> str:
+def digest_of(facts: Any) -> str:
     """SHA-256 in hexadecimal of surroundings, or of surroundings with all that a match adds: then its key."""
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
-def check_place(facts: Any, where: str) -> None:
-    """Raise an InputError for surroundings that do not say where matches are raced."""
+def check_surroundings(facts: Any, digest: str, where: str) -> None:
+    """Raise a DamagedError for surroundings that are not those of a digest, or do not say where to race."""
+    called = f"{where}: surroundings {digest[:KEY_SHOWN]!r}"
+    if digest_of(facts) != digest:
+        raise DamagedError(f"{called}: damaged, expected what their digest names; they are out of the queue")
     if not isinstance(facts, dict) or not all(isinstance(facts.get(name), str) for name in PLACE):
-        raise InputError(f"{where}: are damaged, expected them to name {', '.join(PLACE)}")
+        raise DamagedError(f"{called}: expected {', '.join(PLACE)} in them; they are out of the queue")
 
 
 def check_entry(entry: Queued, facts: Mapping[str, Any], where: str) -> None:

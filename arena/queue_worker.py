@@ -15,7 +15,7 @@ from nathlon.arena.entrance import check_world
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue import Taker, difference
-from nathlon.arena.queue_entry import KEY_SHOWN, check_place, digest_of
+from nathlon.arena.queue_entry import DamagedError, check_surroundings
 from nathlon.arena.store import Store
 from nathlon.arena.world_finding import RACING
 from nathlon.sim.errors import InputError
@@ -33,7 +33,7 @@ class Shift:
     Attributes:
         matches: that it ran.
         refused: matches that it could not run, and left to others.
-        set_aside: entries of the queue that were no matches, and are out of it.
+        set_aside: entries of the queue, and surroundings, that were of no match, and are out of it.
     """
 
     matches: int
@@ -87,7 +87,7 @@ def work(
         raise InputError(abilities.lacking[0])
     for lack in abilities.lacking:
         log.warning("%s", lack)
-    return Shift(ran, len(refused), taker.set_aside)
+    return Shift(ran, len(refused), taker.set_aside + abilities.set_aside)
 
 
 class Abilities:
@@ -95,10 +95,12 @@ class Abilities:
 
     Attributes:
         lacking: a sentence for each of those that cannot be run here.
+        set_aside: how many of them were of no match.
     """
 
     def __init__(self, store: Store, pool: Pool, worlds: Collection[str]) -> None:
         self.lacking: list[str] = []
+        self.set_aside = 0
         self._able, self._seen = set[str](), set[str]()
         self._store, self._pool, self._worlds = store, pool, {RACING, *worlds}
 
@@ -114,6 +116,13 @@ class Abilities:
             try:
                 self._prepare(digest)
                 self._able.add(digest)
+            except KeyError:
+                self._seen.discard(digest)  # another worker has just set them aside
+            except DamagedError as error:
+                log.warning("%s", error)
+                self.set_aside += 1
+                self._store.withdraw_surroundings(digest)
+                self._seen.discard(digest)
             except InputError as error:
                 self.lacking.append(str(error))
         return sum(count for digest, count in waiting.items() if digest in self._able)
@@ -121,7 +130,7 @@ class Abilities:
     def _prepare(self, digest: str) -> None:
         """Make ready for matches of some surroundings, or raise an InputError: they cannot be run here."""
         facts = self._store.surroundings(digest)
-        check_place(facts, f"{self._store.name}: surroundings {digest[:KEY_SHOWN]!r}")
+        check_surroundings(facts, digest, self._store.name)
         world, where = facts["world"], f"{self._store.name}: scenario {facts['scenario']!r}"
         if world not in self._worlds:
             raise InputError(
@@ -132,6 +141,4 @@ class Abilities:
             raise InputError(
                 f"{where}: this machine has {lack}; expected the nathlon and packages of the run"
             )
-        if digest_of(facts) != digest:
-            raise InputError(f"{where}: damaged surroundings, expected what their digest names")
         compile_kernels(self._pool, world, facts["circuit"], facts["car"], lambda done, total: None)

@@ -8,6 +8,7 @@ import signal
 import threading
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from multiprocessing import connection, parent_process
 from typing import Any
 
@@ -39,6 +40,9 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
     # Ctrl-C is for the parent to handle; it then ends its workers at once, for a match that is not
     # finished is not stored.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if os.name == "posix":
+        os.setpgrp()  # so that it ends with all that policies fork
+        os.register_at_fork(after_in_child=lambda: _fall_silent(pipe, watch))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     print_into(sink)
     while True:
@@ -61,10 +65,19 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
         watch.rest()
 
 
+def _fall_silent(pipe: connection.Connection, watch: Watch) -> None:
+    """What a policy forks has the same pipe: one of the two would be taken for the other."""
+    watch.fall_silent()
+    with suppress(OSError):
+        pipe.close()
+
+
 def _end_with_parent() -> None:
     parent = parent_process()
     if parent is not None:
         connection.wait([parent.sentinel])
+        if os.name == "posix":
+            os.killpg(0, signal.SIGKILL)
         os._exit(1)
 
 

@@ -77,6 +77,10 @@ class Watch:
         self._clock: tuple[tuple[int, int], float, float] | None = None
         self.begin()
 
+    def fall_silent(self) -> None:
+        """Tell nobody any more: in a process that a policy has forked from the one that is watched."""
+        self._told = list(self._told)
+
     def begin(self, weighs: bool = False) -> None:
         """Count anew what policies take; their memory only if asked, for one match by itself."""
         self._weighs = weighs

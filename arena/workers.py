@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from multiprocessing import forkserver, get_all_start_methods, get_context
+from functools import cache
+from multiprocessing import current_process, forkserver, get_all_start_methods, get_context
 from multiprocessing.connection import Connection
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.watch import TOLD, Patience, Watch
 from nathlon.policies.child_processes import starting_processes
+from nathlon.sim.scratch import scratch_folder
 
 NO_MEMORY = 71
 """With what a worker exits that has run out of memory."""
@@ -20,6 +24,8 @@ READY = "ready"
 
 _CONTEXT: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
 _CONTEXT.set_forkserver_preload(["nathlon.policies.preloaded"])
+LONGEST_FOLDER = 80
+"""Letters in the path of a folder for sockets: those of a socket are limited."""
 
 
 def start_server() -> None:
@@ -31,11 +37,23 @@ def start_server() -> None:
     if _CONTEXT.get_start_method() == "forkserver":
         # Ctrl-C is for this process to answer; that one would print where it was interrupted.
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _sockets_folder()
         try:
             with starting_processes():
                 forkserver.ensure_running()
         finally:
             signal.signal(signal.SIGINT, before)
+
+
+@cache
+def _sockets_folder() -> TemporaryDirectory[str]:
+    """Where this process's socket for the server lies: removed also if this process is killed."""
+    folder = scratch_folder()
+    if len(folder.name) <= LONGEST_FOLDER:
+        # `multiprocessing` makes a folder where none is set, and leaves it behind when it is killed.
+        own: Any = current_process()
+        own._config.setdefault("tempdir", folder.name)
+    return folder
 
 
 def new_output_log() -> OutputLog:
@@ -62,6 +80,7 @@ class Worker:
         match_s: float,
     ) -> None:
         """Start a process that calls `serve`, printing into the sink of a log; see `Watch` for the times."""
+        _sockets_folder()
         self.watch = Watch(answer_s, first_answer_s, match_s, _CONTEXT.RawArray("d", TOLD))
         self.idle, self.fresh, self.began = False, True, False
         self._pipe, theirs = _CONTEXT.Pipe()
@@ -102,8 +121,14 @@ class Worker:
                     yield message
         except (EOFError, OSError):
             return  # it has died; what it was sending is lost
+        except Exception:
+            # Foreign code in it has written into the pipe, or changed what was to be sent.
+            self.kill()
 
     def kill(self) -> None:
-        """End it at once; what it has sent can still be read."""
+        """End it at once, with all that it has forked; what it has sent can still be read."""
+        if os.name == "posix":
+            with suppress(ProcessLookupError):  # it has not begun, or has ended and left nothing
+                os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
         self._process.join()

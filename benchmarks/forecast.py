@@ -21,10 +21,9 @@ from benchmarks.result import write_result
 from nathlon.api.selection import entered
 from nathlon.arena.pool import Pool
 from nathlon.policies.bundled import BUNDLED
-from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.finding import find
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
-from nathlon.selection.field import Field
 from nathlon.selection.pipeline import select
 from nathlon.selection.single_run import single_run
 from nathlon.terminal.progress import stage_progress
@@ -36,12 +35,12 @@ def measure(circuit: str, nights: int, folder: Path, workers: int) -> list[dict[
     told = []
     for seed in range(1, nights + 1):
         with Pool(workers) as pool:
-            entrants, config = entered(pool, find_sources([BUNDLED / circuit]), Config(seed=seed))
+            field, config = entered(pool, find([BUNDLED / circuit]), Config(seed=seed))
             with (
                 stage_progress(True) as on_match,
-                single_run("selection", entrants, config, store, pool, on_match) as run,
+                single_run("selection", field.newcomers, config, store, pool, on_match) as run,
             ):
-                summary = select(run, Field(tuple(entrants)), config)
+                summary = select(run, field, config)
         assert summary is not None, "no people sit on the committee"
         told.append(figures(summary))
     return told

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import takewhile
+from types import FrameType
 
 from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
@@ -38,6 +41,7 @@ from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 from nathlon.terminal import print_json, warn
+from nathlon.terminal.faults import FAULT, note_fault
 from nathlon.terminal.streams import standard_streams
 
 app = Group("Which of my thousands of racing checkpoints do I send to the race, and why?")
@@ -84,6 +88,10 @@ app.add("Train", train, polish, league, ablate, reward=reward)
 app.add("Files", export, observation, track=track, car=car, world=world, store=store)
 
 
+STOPPED = 130
+"""Exit code after Ctrl-C."""
+
+
 class _OneLine(logging.Formatter):
     """Warnings name files of others, whose names may be anything."""
 
@@ -96,7 +104,7 @@ def main() -> None:
     if logging.lastResort:
         logging.lastResort.setFormatter(_OneLine())
     is_closed = sys.stdout is None
-    with standard_streams() as (results, remarks):
+    with _ended_by(signal.SIGTERM), standard_streams() as (results, remarks):
         code = _ended(_refuse_closed if is_closed else app)
         if code and _wants_json(sys.argv[1:]) and not results.last:
             error = remarks.last.removeprefix("nathlon: ").removeprefix("Error: ")
@@ -104,8 +112,22 @@ def main() -> None:
     sys.exit(code)
 
 
+@contextmanager
+def _ended_by(number: signal.Signals) -> Iterator[None]:
+    """While a signal does what Ctrl-C does: schedulers end their jobs with one."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)
+
+
 def _ended(command: Callable[[], object]) -> int:
-    """The exit code of a command that was called; bad input is said on standard error."""
+    """The exit code of a command that was called; bad input and faults are said on standard error."""
     try:
         try:
             command()
@@ -113,11 +135,14 @@ def _ended(command: Callable[[], object]) -> int:
             sys.stdout.flush()
     except SystemExit as end:
         return int(end.code or 0)
+    except KeyboardInterrupt:
+        return STOPPED
     except InputError as error:
         warn(f"nathlon: {error}")
-    except OSError as error:
-        if error.filename is None:
-            raise
+    except Exception as error:
+        if not isinstance(error, OSError) or error.filename is None:
+            warn(f"nathlon: {note_fault(error)}")
+            return FAULT
         # A file or folder that its owner does not share, wherever it came up.
         warn(f"nathlon: {error.filename}: {error.strerror}; expected a file or folder that can be used")
     else:

@@ -1,14 +1,15 @@
-"""What policies share that run in one process: random generators and the handling of numbers out of range.
+"""What policies share that run in one process: random generators, the current folder, ranges of numbers.
 
 A policy that is code may change them; neither the simulator nor another policy may notice.
 """
 
 from __future__ import annotations
 
+import os
 import random
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -17,17 +18,24 @@ from numpy.random.mtrand import get_bit_generator, set_bit_generator
 
 
 class Globals:
-    """The states of Python's, numpy's and torch's own random generators."""
+    """The states of Python's, numpy's and torch's own random generators, and the current folder."""
 
-    def __init__(self, python: Any, numpy: BitGenerator, torch: Any, seed: int = 0) -> None:
-        """States; that of torch is None where it is not loaded, and comes of `seed` if it is later."""
+    def __init__(
+        self, python: Any, numpy: BitGenerator, torch: Any, seed: int = 0, folder: str | None = None
+    ) -> None:
+        """States; that of torch is None where it is not loaded, and comes of `seed` if it is later.
+
+        The folder stays what it is where it is None.
+        """
         self._python, self._numpy, self._torch, self._seed = python, numpy, torch, seed
+        self._folder = folder
 
     @classmethod
     def now(cls) -> Globals:
         """As they are."""
         torch: Any = sys.modules.get("torch")
-        return cls(random.getstate(), get_bit_generator(), torch and torch.random.get_rng_state())
+        generator = torch and torch.random.get_rng_state()
+        return cls(random.getstate(), get_bit_generator(), generator, folder=_folder())
 
     @classmethod
     def seeded(cls, seed: int) -> Globals:
@@ -43,6 +51,17 @@ class Globals:
             torch.random.set_rng_state(self._torch)
         elif torch:
             torch.random.default_generator.manual_seed(self._seed)
+        if self._folder is not None and self._folder != _folder():
+            with suppress(OSError):
+                os.chdir(self._folder)
+
+
+def _folder() -> str | None:
+    """The current folder; None if it is gone."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return None
 
 
 @contextmanager

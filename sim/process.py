@@ -5,10 +5,14 @@ from __future__ import annotations
 import os
 import socket
 import sys
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 HOST = socket.gethostname()
+MACHINE = f"{zlib.crc32(HOST.encode()):08x}"
+OWNER = r"[0-9a-f]{8}\.[0-9]+\.[1-9][0-9]*"
+"""Pattern of what `owner` gives."""
 
 
 def command_of(module: str, *arguments: object) -> list[str]:
@@ -32,6 +36,23 @@ def has_ended(process: int) -> bool:
     except PermissionError:
         pass
     return False
+
+
+def owner() -> str:
+    """This process, for the names of what it would leave if it were killed.
+
+    Its machine, when it started, and its number: a number is given again, to another process.
+    """
+    process = os.getpid()
+    return f"{MACHINE}.{start_of(process)}.{process}"
+
+
+def owner_has_ended(name: str) -> bool:
+    """Whether the process is gone that `owner` has named so; False for one of another machine."""
+    machine, start, process = name.split(".")
+    if machine != MACHINE:
+        return False
+    return has_ended(int(process)) or start_of(int(process)) not in (int(start), 0)
 
 
 class Scheduled(NamedTuple):

@@ -6,18 +6,14 @@ import os
 import re
 import tempfile
 import threading
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.process import HOST, has_ended, start_of
+from nathlon.sim.process import OWNER, owner, owner_has_ended
 
-MACHINE = f"{zlib.crc32(HOST.encode()):08x}"
-"""In the names of partial files: those of other machines that share the folder are their own affair."""
-PARTIAL = re.compile(rf"\..*\.{MACHINE}\.([0-9]+)\.([1-9][0-9]*)\.partial", re.DOTALL)
-"""The start of the process and its number: a number is given again, to another process."""
+PARTIAL = re.compile(rf"\..*\.({OWNER})\.partial", re.DOTALL)
 
 _swept: set[Path] = set()
 _sweeping = threading.Lock()
@@ -36,8 +32,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         OSError: if it cannot take its place.
     """
     _sweep(path.parent)
-    process = os.getpid()
-    partial = path.with_name(f".{path.name}.{MACHINE}.{start_of(process)}.{process}.partial")
+    partial = path.with_name(f".{path.name}.{owner()}.partial")
     try:
         yield partial
         os.replace(partial, path)
@@ -73,14 +68,6 @@ def _sweep(folder: Path) -> None:
             return
         _swept.add(place)
         for file in place.iterdir():
-            if _is_left(file):
+            found = PARTIAL.fullmatch(file.name)
+            if found and owner_has_ended(found[1]):
                 file.unlink(missing_ok=True)
-
-
-def _is_left(file: Path) -> bool:
-    """Whether a file is a partial one whose process is gone, though its number may be another's by now."""
-    found = PARTIAL.fullmatch(file.name)
-    if not found:
-        return False
-    start, process = map(int, found.groups())
-    return has_ended(process) or start_of(process) not in (start, 0)

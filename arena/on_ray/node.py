@@ -9,7 +9,6 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from nathlon.arena.baggage import Arrivals, Parcel
@@ -22,6 +21,7 @@ from nathlon.arena.processor import processor
 from nathlon.arena.queue import difference
 from nathlon.sim.errors import InputError
 from nathlon.sim.local_cache import keep_caches_here
+from nathlon.sim.scratch import scratch_folder
 
 GATHER_S, TELL_S = 0.25, 1.0
 """For which results are gathered, and after which it tells that there are none."""
@@ -79,7 +79,7 @@ class Node:
         self._pool = Pool(workers)
         self._parcel = Parcel(name)
         self._arrivals = Arrivals(self._parcel)
-        self._folder = TemporaryDirectory(prefix="nathlon-", ignore_cleanup_errors=True)
+        self._folder = scratch_folder()
         self._backlog: deque[list[Job]] = deque()
         self._numbers: dict[int, int] = {}
         self._compiled = set[tuple[str, str, str]]()

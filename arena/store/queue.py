@@ -95,13 +95,13 @@ def waiting(connection: sa.Connection, most: int = COUNTED, unclaimed: bool = Fa
     return {row.digest: row.matches for row in sorted(rows, key=lambda row: row.first or 0) if row.matches}
 
 
-def surroundings(connection: sa.Connection, digest: str) -> dict[str, Any]:
-    """Facts by their digest; KeyError where there are none."""
+def surroundings(connection: sa.Connection, digest: str) -> Any:
+    """Facts by their digest, of which nothing has been checked; KeyError where there are none."""
     table = schema.surroundings.c
     text = connection.scalar(sa.select(table.facts).where(table.digest == digest))
     if text is None:
         raise KeyError(digest)
-    return schema.from_json(text)
+    return _readable(text)
 
 
 def take(
@@ -130,6 +130,12 @@ def _unclaimed(now: datetime) -> sa.ColumnElement[bool]:
     claim = schema.claim.c
     held = sa.select(claim.match).where(claim.match == schema.queue.c.match, claim.until > stamp(now))
     return ~held.exists()
+
+
+def remove_surroundings(connection: sa.Connection, digest: str) -> None:
+    """Take surroundings out, and all matches in the queue that have them."""
+    connection.execute(schema.queue.delete().where(schema.queue.c.surroundings == digest))
+    connection.execute(schema.surroundings.delete().where(schema.surroundings.c.digest == digest))
 
 
 def remove(connection: sa.Connection, keys: Iterable[str]) -> None:

@@ -250,8 +250,12 @@ class Store:
         """
         return self._database.read(queue.waiting, most, unclaimed)
 
-    def surroundings(self, digest: str) -> dict[str, Any]:
-        """What decides the outcomes of some wanted matches beside them."""
+    def surroundings(self, digest: str) -> Any:
+        """What decides the outcomes of some wanted matches beside them; nothing of it has been checked.
+
+        Raises:
+            KeyError: if there are none of this digest.
+        """
         return self._database.read(queue.surroundings, digest)
 
     def take(
@@ -270,6 +274,10 @@ class Store:
     def withdraw(self, keys: Iterable[str]) -> None:
         """Take matches out of the queue: nobody wants them any more."""
         self._database.write(queue.remove, list(keys))
+
+    def withdraw_surroundings(self, digest: str) -> None:
+        """Take surroundings out that are damaged, and the matches in the queue that have them."""
+        self._database.write(queue.remove_surroundings, digest)
 
     # Files
 

@@ -43,6 +43,8 @@ from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
 
 log = logging.getLogger(__name__)
+MOST, MOST_COUNTED = 1e100, 2**53
+"""Sizes of numbers of an outcome, at most: sums of squares are to be finite, and counts exact."""
 
 
 class EpisodeWorld(ABC):
@@ -236,6 +238,9 @@ class EpisodeWorld(ABC):
             for name, value in numbers.items():
                 if value is not None and not np.isfinite(value):
                     raise WorldError(f"seat {seat!r}: {name} is {value}, expected a finite number")
+                most = MOST_COUNTED if RESULTS.get(name) == pl.Int64 else MOST
+                if value is not None and abs(value) > most:
+                    raise WorldError(f"seat {seat!r}: {name} is {value}, expected {most:g} at most in size")
             for name in outcome.measures:
                 if name not in KNOWN and name not in self.measures:
                     raise WorldError(f"seat {seat!r}: measure {name!r} is not one that the world declares")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from nathlon.policies.policy import Policy
-from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.finding import Found, find
 from nathlon.policies.sources.handed_over import hand_over
 
 Candidate = str | Path | Policy
@@ -16,7 +16,12 @@ Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
 
 
 def named_sources(candidates: Candidates, people: bool = False, endings: Iterable[str] = ()) -> list[str]:
-    """The sources of candidates; objects are handed over, under the names given or those of their classes.
+    """The sources of candidates, with a warning of what is set aside; see `find_candidates`."""
+    return find_candidates(candidates, people, endings).warned()
+
+
+def find_candidates(candidates: Candidates, people: bool = False, endings: Iterable[str] = ()) -> Found:
+    """What candidates are; objects are handed over, under the names given or those of their classes.
 
     Args:
         candidates: what a program has given.
@@ -32,10 +37,11 @@ def named_sources(candidates: Candidates, people: bool = False, endings: Iterabl
         alone = isinstance(candidates, str) or not isinstance(candidates, Iterable)
         together: Iterable[Candidate] = [candidates] if alone else candidates  # type: ignore[list-item,assignment]
         named = [(f"{type(one).__name__}-{number}", one) for number, one in enumerate(together, 1)]
-    sources: list[str] = []
+    found = Found()
     for name, candidate in named:
         if isinstance(candidate, str | Path):
-            sources += find_sources([candidate], people, endings)
+            found.add(find([candidate], people, endings))
         else:
-            sources.append(hand_over(candidate, name))
-    return sources
+            source = hand_over(candidate, name)
+            found.add(Found([source], {source}))
+    return found

@@ -14,6 +14,7 @@ from nathlon.arena.decision import Decision
 from nathlon.arena.entrance import endings_of
 from nathlon.arena.pool import Pool
 from nathlon.judge.gate.gate import run_gate
+from nathlon.policies.sources.finding import Found
 from nathlon.reports.gate_page import write_gate_page
 from nathlon.results.gate import GateReport, write_gate
 from nathlon.selection.config import Config
@@ -106,8 +107,9 @@ def gate(
         if more:
             raise InputError(f"{champion}: holds {len(more) + 1} checkpoints, expected one champion")
         sources = named_sources(candidates, endings=endings)
-        together, settings = entered(pool, [reference, *sources], settings)
-        first, *others = together
+        given = [reference, *sources]
+        field, settings = entered(pool, Found(given, set(given)), settings)
+        first, *others = together = field.newcomers
         if reference in sources:
             first = replace(first, also=(reference, *first.also))
         if not others:

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
+from functools import partial
 from html import escape
 from pathlib import Path
 from shlex import quote
 
 import polars as pl
 
-from nathlon.api.candidates import Candidates, named_sources
-from nathlon.arena.entrance import check_world, endings_of, enter_all, trained_on
-from nathlon.arena.entrant import Entrant
-from nathlon.arena.pool import Pool
+from nathlon.api.candidates import Candidates, find_candidates
+from nathlon.arena.entrance import check_world, endings_of, enter_found, trained_on
+from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.world_registry import load_world
+from nathlon.policies.sources.finding import Found
 from nathlon.reports.picture import ranking_picture
 from nathlon.reports.verdict import Verdict, verdict
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.evaluation import OnVerdict, evaluate
+from nathlon.selection.field import Exclusion, Field
 from nathlon.selection.publish.output import OutputFolder
+from nathlon.selection.run import OPENED
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal.progress import stage_progress, worker_count
 
@@ -179,11 +184,11 @@ def select(
         settings = settings.model_copy(update={"world": world})
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
-        sources = named_sources(checkpoints, endings=endings_of(pool, settings.world))
-        entrants, settings = entered(pool, sources, settings)
-        output = OutputFolder(Path(out), store)
+        found = find_candidates(checkpoints, endings=endings_of(pool, settings.world))
         with stage_progress(progress) as on_match:
-            selection = evaluate(entrants, output, settings, pool, on_match, on_verdict or _ignored)
+            field, settings = entered(pool, found, settings, partial(on_match, OPENED))
+            output = OutputFolder(Path(out), store)
+            selection = evaluate(field, output, settings, pool, on_match, on_verdict or _ignored)
     return SelectionResult(output.root, selection, output.store)
 
 
@@ -217,14 +222,19 @@ def configured(
     return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
 
 
-def entered(pool: Pool, sources: list[str], config: Config) -> tuple[list[Entrant], Config]:
-    """The entrants of some sources, and the configuration for where they play.
+def entered(
+    pool: Pool, found: Found, config: Config, on_opened: Callable[[int, int], None] = quietly
+) -> tuple[Field, Config]:
+    """Who enters of what was given and what is set aside, and the configuration for where they play.
 
     Raises:
-        InputError: if one cannot drive, or there is none.
+        InputError: if one that was named cannot drive, or nobody can.
     """
-    config = at_home(pool, sources, config)
-    return enter_all(pool, sources, config.circuit, config.car, config.world), config
+    config = at_home(pool, found.sources, config)
+    where = config.circuit, config.car, config.world
+    entrants, refused = enter_found(pool, found, *where, on_opened)
+    excluded = tuple(Exclusion(printable(source), str(why), None) for source, why in refused.items())
+    return Field(tuple(entrants), excluded=excluded), config
 
 
 def at_home(pool: Pool, sources: list[str], config: Config) -> Config:

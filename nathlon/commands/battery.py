@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
-from nathlon.commands.selection import stoppable
-from nathlon.policies.sources.finding import check_given, find_sources
+from nathlon.commands.selection import say_set_aside, stoppable
+from nathlon.policies.sources.finding import check_given, find
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -49,8 +49,9 @@ def battery(
     check_output(out)
     path = out / "store.sqlite"
     with Pool(worker_count(settings.workers)) as pool:
-        sources = find_sources(entrants, endings=endings_of(pool, settings.world))
-        tested, settings = entered(pool, sources, settings)
+        found = find(entrants, endings=endings_of(pool, settings.world))
+        field, settings = entered(pool, found, settings)
+        tested = field.newcomers
         with (
             stoppable(f"The same command goes on from {path}."),
             stage_progress(not as_json, ("battery",)) as on_match,
@@ -62,11 +63,13 @@ def battery(
     not_judged = voided(answer.not_judged, names)
     if as_json:
         told = [one.model_dump() for one in not_judged]
-        print_json(_as_json(answer, names) | {"not_judged": told})
+        excluded = [asdict(one) for one in field.excluded]
+        print_json(_as_json(answer, names) | {"not_judged": told, "excluded": excluded})
     else:
         _print(answer, names)
         if void := int(answer.results["ending"].is_in(VOID_ENDINGS).sum()):
             say(void_runs(void, answer.results.height, not_judged))
+        say_set_aside(field.excluded)
     if not_judged:
         raise SystemExit(HEALTH)
 

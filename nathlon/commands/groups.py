@@ -22,6 +22,13 @@ class _Command(TyperCommand):
         _refuse_empty(self, ctx, args)
         return super().parse_args(ctx, args)
 
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (EOFError, BrokenPipeError) as error:
+            # Of a process of ours. typer would take it for the end of what is typed or read, and exit with 1.
+            raise RuntimeError(f"{type(error).__name__} {error}") from error
+
 
 class _Group(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers
-from nathlon.commands.selection import stoppable
-from nathlon.policies.sources.finding import check_given, find_sources
+from nathlon.commands.selection import say_set_aside, stoppable
+from nathlon.policies.sources.finding import check_given, find
 from nathlon.sim.whole_file import check_output, whole_file
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -49,8 +50,9 @@ def pareto(
     check_output(out)
     path = out / "store.sqlite"
     with Pool(worker_count(settings.workers)) as pool:
-        sources = find_sources(checkpoints, endings=endings_of(pool, settings.world))
-        entrants, settings = entered(pool, sources, settings)
+        found = find(checkpoints, endings=endings_of(pool, settings.world))
+        field, settings = entered(pool, found, settings)
+        entrants = field.newcomers
         with (
             stoppable(f"The same command goes on from {path}."),
             stage_progress(not as_json) as on_match,
@@ -70,6 +72,7 @@ def pareto(
             **run.stages[-1].model_dump(),
             "front": front.to_dicts(),
             "not_judged": [one.model_dump() for one in not_judged],
+            "excluded": [asdict(one) for one in field.excluded],
             "files": {kind: str(path) for kind, path in files.items()},
         }
         print_json(summary)
@@ -77,6 +80,7 @@ def pareto(
         _print_front(front, table.height, settings.pareto.objective)
         if void := int(answer.results["ending"].is_in(VOID_ENDINGS).sum()):
             say(void_runs(void, answer.results.height, not_judged))
+        say_set_aside(field.excluded)
         for file in files.values():
             say(str(file))
     if not_judged:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -32,7 +32,8 @@ RESULTS = ("Won", "Drawn", "Lost")
 
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
-    from nathlon.results.summary import Summary
+    from nathlon.results.summary import SetAside, Summary
+    from nathlon.selection.field import Exclusion
 
 
 def demo(
@@ -174,12 +175,19 @@ def print_verdict(summary: Summary) -> None:
     say(f"Sent         {sent[0].name if sent else f'nobody: no finalist {lacking}'}")
     if summary.void:
         say(f"Void         {summary.void_runs}")
+    say_set_aside(summary.excluded)
     for item in summary.gone:
         say(f"Gone         {item.source} {item.reason}")
     for name, others in summary.also.items():
         say(f"Same file    {name}: also {', '.join(others)}")
     for sentence in summary.notes:
         say(f"Note         {sentence}")
+
+
+def say_set_aside(excluded: Iterable[SetAside | Exclusion]) -> None:
+    """Print what of the folders did not take part, and why."""
+    for item in excluded:
+        say(f"Set aside    {item.reason}")
 
 
 def print_places(result: SelectionResult) -> None:

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -36,20 +32,6 @@ def worker(
     start_server()
     from nathlon.api.worker import work
 
-    with stoppable("Its matches are free for others."), _ended_by(signal.SIGTERM):
+    with stoppable("Its matches are free for others."):
         shift = work(store, workers=workers, worlds=world or (), wait_s=wait, progress=not as_json)
     tell({"matches": shift.matches, "refused": shift.refused}, as_json)
-
-
-@contextmanager
-def _ended_by(number: signal.Signals) -> Iterator[None]:
-    """While a signal does what Ctrl-C does: schedulers end their jobs with one."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(number, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(number, before)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import Entrant
@@ -24,7 +25,7 @@ OnVerdict = Callable[[Summary], None]
 
 
 def evaluate(
-    entrants: Sequence[Entrant],
+    field: Field,
     output: OutputFolder,
     config: Config,
     pool: Pool,
@@ -36,7 +37,7 @@ def evaluate(
     One that was stopped goes on from what its store holds: after the verdict, with report and recordings.
 
     Args:
-        entrants: the candidates, all of one circuit and car.
+        field: the candidates, all of one circuit and car, and what is set aside.
         output: where everything goes.
         config: how to select, with the circuit and the car of the entrants.
         pool: where policies run.
@@ -46,8 +47,8 @@ def evaluate(
     Returns:
         what the report shows; None where people must vote first.
     """
-    with single_run("selection", entrants, config, output.store, pool, on_match, output.root) as run:
-        verdict = select(run, Field(tuple(entrants), anchors=_references(config, pool)), config)
+    with single_run("selection", field.newcomers, config, output.store, pool, on_match, output.root) as run:
+        verdict = select(run, replace(field, anchors=_references(config, pool)), config)
         if verdict is None:
             run.status = WAITING
             return None

@@ -26,6 +26,8 @@ from nathlon.results.summary import Stage, Summary
 STAGES = ("pareto", "battery", "tournament")
 RECORDINGS = "recordings"
 """What recording every race is called where progress is shown."""
+OPENED = "opened"
+"""What opening files is called there."""
 KERNELS = "kernels"
 """What is compiled before anything races."""
 INCIDENT_RUNS = "incidents"

@@ -53,7 +53,7 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
     Yields:
         what is to be told of matches that have ended.
     """
-    from nathlon.selection.run import INCIDENT_RUNS, KERNELS, RECORDINGS, STAGES  # loads the store
+    from nathlon.selection.run import INCIDENT_RUNS, KERNELS, OPENED, RECORDINGS, STAGES  # loads the store
 
     if shown and not (console(stderr=True).is_terminal or console(stderr=True).is_jupyter):
         lines = _Lines()
@@ -65,7 +65,7 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
     with progress_bars(shown) as bars:
         tasks = {
             stage: bars.add_task(stage, total=None, note=_counted(stage), visible=False)
-            for stage in stages or (KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
+            for stage in stages or (OPENED, KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
         }
 
         def on_match(stage: str, done: int, total: int) -> None:
@@ -99,7 +99,10 @@ class _Lines:
             self._told = time.monotonic()
 
     def end(self) -> None:
-        if self._stage is not None:
+        from nathlon.selection.run import OPENED
+
+        # That files were opened is worth a line only where it took long.
+        if self._stage is not None and (self._stage != OPENED or self._told > self._began):
             self._tell(self._stage, "in")
         self._stage = None
 
@@ -110,6 +113,6 @@ class _Lines:
 
 def _counted(stage: str) -> str:
     """What is counted in a stage; one that is called as it counts says so once."""
-    from nathlon.selection.run import KERNELS
+    from nathlon.selection.run import KERNELS, OPENED
 
-    return {KERNELS: "compiled", "drives": "", "races": ""}.get(stage, "matches")
+    return {KERNELS: "compiled", OPENED: "policies", "drives": "", "races": ""}.get(stage, "matches")

@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from nathlon.policies.bundled import generalist
@@ -95,11 +96,43 @@ def _is_folder(one: str) -> bool:
     return one.partition(":")[0] not in (DRIVER, PLUGIN, OBJECT, HUMAN, MPPI) and Path(one).is_dir()
 
 
+@dataclass
+class Found:
+    """Policies among what a user has given.
+
+    Attributes:
+        sources: of them.
+        named: those that were given themselves, and did not lie in a folder.
+        set_aside: why files in folders are no policies, by their paths.
+    """
+
+    sources: list[str] = field(default_factory=list)
+    named: set[str] = field(default_factory=set)
+    set_aside: dict[str, InputError] = field(default_factory=dict)
+
+    def add(self, other: Found) -> None:
+        """Add what else was given."""
+        self.sources += other.sources
+        self.named |= other.named
+        self.set_aside |= other.set_aside
+
+    def warned(self) -> list[str]:
+        """The sources, with a warning of what is set aside."""
+        if self.set_aside:
+            log.warning("set aside: %s", together(list(self.set_aside.values())))
+        return self.sources
+
+
 def find_sources(given: Iterable[str | Path], people: bool = False, endings: Iterable[str] = ()) -> list[str]:
-    """The sources among what a user has given.
+    """The sources among what a user has given, with a warning of what is set aside; see `find`."""
+    return find(given, people, endings).warned()
+
+
+def find(given: Iterable[str | Path], people: bool = False, endings: Iterable[str] = ()) -> Found:
+    """What a user has given.
 
     A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon. What a
-    folder holds and cannot be read is set aside with a warning, before it is opened.
+    folder holds and cannot be read is set aside, before it is opened.
 
     Args:
         given: paths and names.
@@ -110,24 +143,23 @@ def find_sources(given: Iterable[str | Path], people: bool = False, endings: Ite
         InputError: if some are no such policies or cannot be read, which are all named, or a folder is empty.
     """
     loaded = tuple(endings)
-    found: list[str] = []
+    found = Found()
     refused: list[InputError] = []
     for one in map(str, given):
         if not one:
             raise InputError("'': names no policy, expected a path or name")
         if one == GENERALIST:
-            found.append(str(generalist()))
+            found.sources.append(str(generalist()))
         elif _is_folder(one):
             inside = checkpoints_below(Path(one), loaded)
             if not inside:
                 raise _without_checkpoint(one, loaded)
             looked = {str(path): _fault(path) for path in inside}
-            faults = [fault for fault in looked.values() if fault]
+            faults = {source: fault for source, fault in looked.items() if fault}
             if len(faults) == len(looked):
-                refused += faults
-            elif faults:
-                log.warning("set aside: %s", together(faults))
-            found += [source for source, fault in looked.items() if not fault]
+                refused += faults.values()
+            found.set_aside |= faults
+            found.sources += [source for source in looked if source not in faults]
         else:
             try:
                 check_source(one)
@@ -137,7 +169,8 @@ def find_sources(given: Iterable[str | Path], people: bool = False, endings: Ite
                     raise fault
             except InputError as error:
                 refused.append(error)
-            found.append(one)
+            found.sources.append(one)
+            found.named.add(one)
     if refused:
         raise together(refused)
     return found

@@ -125,6 +125,11 @@ class ProcessWorkers:
                 message = self._pipes[index].recv()
             except (EOFError, OSError):
                 raise self._ended(index) from None
+            except Exception as error:
+                # Foreign code in it has written into the pipe, or changed what was to be sent.
+                raise InputError(
+                    f"training: rollout worker {index + 1} sends what cannot be read ({type(error).__name__})"
+                ) from error
             if isinstance(message, InputError):
                 raise message
             taken.append((index, message))

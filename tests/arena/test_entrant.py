@@ -12,11 +12,11 @@ import pytest
 from onnx import helper
 
 import nathlon
-from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrance import enter_all, enter_found, trained_on
 from nathlon.arena.entrant import entrants_table
 from nathlon.arena.pool import Pool
 from nathlon.policies.checkpoint import load_checkpoint
-from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.finding import find, find_sources
 from nathlon.policies.sources.onnx import export_onnx
 from nathlon.sim.errors import InputError
 from tests.support.checkpoints import BUNDLED
@@ -114,6 +114,16 @@ def test_what_cannot_be_read_is_named_together(
         (folder / name).write_bytes(b"no policy")
     with pytest.raises(InputError, match=r"2 cannot be used: .*one\.onnx: .*; .*two\.onnx: "):
         enter_all(pool, find_sources([folder]), "lindenring", "gt3")
+    entrants, aside = enter_found(pool, find([folder, folder / "b.safetensors"]), "lindenring", "gt3")
+    assert [entrant.name for entrant in entrants] == ["a", "b", "step"]
+    assert {Path(source).name for source in aside} == {*reasons, "one.onnx", "two.onnx"}
+    with pytest.raises(InputError, match=r"^[^;]*one\.onnx: [^;]*$"):
+        enter_found(pool, find([folder, folder / "one.onnx"]), "lindenring", "gt3")
+    for path in (folder / "a.onnx", folder / "b.safetensors", folder / "same.safetensors"):
+        path.unlink()
+    shutil.rmtree(folder / "run")
+    with pytest.raises(InputError, match=r"2 cannot be used: .*one\.onnx: .*; .*two\.onnx: "):
+        enter_found(pool, find([folder]), "lindenring", "gt3")
 
 
 def test_the_generalist_is_entered_by_its_name_for_any_circuit_and_car(pool: Pool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ import torch
 from gymnasium.spaces import Box, Dict, Discrete
 
 import nathlon
-from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrance import enter_all, enter_each
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.watch import Watch
@@ -24,6 +25,7 @@ from nathlon.arena.worlds.loaded import LoadedPolicy, by_ending, loader_of
 from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import has_ended
 from tests.support.games import ENVIRONMENTS, WORLD, refused
 
 LOADERS = '''
@@ -230,3 +232,52 @@ def test_folders_hold_what_the_world_s_code_reads(tmp_path: Path) -> None:
         find_sources([folder])
     watched = watch([str(folder)], world.loaders)
     assert len(watched.digests) == 3
+
+
+HOSTILE = '''
+import os
+import time
+from pathlib import Path
+
+
+class Beyond(BaseException):
+    """No Exception."""
+
+
+def hostile(path, observation_space, action_space):
+    what = Path(path).read_text()
+    if what == "fork":
+        os.fork()
+    if what == "stay" and (forked := os.fork()) == 0:
+        time.sleep(1e6)
+    if what == "stay":
+        Path(path).with_name("forked").write_text(str(forked))
+    if what == "move":
+        os.chdir("/")
+    if what == "raise":
+        raise Beyond
+    if what == "exit":
+        os._exit(0)
+    return lambda observation: int(observation.argmax())
+'''
+
+
+@pytest.mark.skipif(os.name != "posix", reason="forks")
+def test_a_hostile_loader_costs_its_own_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.arena.test_loaded.LOADERS", HOSTILE)
+    world = world_with(tmp_path, "hostile")
+    monkeypatch.chdir(tmp_path)
+    sources = []
+    for what in ("fork", "stay", "move", "raise", "exit", "good"):
+        sources.append(f"{what}.pt")
+        Path(sources[-1]).write_text(what)
+    with Pool(1) as pool:
+        answers = dict(zip(sources, enter_each(pool, sources, "", "", world.name), strict=True))
+        forked = int((tmp_path / "forked").read_text())
+    said = {
+        Path(source).stem: str(answer) for source, answer in answers.items() if isinstance(answer, InputError)
+    }
+    assert said.keys() == {"raise", "exit"}
+    for name, sentence in said.items():
+        assert sentence == f"{name}.pt: ended the process that opened it, expected a policy"
+    assert has_ended(forked)

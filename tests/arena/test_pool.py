@@ -6,8 +6,9 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
-from multiprocessing import active_children
+from multiprocessing import active_children, connection
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,9 @@ from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match, run_together
 from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
+from nathlon.arena.workers import Worker, new_output_log
 from nathlon.selection.trials import against
+from nathlon.sim.scratch import scratch_folder
 from nathlon.sim.track import load_track
 from tests.support.checkpoints import BUNDLED
 
@@ -250,12 +253,32 @@ if __name__ == "__main__":
 """
 
 
+def babble(pipe: connection.Connection, watch: Watch, sink: connection.Connection) -> None:
+    pipe.send_bytes(b"no pickle")
+    time.sleep(1e6)
+
+
+def test_a_worker_that_sends_what_cannot_be_read_is_ended() -> None:
+    log = new_output_log()
+    worker = Worker(babble, log.sink, 10.0, 10.0, 10.0)
+    connection.wait(worker.signs)
+    assert list(worker.news()) == []
+    assert worker.dead
+    log.close()
+
+
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_workers_too(sent: signal.Signals, tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
+def test_a_signal_ends_the_workers_too_and_leaves_no_folder(
+    sent: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script, temporary = tmp_path / "script.py", tmp_path / "t"
     script.write_text(SCRIPT)
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent.parent)}
+    temporary.mkdir()
+    environment = os.environ | {
+        "PYTHONPATH": str(Path(__file__).parent.parent.parent),
+        "TMPDIR": str(temporary),
+    }
     with subprocess.Popen(
         [sys.executable, script, BUNDLED[0]],
         stdout=subprocess.PIPE,
@@ -272,6 +295,9 @@ def test_a_signal_ends_the_workers_too(sent: signal.Signals, tmp_path: Path) -> 
     while any(map(alive, workers)) and time.monotonic() < end:
         time.sleep(0.05)
     assert not any(map(alive, workers))
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    with scratch_folder() as next_one:
+        assert list(temporary.iterdir()) == [Path(next_one)]
 
 
 INTERRUPTED = """

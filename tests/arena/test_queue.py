@@ -276,15 +276,26 @@ def change_entry(target: str, match: str, column: str, value: str) -> None:
     )
 
 
-@pytest.mark.parametrize("facts", ["[]", "{}", '{"world": 7}'])
-def test_surroundings_that_are_none_stop_no_worker(
-    target: str, world: str, tmp_path: Path, pool: Pool, facts: str
+def test_surroundings_that_are_none_are_set_aside(
+    target: str, world: str, tmp_path: Path, pool: Pool, caplog: pytest.LogCaptureFixture
 ) -> None:
+    """Also those that hash to their digest: `{}`. They come first, and what comes after them is raced."""
+    matches = duels(world, tmp_path / "here", 2)
+    wrong = [{"n": number} for number in range(3)] + [{}]
     with Store(target) as store:
-        post(store, duels(world, tmp_path / "here"))
-        change(target, sa.text("UPDATE surroundings SET facts = :facts"), facts=facts)
-        with refused("are damaged, expected them to name"):
-            work_through(store, pool, world)
+        for facts in wrong:
+            digest = digest_of(facts)
+            store.enqueue([Queued(f"of {digest}", digest, {}, [])], {digest: facts})
+        for facts, text in zip(wrong, ["[]", '{"world": 7}', "{"], strict=False):
+            statement = sa.text("UPDATE surroundings SET facts = :facts WHERE digest = :digest")
+            change(target, statement, facts=text, digest=digest_of(facts))
+        post(store, matches)
+        assert work_through(store, pool, world) == Shift(2, 0, 4)
+        assert sum("surroundings" in record.getMessage() for record in caplog.records) == 4
+        assert store.waiting() == {}
+        # Whoever wants them puts them there again.
+        store.enqueue([Queued("key", digest_of({"n": 0}), {}, [])], {digest_of({"n": 0}): {"n": 0}})
+        assert store.surroundings(digest_of({"n": 0})) == {"n": 0}
 
 
 def test_what_a_killed_process_of_this_machine_had_is_taken_at_once(

@@ -171,6 +171,7 @@ def test_an_absent_policy_is_out_from_the_start(tmp_path: Path) -> None:
             "step 0: seat 'left': gives 4 values, expected observation, reward, terminated, truncated, info",
         ),
         ("score", "seat 'right': score is nan, expected a finite number"),
+        ("huge", "seat 'right': score is 1e+300, expected 1e+100 at most in size"),
         ("raises", "step 3: KeyError ('no such light')"),
     ],
 )

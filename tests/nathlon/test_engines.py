@@ -40,6 +40,16 @@ def test_a_cluster_that_is_not_there_is_refused(arguments: list[str], tmp_path: 
             assert opened.runs() == []
 
 
+def test_a_night_without_anybody_new_asks_for_no_cluster(tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "nathlon.toml").write_text(
+        'checkpoints = ["here"]\nengine = "ray"\nengine_address = "127.0.0.1:9"\n'
+    )
+    done = nathlon("nightly", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["reason"].startswith("Nothing is new")
+
+
 def test_an_engine_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     (tmp_path / "nathlon.toml").write_text('engine = "spark"\n')
     done = nathlon("nightly", "--config", "nathlon.toml", cwd=tmp_path)

@@ -22,6 +22,7 @@ from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.committee.rules import CommitteeSettings
 from nathlon.selection.config import Config
 from nathlon.selection.evaluation import evaluate
+from nathlon.selection.field import Field
 from nathlon.selection.pareto.filter import FilterSettings, Plan
 from nathlon.selection.publish.decider import deciding_race
 from nathlon.selection.publish.output import OutputFolder
@@ -67,7 +68,12 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
     with Pool(2) as pool:
         evaluate(
-            entrants, OutputFolder(folder), CONFIG, pool, lambda *progress: seen.append(progress), on_verdict
+            Field(tuple(entrants)),
+            OutputFolder(folder),
+            CONFIG,
+            pool,
+            lambda *progress: seen.append(progress),
+            on_verdict,
         )
     assert {stage for stage, _, _ in seen} == {"kernels", "pareto", "battery", "tournament"}
     [verdict] = told
@@ -133,7 +139,7 @@ def test_a_second_run_runs_nothing_and_says_the_same(
     sent: list[tuple[Sent, ...]] = []
     with Pool(2) as pool:
         evaluate(
-            entrants,
+            Field(tuple(entrants)),
             OutputFolder(run),
             CONFIG,
             pool,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
+import tempfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import TextIO
@@ -127,3 +129,33 @@ def test_json_that_is_a_name_is_no_option(tmp_path: Path) -> None:
     done = nathlon("race", "--", "--json", cwd=tmp_path)
     refused(done, "--json: no such file")
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize("error", [KeyError("seats"), EOFError(), BrokenPipeError(), OSError("of no file")])
+def test_a_fault_of_ours_has_a_code_and_a_log(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(*_: object) -> None:
+        raise error
+
+    (tmp_path / "nathlon.toml").touch()
+    monkeypatch.setattr("nathlon.selection.nightly.night.nightly", failing)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    done = nathlon("nightly", "--json", cwd=tmp_path)
+    assert done.returncode == 70
+    (log,) = tmp_path.glob("nathlon-fault-*.log")
+    assert done.stderr.count("\n") == 1
+    assert str(log) in done.stderr
+    assert json.loads(done.stdout)["code"] == 70
+    assert "in failing" in log.read_text()
+
+
+def test_a_command_that_is_terminated_ends_as_after_ctrl_c(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "nathlon.toml").touch()
+    monkeypatch.setattr(
+        "nathlon.selection.nightly.night.nightly", lambda *_: signal.raise_signal(signal.SIGTERM)
+    )
+    assert nathlon("nightly", cwd=tmp_path).returncode == 130
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from pathlib import Path
 
 import polars as pl
@@ -95,15 +97,30 @@ def test_three_sides_meet_in_a_free_for_all(
         assert head in printed
 
 
-def test_where_no_sides_meet_the_tests_rank(tmp_path: Path, players: list[str]) -> None:
+def test_where_no_sides_meet_the_tests_rank_and_what_is_no_policy_is_set_aside(
+    tmp_path: Path, players: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     name = world_of(
         tmp_path, "GymnasiumWorld({'only': envs['Alone']}, measures={'steps': Declared('steps')})"
     )
+    reasons = {"link": "No such file", "pipe": "a pipe or a device", "text": "not", "wide": "expected"}
+    (tmp_path / "link.onnx").symlink_to("nowhere")
+    os.mkfifo(tmp_path / "pipe.onnx")
+    (tmp_path / "text.onnx").write_text("no policy")
+    player(tmp_path / "wide.onnx", 3, inputs=4)
     result = nathlon.select(
-        players, tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
+        tmp_path, tmp_path / "out", config=settings(tmp_path), workers=1, world=name, progress=False
     )
     assert result.sent == ["all"]
     assert "tournament" in result.summary.stages_set_aside
+    aside = {Path(item.source).stem: item.reason for item in result.summary.excluded}
+    assert aside.keys() == reasons.keys()
+    print_verdict(result.summary)
+    printed = capsys.readouterr().out
+    for stem, reason in reasons.items():
+        assert reason in aside[stem]
+        assert f"Set aside    {tmp_path / stem}.onnx" in printed
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["excluded"]
     told = " ".join([result.verdict.headline, *result.verdict.sentences])
     assert "points (95% interval" in told or "points in the n-athlon" in told
     assert "race" not in told

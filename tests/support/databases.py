@@ -14,6 +14,8 @@ from pathlib import Path
 import psycopg
 import pytest
 
+from nathlon.sim.process import owner
+
 ADMIN = "nathlon"
 UNPRIVILEGED = "nobody"  # runs the server where the tests run as root, which it refuses
 
@@ -54,7 +56,7 @@ def server() -> Iterator[Server]:
     programs = _programs()
     if programs is None:
         pytest.skip("needs PostgreSQL: apt-get install postgresql")
-    folder = Path(tempfile.mkdtemp(prefix="nathlon-postgres-"))
+    folder = Path(tempfile.mkdtemp(prefix=f"nathlon-{owner()}-postgres-"))
     user = UNPRIVILEGED if os.geteuid() == 0 else None
     if user:
         shutil.chown(folder, user)

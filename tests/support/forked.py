@@ -125,7 +125,7 @@ def _serve(asked: socket.socket) -> None:
                     continue
                 message, streams, _, _ = socket.recv_fds(asked, LARGEST, 3)
                 if not message:
-                    os._exit(0)
+                    return
                 _fork(json.loads(message), streams, running)
 
 

@@ -93,6 +93,8 @@ class Game:
             rewards = {seat: reward for seat, reward in rewards.items() if seat not in gone}
         if self.fault == "score" and self.step_ == 3:
             rewards[self.possible_agents[-1]] = float("nan")
+        if self.fault == "huge" and self.step_ == 3:
+            rewards[self.possible_agents[-1]] = 1e300
         self.agents = [seat for seat in self.agents if seat not in gone]
         rewards = {seat: reward for seat, reward in rewards.items() if seat in right}
         if self.fault == "old":

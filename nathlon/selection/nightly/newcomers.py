@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 
 from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant, named_apart
 from nathlon.arena.naming import short_names
-from nathlon.arena.pool import Pool
+from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.world_finding import RACING
 from nathlon.selection.field import Exclusion
 from nathlon.selection.nightly.watching import Watched
@@ -24,6 +24,7 @@ def newcomers(
     known: Mapping[str, str],
     refused: Container[str] = (),
     world: str = RACING,
+    on_opened: Callable[[int, int], None] = quietly,
 ) -> tuple[list[Entrant], list[Exclusion]]:
     """The entrants among what is watched that are not known yet, and what is set aside.
 
@@ -37,11 +38,12 @@ def newcomers(
         known: names by entrant ids.
         refused: keys of what was set aside before.
         world: simulator in which they must be able to play.
+        on_opened: told how many have been opened, of how many.
     """
     found: dict[str, Entrant] = {}
     excluded: list[Exclusion] = []
     new = watched.unjudged(known, refused)
-    for source, answer in zip(new, enter_each(pool, list(new), circuit, car, world), strict=True):
+    for source, answer in zip(new, enter_each(pool, list(new), circuit, car, world, on_opened), strict=True):
         if isinstance(answer, InputError):
             excluded.append(Exclusion(printable(source), str(answer), new[source]))
         elif answer.id not in known:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import polars as pl
 
@@ -31,7 +32,7 @@ from nathlon.selection.publish.output import POLICY_LOG, OutputFolder
 from nathlon.selection.publish.publish import publish
 from nathlon.selection.publish.recordings import record_tournament
 from nathlon.selection.publish.sent import keep_sent
-from nathlon.selection.run import DONE, WAITING, OnMatch, Run
+from nathlon.selection.run import DONE, OPENED, WAITING, OnMatch, Run
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
@@ -99,11 +100,13 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             name, outcome = untold
             selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
             return Night(name, DONE, outcome["code"], outcome["reason"], selection)
+        watched = watch(config.checkpoints, load_world(config.world).loaders)
+        found = _look(store, config, pool, watched, on_match)
+        if found.night is None and not found.field.newcomers:
+            return _quiet(found.field)
         # First: a night that cannot have its engine does not begin.
         with engine_of(config, store, pool) as engine:
-            night, field = _open(
-                store, config, pool, watch(config.checkpoints, load_world(config.world).loaders)
-            )
+            night, field = _begin(store, config, pool, watched, found, on_match)
             if night is None:
                 return _quiet(field)
             number = [record.name for record in _nights(store)].index(night.name)
@@ -199,18 +202,45 @@ def _untold(store: Store) -> tuple[str, dict[str, Any]] | None:
     return None
 
 
-def _open(store: Store, config: Config, pool: Pool, watched: Watched) -> tuple[RunRecord | None, Field]:
-    """The night that has not ended if it can go on, a new one if there is something new, or None.
+class _Found(NamedTuple):
+    """What there is to do.
 
-    And who takes part in it; of none, what is set aside.
+    Attributes:
+        night: that has not ended and can go on; None where there is none.
+        field: who takes part in it, or else in a new one; without newcomers there is none, and what is set
+            aside is new.
+        name: of a new one.
     """
+
+    night: RunRecord | None
+    field: Field
+    name: str
+
+
+def _begin(
+    store: Store, config: Config, pool: Pool, watched: Watched, found: _Found, on_match: OnMatch
+) -> tuple[RunRecord | None, Field]:
+    """The night that has been found, or else a new one; None if others have done meanwhile what was new."""
+    while found.night is None and found.field.newcomers:
+        plan = {"world": _world(config), "field": asdict(found.field)}
+        try:
+            return store.begin_run(found.name, plan), found.field
+        except InputError:
+            # Another process has begun this night meanwhile, with what it found.
+            found = _look(store, config, pool, watched, on_match)
+    return found.night, found.field
+
+
+def _look(store: Store, config: Config, pool: Pool, watched: Watched, on_match: OnMatch) -> _Found:
+    """See what there is to do."""
     nights = _nights(store)
+    name = f"{NIGHT}{len(nights) + 1:04d}"
     for night in nights:
         if night.status in (DONE, ABANDONED):
             continue
         field = _there(Field.from_plan(night.config), config, watched)
         if night.config["world"] == _world(config) and field and all(intact(pool, field.entrants)):
-            return night, field
+            return _Found(night, field, name)
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
     fields = [Field.from_plan(night.config) for night in done]
@@ -218,24 +248,19 @@ def _open(store: Store, config: Config, pool: Pool, watched: Watched) -> tuple[R
     anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
     refused = _refused(store, fields)
-    new, excluded = newcomers(pool, watched, config.circuit, config.car, known, refused, config.world)
+    where, opened = (config.circuit, config.car), partial(on_match, OPENED)
+    new, excluded = newcomers(pool, watched, *where, known, refused, config.world, opened)
     notes = tuple(f"{folder} holds no checkpoint." for folder in watched.empty)
     if not new:
         if not excluded:
             _check_full(watched, fields)
-        return None, Field((), anchors=anchors, excluded=tuple(excluded), notes=notes)
+        return _Found(None, Field((), anchors=anchors, excluded=tuple(excluded), notes=notes), name)
     best: list[Entrant] = []
     missing: tuple[str, ...] = ()
     if done:
         ranked = _ranked(store.table(done[-1].name, "pool"), fields, {anchor.id for anchor in anchors})
         best, missing = incumbents(pool, ranked, config.nightly.incumbents, watched, Path(config.out))
-    field = Field(tuple(new), tuple(best), anchors, tuple(excluded), (*notes, *missing))
-    plan = {"world": _world(config), "field": asdict(field)}
-    try:
-        return store.begin_run(f"{NIGHT}{len(nights) + 1:04d}", plan), field
-    except InputError:
-        # Another process has begun this night meanwhile, with what it found.
-        return _open(store, config, pool, watched)
+    return _Found(None, Field(tuple(new), tuple(best), anchors, tuple(excluded), (*notes, *missing)), name)
 
 
 def _check_full(watched: Watched, fields: Sequence[Field]) -> None:

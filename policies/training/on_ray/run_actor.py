@@ -6,11 +6,11 @@ Nothing here may load a kernel before the actor has said where those are kept; s
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, NamedTuple
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.local_cache import keep_caches_here
+from nathlon.sim.scratch import scratch_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -56,7 +56,7 @@ class RunActor:
         """An actor without a run yet; `name` is for messages."""
         keep_caches_here()
         self._name = name
-        self._folder = TemporaryDirectory(prefix="nathlon-", ignore_cleanup_errors=True)
+        self._folder = scratch_folder()
         self._told: dict[str, tuple[int, int]] = {}
         self._status: Status | None = None
 

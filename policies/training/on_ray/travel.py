@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, NamedTuple
 
 from nathlon.policies.sources import SUFFIXES, suffix_of
 from nathlon.sim.errors import InputError
+from nathlon.sim.scratch import scratch_folder
 
 if TYPE_CHECKING:
     from nathlon.policies.training.config import Opponent, TrainingConfig
@@ -60,7 +60,7 @@ class Arrived:
     """Files that have come, in a folder that goes with this object."""
 
     def __init__(self) -> None:
-        self._folder = TemporaryDirectory(prefix="nathlon-", ignore_cleanup_errors=True)
+        self._folder = scratch_folder()
         self._places: dict[str, str] = {}
 
     def unpack(self, parcels: Iterable[Parcel]) -> None:
