@@ -16,7 +16,7 @@ from nathlon.sim.track.formats.reading import read_outline
 from nathlon.sim.track.importing import Imported, import_circuit
 from nathlon.sim.track.lap_line import lap_line
 from nathlon.sim.track.projection import transverse_mercator
-from tests import circuit_dialects as dialects
+from tests.support import circuit_dialects as dialects
 
 
 def imported(
