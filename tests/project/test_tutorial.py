@@ -22,7 +22,7 @@ BLOCK = re.compile(
 
 def follow(page: str, folder: Path) -> str:
     """Save the files that a page names and run its shell blocks in a folder; what they print."""
-    # As after the tutorial's `. .venv/bin/activate`; one thread, as tests run side by side.
+    # As after the tutorial's `. .venv/bin/activate`; one thread and one worker, as tests run side by side.
     environment = {
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
@@ -31,7 +31,8 @@ def follow(page: str, folder: Path) -> str:
     printed = ""
     for block in BLOCK.finditer(page):
         if block["file"]:
-            (folder / block["file"]).write_text(block["text"], "utf-8")
+            alone = "workers = 1\n" if block["file"].endswith(".toml") else ""
+            (folder / block["file"]).write_text(alone + block["text"], "utf-8")
         elif block["language"] == "sh" and not block["skip"]:
             run = subprocess.run(
                 ["bash", "-e", "-c", block["text"]],
