@@ -56,7 +56,7 @@ def _load(
     with memory_limit():
         match suffix_of(path):
             case ".zip":
-                return load_sb3(path)
+                return load_sb3(path, observation_space)
             case ".onnx":
                 return load_onnx(path)
         if what := recognised(path):
