@@ -39,7 +39,7 @@ _SAYS_NOTHING = {"model", "policy", "checkpoint", "agent", "env", "stats", "stat
 """Words in names that do not tell which run a file belongs to."""
 _OF_A_RUN = {"best", "checkpoints", "checkpoint", "ckpt", "ckpts", "models", "weights", "saves", "snapshots"}
 """Names of folders below that of their run."""
-_ZOO = ("args.yml", "config.yml")
+_ZOO = ("config.yml", "args.yml")
 """Files of a run that RL Zoo keeps beside its statistics."""
 _PUT = ("MEMOIZE", "BINPUT", "LONG_BINPUT", "PUT")
 
@@ -64,6 +64,11 @@ class Companions(NamedTuple):
             InputError: if one cannot be read.
         """
         return tuple(read_policy_file(path) if path else b"" for path in self)
+
+    def named_after(self, copy: Path) -> dict[Path, Path]:
+        """Where they lie beside a copy of the policy, so that they belong to it: paths there, and here."""
+        there = copy.with_name(f"{_with_statistics(copy.stem)}.pkl"), copy.with_suffix(f".{_ZOO[0]}")
+        return {one: path for one, path in zip(there, self, strict=True) if path}
 
 
 def identity_with(content: bytes, beside: Iterable[bytes]) -> str:
@@ -104,9 +109,8 @@ def check_as_it_is(path: Path) -> None:
             if _of_observations(statistics, _changed(statistics)):
                 named = printable(os.path.relpath(statistics, path.parent))
                 raise InputError(
-                    f"{path}: {named!r} says that observations were normalised in training, which is not done "
-                    "for graphs; export it with the statistics inside, and keep it, as one that has nothing to "
-                    "do with them, in a folder without them, expected a policy that takes observations as they are"
+                    f"{path}: {named!r} says that observations were normalised in training, which is not "
+                    "done for graphs; expected one with the statistics inside, in a folder without them"
                 )
     if suffix_of(path) == ".zip" and companions(path).statistics is None and was_normalised(path):
         named = f"{printable(path.stem)}_vecnormalize.pkl"
@@ -132,7 +136,7 @@ def _own_statistics(path: Path, zoo: Path | None) -> Path | None:
         raise InputError(f"{path}: its statistics are {named}, expected one file, as {wanted!r}")
     [one] = found
     own = _words(path.stem)
-    if one.parent == zoo or (_words(one.stem) == own and own):
+    if one.parent == zoo or one.stem == _with_statistics(path.stem) or (_words(one.stem) == own and own):
         return one
     if _is_step(_words(one.stem)):
         raise InputError(
@@ -185,11 +189,17 @@ def statistics_of(path: Path) -> list[Path]:
     here = _in(folder)
     policies = _policies(folder)
     named = [(_words(one.stem), one) for one in here]
-    mine = [one for words, one in named if words and words == own]
+    exact = [one for one in here if one.stem == _with_statistics(path.stem)]
+    mine = exact or [one for words, one in named if words and words == own]
     if mine:
         return mine
     of_run = [one for words, one in named if _is_step(words) and _is_step(own) and words[:-2] == own[:-2]]
-    shared = [one for words, one in named if words not in policies or not words]
+    named_after = _names_of_statistics(folder, _changed(folder))
+    shared = [
+        one
+        for words, one in named
+        if (words not in policies or not words) and one.stem not in named_after
+    ]
     if of_run or shared:
         return of_run or shared
     zoo = _zoo(path)
@@ -233,6 +243,12 @@ def _statistics(folder: Path, _: int) -> tuple[Path, ...]:
 @lru_cache
 def _named_policies(folder: Path, _: int) -> set[Words]:
     return {_words(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix in SUFFIXES}
+
+
+@lru_cache
+def _names_of_statistics(folder: Path, _: int) -> set[str]:
+    """What statistics of a folder's policies are called."""
+    return {_with_statistics(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix in SUFFIXES}
 
 
 def _changed(path: Path) -> int:

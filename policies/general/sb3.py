@@ -75,9 +75,10 @@ class Sb3Model:
             file = Sb3File.read(path, content)
             family = file.family
             observed = observed_by(file, family, seen, settings.frames if settings else 1, statistics)
-            mlp, network = _network(file, family, observed)
+            kind = _kind_of_action(file, family)
+            mlp, network = _network(file, family, observed, kind)
             actions = len((mlp or _head(network)).layers[-1][1])
-            outputs = _outputs(file, family, actions)
+            outputs = _outputs(file, family, kind, actions)
             file.check_all_read(family)
             plain = mlp if mlp and observed.plain and isinstance(network, Memoryless) else None
             return cls(
@@ -114,12 +115,13 @@ def _head(network: Network) -> Mlp:
     return network.head
 
 
-def _network(file: Sb3File, family: Family, observed: Observed) -> tuple[Mlp | None, Network]:
+def _network(file: Sb3File, family: Family, observed: Observed, kind: str) -> tuple[Mlp | None, Network]:
     """The network of features: as a perceptron if it is one, and what runs it."""
     layers = file.layers(family)
     if family.algorithm == "QR-DQN":
         layers = (*layers[:-1], _averaged(file, layers[-1]))
-    mlp = Mlp(layers, file.hidden(family), "tanh" if file.squashes(family) else "linear")
+    squashes = kind == "Box" and file.squashes(family)
+    mlp = Mlp(layers, file.hidden(family), "tanh" if squashes else "linear")
     size = len(layers[0][0])
     if family.algorithm == "RecurrentPPO":
         lstm = Lstm(_lstm_layers(file, size), mlp)
@@ -170,26 +172,29 @@ def _lstm_layers(file: Sb3File, units: int) -> tuple[Any, ...]:
     return tuple(layers)
 
 
-def _outputs(file: Sb3File, family: Family, actions: int) -> Outputs:
-    told, space = file.section("action_space"), file.space("action_space")
+def _kind_of_action(file: Sb3File, family: Family) -> str:
+    """The kind of action space that a model was trained for."""
+    space = file.space("action_space")
     # As "<class 'gymnasium.spaces.box.Box'>".
-    kind = type(space).__name__ if space else str(told.get(":type:")).rstrip("'>").rpartition(".")[2]
-    squashes = file.squashes(family)
+    told = str(file.section("action_space").get(":type:")).rstrip("'>").rpartition(".")[2]
+    kind = type(space).__name__ if space else told
     if family.squashes:
         allowed = _SPACES[:1]
+    elif family.algorithm in VALUES:
+        allowed = _SPACES[1:2]
     else:
-        allowed = (
-            _SPACES[1:2]
-            if family.algorithm in VALUES
-            else _SPACES[:2]
-            if family.algorithm == "ARS"
-            else _SPACES
-        )
+        allowed = _SPACES[:2] if family.algorithm == "ARS" else _SPACES
     if kind not in allowed:
         raise InputError(f"{file.path}: action space is {kind}, expected {' or '.join(allowed)}")
+    return kind
+
+
+def _outputs(file: Sb3File, family: Family, kind: str, actions: int) -> Outputs:
+    told, space = file.section("action_space"), file.space("action_space")
     names = {"Box": ("low", "high"), "MultiDiscrete": ("nvec",), "Discrete": ("n",)}[kind]
     # Those of the pickle, for texts depend on how the program printed that saved them.
-    texts = {name: " ".join(str(getattr(space, name) if space else told.get(name)).split()) for name in names}
+    values = {name: getattr(space, name) if space else told.get(name) for name in names}
+    texts = {name: " ".join(str(value).split()) for name, value in values.items()}
     if kind != "Box":
         return Outputs(None, "argmax", actions, texts, masked=family.algorithm == "MaskablePPO")
-    return Outputs("unscale" if squashes else "clip", None, actions, texts)
+    return Outputs("unscale" if file.squashes(family) else "clip", None, actions, texts)

@@ -103,8 +103,8 @@ def _trained(file: Sb3File) -> Space[Any]:
         raise InputError(f"{file.path}: its observation space cannot be read, expected one of Gymnasium")
     if told.get("dtype") == "uint8" and len(shape) == 3:
         raise InputError(
-            f"{file.path}: its observation space of pictures cannot be read, expected one that Stable-Baselines3 "
-            "has pickled"
+            f"{file.path}: its observation space of pictures cannot be read, expected one that "
+            "Stable-Baselines3 has pickled"
         )
     return Box(-np.inf, np.inf, tuple(shape), np.float32)
 
@@ -122,8 +122,8 @@ def _arrays(
         wanted = inner if isinstance(trained, Dict) else {"observation": trained}
         if missing := wanted.keys() - seen.spaces.keys():
             raise InputError(
-                f"{file.path}: sees {sorted(missing)[0]!r}, expected {', '.join(map(repr, seen.spaces))} as in "
-                f"the observation space {in_words(seen)}"
+                f"{file.path}: sees {sorted(missing)[0]!r}, expected {', '.join(map(repr, seen.spaces))} "
+                f"as in the observation space {in_words(seen)}"
             )
         starts = dict(zip(seen.spaces, np.cumsum([0, *map(flatdim, seen.spaces.values())]), strict=False))
         if isinstance(trained, Dict):
@@ -208,8 +208,8 @@ def _hint(wanted: Space[Any], seen: Space[Any]) -> str:
     if rest or not 2 <= frames <= MOST_FRAMES:
         return ""
     return (
-        f"; if {frames} frames were stacked, write 'frame_stack: {frames}' into a file with its name and the ending "
-        ".config.yml, or stack them in the environment"
+        f"; if {frames} frames were stacked, write 'frame_stack: {frames}' into a file with its name and the "
+        "ending .config.yml, or stack them in the environment"
     )
 
 

@@ -28,8 +28,8 @@ def policy_id(source: str) -> str:
     """The id of the policy that a user calls by a path or a name.
 
     That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, with those of what
-    lies beside it and decides what it sees, of a plugin, a composite, a planner or policies by role that of all that decides how it drives, of an object that of what
-    it consists of.
+    lies beside it and decides what it sees, of a plugin, a composite, a planner or policies by role that of
+    all that decides how it drives, of an object that of what it consists of.
 
     Raises:
         InputError: if there is no such file or plugin.

@@ -94,7 +94,7 @@ def read_pickle(content: bytes) -> Any:
     """What a pickle holds: numbers, texts, lists, tuples and dictionaries, arrays, and records.
 
     Raises:
-        ValueError: if it is damaged, too long, or names what it need not; says which, without naming the file.
+        ValueError: if it is damaged, too long, or names what it need not; the file it does not name.
         MemoryError: if there is too little.
     """
     if len(content) > MOST_BYTES:

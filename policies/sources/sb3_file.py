@@ -1,9 +1,9 @@
 """What Stable-Baselines3 saved: the weights of a `.zip` and the settings beside them, read as data.
 
 Of the archive's members two are read: `policy.pth`, by torch with `weights_only`, and the values of `data`,
-a JSON object: plain ones, and pickled spaces as `nathlon.policies.sources.inert_pickle` does. The weights do not show which functions stand
-between the layers, but Stable-Baselines3 writes the settings that tell as plain text beside the pickles
-(`stable_baselines3.common.save_util.data_to_json`).
+a JSON object: plain ones, and pickled spaces as `nathlon.policies.sources.inert_pickle` does. The weights do
+not show which functions stand between the layers, but Stable-Baselines3 writes the settings that tell as
+plain text beside the pickles (`stable_baselines3.common.save_util.data_to_json`).
 """
 
 from __future__ import annotations
@@ -165,8 +165,8 @@ class Sb3File:
         if module not in FAMILIES:
             known = ", ".join(family.algorithm for family in FAMILIES.values())
             raise InputError(
-                f"{self.path}: policy class of {module!r}, expected one that comes with {known}; for a class of "
-                "your own export ONNX, or name a loader in the world's mapping"
+                f"{self.path}: policy class of {module!r}, expected one of {known}; for a class of your "
+                "own export ONNX, or name a loader in the world's mapping"
             )
         return FAMILIES[module]
 
@@ -190,7 +190,7 @@ class Sb3File:
         if name not in _EXTRACTORS:
             raise InputError(
                 f"{self.path}: policy_kwargs sets features_extractor_class {name!r}, expected one of "
-                f"{', '.join(_EXTRACTORS)}; for a class of your own export ONNX, or name a loader in the world's mapping"
+                f"{', '.join(_EXTRACTORS)}; for your own export ONNX, or name a loader in the world's mapping"
             )
         if settings.get("lstm_kwargs"):
             raise InputError(f"{self.path}: policy_kwargs sets lstm_kwargs, expected an LSTM without them")
@@ -300,7 +300,7 @@ class Sb3File:
         return array
 
     def features(self, family: Family) -> str:
-        """Prefix of the tensors that make features of observations; for actor and critic they may be the same."""
+        """Prefix of the tensors that make features of observations; the critic may have the same."""
         own = f"{family.within}pi_features_extractor."
         return (
             own

@@ -1,4 +1,4 @@
-"""Statistics of `VecNormalize` of Stable-Baselines3, as `VecNormalize.save` writes them: a pickle, read as data."""
+"""Statistics of `VecNormalize` of Stable-Baselines3: the pickle that `VecNormalize.save` writes, read as data."""
 
 from __future__ import annotations
 

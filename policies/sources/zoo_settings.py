@@ -104,7 +104,7 @@ def _ordered(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
     if not isinstance(node, yaml.SequenceNode):
         raise ValueError("an OrderedDict is no sequence")
     (pairs,) = loader.construct_sequence(node, deep=True) or ((),)
-    return {key: value for key, value in pairs}
+    return dict(pairs)
 
 
 def _named(loader: _Loader, suffix: str, node: yaml.Node) -> str:
