@@ -32,7 +32,7 @@ _KNOWN = re.compile(
     r"|stable_baselines3\.common\.running_mean_std RunningMeanStd"
     r"|(gym|gymnasium)\.spaces\.(space|box|discrete|multi_discrete|multi_binary|dict|tuple) \w+"
     r"|(gym|gymnasium)\.utils\.seeding RandomNumberGenerator"
-    r"|(_codecs) encode|copyreg _reconstructor|builtins (object|int|float|bool|str)"
+    r"|_codecs encode|(copyreg|copy_reg) _reconstructor|(builtins|__builtin__) (object|int|float|bool|str|bytes)"
 )
 _UNUSUAL = {"PERSID", "BINPERSID", "EXT1", "EXT2", "EXT4", "NEXT_BUFFER", "READONLY_BUFFER"}
 
@@ -169,6 +169,8 @@ def _bytes(value: Any) -> bytes:
         # As protocols before 3 have it.
         case Record(named="_codecs encode", arguments=(str(text), "latin1")):
             return text.encode("latin1")
+        case Record(named="__builtin__ bytes", arguments=()):
+            return b""
     raise ValueError(f"has {_called(value)}, expected bytes")
 
 

@@ -14,8 +14,8 @@ from nathlon.policies.sources.foreign import MOST_FRAMES
 from nathlon.policies.sources.policy_file import opening
 from nathlon.sim.errors import InputError
 
-MOST_BYTES, MOST_PARTS = 1 << 18, 20_000
-"""Of a file, and of what it is made of."""
+MOST_BYTES, MOST_PARTS, DEEPEST = 1 << 16, 5_000, 50
+"""Of a file, of what it is made of, and inside one another."""
 
 _PYTHON = "tag:yaml.org,2002:python/"
 _HARMLESS = {"Monitor", "TimeLimit", "OrderEnforcing", "PassiveEnvChecker", "RecordEpisodeStatistics"}
@@ -127,11 +127,14 @@ def _parsed(content: bytes) -> Any:
         raise ValueError(f"has {len(content)} bytes, at most {MOST_BYTES} are read")
     try:
         text = content.decode()
+        depth = 0
         for number, event in enumerate(yaml.parse(text, yaml.SafeLoader)):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
             # Merged ones would be copied, and those inside them.
             merges = isinstance(event, yaml.ScalarEvent) and event.value == "<<"
-            if number >= MOST_PARTS or merges:
-                raise ValueError("has too many parts, or merges some")
+            if number >= MOST_PARTS or depth > DEEPEST or merges:
+                raise ValueError("has too many parts, too deep ones, or merges some")
         return yaml.load(text, _Loader)  # it is derived from the safe one
     except yaml.YAMLError as error:
         raise ValueError(" ".join(str(error).split())) from None

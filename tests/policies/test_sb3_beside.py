@@ -54,6 +54,13 @@ def saved(path: Path, environments: Any, policy: str = "MlpPolicy") -> Any:
     return model
 
 
+def lived_in(environments: Any) -> None:
+    """Have statistics of some observations."""
+    environments.reset()
+    for _ in range(40):
+        environments.step([0])
+
+
 def agree(path: Path, model: Any, environments: Any, seen: Space[Any], count: int, **tolerance: float) -> None:
     """Assert that a policy does in episodes what the model does behind the wrappers of its training."""
     policy = load_general(str(path), seen, model.action_space)
@@ -103,8 +110,7 @@ def test_policies_of_older_versions_act_as_they_did(version: str) -> None:
 def test_statistics_are_applied_as_there(tmp_path: Path) -> None:
     environments = VecNormalize(DummyVecEnv([lambda: Seen(NUMBERS)]), clip_obs=1.5)
     model = saved(tmp_path / "rl_model_8_steps.zip", environments)
-    for _ in range(40):
-        environments.step([0])
+    lived_in(environments)
     statistics = tmp_path / "rl_model_vecnormalize_8_steps.pkl"
     environments.save(str(statistics))
     plain = policy_id(str(tmp_path / "rl_model_8_steps.zip"))
@@ -124,8 +130,7 @@ def test_statistics_are_applied_as_there(tmp_path: Path) -> None:
 def test_statistics_of_some_keys_are_applied(tmp_path: Path) -> None:
     environments = VecNormalize(DummyVecEnv([lambda: Seen(BOTH)]), norm_obs_keys=["near"])
     model = saved(tmp_path / "both.zip", environments, "MultiInputPolicy")
-    for _ in range(40):
-        environments.step([0])
+    lived_in(environments)
     environments.save(str(tmp_path / "both_vecnormalize.pkl"))
     environments.training = False
     agree(tmp_path / "both.zip", model, environments, BOTH, 1000)
@@ -149,8 +154,7 @@ def test_a_folder_of_rl_zoo_goes_in_as_it_is(tmp_path: Path) -> None:
     model = saved(run / "best_model.zip", environments)
     for name in ("Walker-v3.zip", "rl_model_8_steps.zip", "rl_model_16_steps.zip"):
         shutil.copy(run / "best_model.zip", run / name)
-    for _ in range(40):
-        environments.step([0])
+    lived_in(environments)
     with refusal(run / "best_model.zip", "'config.yml' say that observations were normalised, expected the stat"):
         load_general(str(run / "best_model.zip"), NUMBERS, Discrete(4))
     environments.venv.save(str(run / "Walker-v3" / "vecnormalize.pkl"))
