@@ -25,6 +25,8 @@ from nathlon.sim.names import printable
 HEAD, LONG_HEAD = 1 << 16, 1 << 22
 """Bytes in which a pickle says what it is, and in which it comes to its attributes: spaces stand before."""
 
+WEIGHTS = (".data", "_data")
+"""What is added to a graph's name for that of the file beside it that has its weights, as exporters do."""
 PICKLES = (".pkl", ".pickle")
 OTHERS = (".npz", ".npy", ".json", ".joblib", ".pt", ".pth", ".gz")
 """Suffixes of files that may hold statistics."""
@@ -52,10 +54,12 @@ class Companions(NamedTuple):
     Attributes:
         statistics: by which they were normalised.
         settings: of a run of RL Zoo.
+        weights: of a graph, where they are not inside it.
     """
 
     statistics: Path | None = None
     settings: Path | None = None
+    weights: Path | None = None
 
     def read(self) -> tuple[bytes, ...]:
         """Their contents, empty of what is not there.
@@ -67,7 +71,8 @@ class Companions(NamedTuple):
 
     def named_after(self, copy: Path) -> dict[Path, Path]:
         """Where they lie beside a copy of the policy, so that they belong to it: paths there, and here."""
-        there = copy.with_name(f"{_with_statistics(copy.stem)}.pkl"), copy.with_suffix(f".{_ZOO[0]}")
+        statistics = copy.with_name(f"{_with_statistics(copy.stem)}.pkl")
+        there = statistics, copy.with_suffix(f".{_ZOO[0]}"), copy.with_name(copy.name + WEIGHTS[0])
         return {one: path for one, path in zip(there, self, strict=True) if path}
 
 
@@ -80,11 +85,14 @@ def identity_with(content: bytes, beside: Iterable[bytes]) -> str:
 
 
 def companions(path: Path) -> Companions:
-    """What lies beside a policy's file and belongs to it; nothing, unless that is a `.zip`.
+    """What lies beside a policy's file and belongs to it; nothing, unless that is a `.zip` or an `.onnx`.
 
     Raises:
         InputError: if that cannot be told for sure, or cannot be read here.
     """
+    if suffix_of(path) == ".onnx":
+        named = [path.with_name(path.name + ending) for ending in WEIGHTS]
+        return Companions(weights=next((one for one in named if one.is_file()), None))
     if suffix_of(path) != ".zip":
         return Companions()
     zoo = _zoo(path)
@@ -196,9 +204,7 @@ def statistics_of(path: Path) -> list[Path]:
     of_run = [one for words, one in named if _is_step(words) and _is_step(own) and words[:-2] == own[:-2]]
     named_after = _names_of_statistics(folder, _changed(folder))
     shared = [
-        one
-        for words, one in named
-        if (words not in policies or not words) and one.stem not in named_after
+        one for words, one in named if (words not in policies or not words) and one.stem not in named_after
     ]
     if of_run or shared:
         return of_run or shared

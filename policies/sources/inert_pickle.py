@@ -32,7 +32,8 @@ _KNOWN = re.compile(
     r"|stable_baselines3\.common\.running_mean_std RunningMeanStd"
     r"|(gym|gymnasium)\.spaces\.(space|box|discrete|multi_discrete|multi_binary|dict|tuple) \w+"
     r"|(gym|gymnasium)\.utils\.seeding RandomNumberGenerator"
-    r"|_codecs encode|(copyreg|copy_reg) _reconstructor|(builtins|__builtin__) (object|int|float|bool|str|bytes)"
+    r"|_codecs encode|(copyreg|copy_reg) _reconstructor"
+    r"|(builtins|__builtin__) (object|int|float|bool|str|bytes)"
 )
 _UNUSUAL = {"PERSID", "BINPERSID", "EXT1", "EXT2", "EXT4", "NEXT_BUFFER", "READONLY_BUFFER"}
 

@@ -1,4 +1,4 @@
-"""Statistics of `VecNormalize` of Stable-Baselines3: the pickle that `VecNormalize.save` writes, read as data."""
+"""Statistics of `VecNormalize` of Stable-Baselines3: what `VecNormalize.save` writes, read as data."""
 
 from __future__ import annotations
 

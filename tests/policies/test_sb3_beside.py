@@ -1,4 +1,4 @@
-"""What lies beside a policy of Stable-Baselines3 is applied as there: statistics, frames, RL Zoo's settings."""
+"""What lies beside a policy of Stable-Baselines3 is applied: statistics, frames, settings of RL Zoo."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ PICTURE = Box(0, 255, (40, 36, 1), np.uint8)
 class Seen(gymnasium.Env[Any, Any]):
     """Observations drawn from a space, without a world; every episode has five."""
 
-    def __init__(self, seen: Space[Any], done: Space[Any] = Discrete(4)) -> None:
-        self.observation_space, self.action_space = seen, done
+    def __init__(self, seen: Space[Any]) -> None:
+        self.observation_space, self.action_space = seen, Discrete(4)
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
         self.steps = 0
@@ -61,7 +61,9 @@ def lived_in(environments: Any) -> None:
         environments.step([0])
 
 
-def agree(path: Path, model: Any, environments: Any, seen: Space[Any], count: int, **tolerance: float) -> None:
+def agree(
+    path: Path, model: Any, environments: Any, seen: Space[Any], count: int, **tolerance: float
+) -> None:
     """Assert that a policy does in episodes what the model does behind the wrappers of its training."""
     policy = load_general(str(path), seen, model.action_space)
     inner = environments
@@ -87,9 +89,7 @@ def agree(path: Path, model: Any, environments: Any, seen: Space[Any], count: in
 @pytest.mark.parametrize("version", ["1.8.0", "2.0.0", "2.3.2"])
 def test_policies_of_older_versions_act_as_they_did(version: str) -> None:
     rows = shown()
-    pairs = [
-        {"b": np.tanh(row[:2]).astype(np.float32), "a": np.int64(abs(row[2])) % 3} for row in rows
-    ]
+    pairs = [{"b": np.tanh(row[:2]).astype(np.float32), "a": np.int64(abs(row[2])) % 3} for row in rows]
     for name, seen, done, observations in (
         ("ppo_8_steps", NUMBERS, ACTIONS, rows),
         ("tqc", NUMBERS, ACTIONS, rows.astype(np.float32)),
@@ -144,7 +144,9 @@ def zoo(folder: Path, config: str) -> Path:
     run = folder / "Walker-v3_1"
     (run / "Walker-v3").mkdir(parents=True)
     (run / "Walker-v3" / "config.yml").write_text(config)
-    (run / "Walker-v3" / "args.yml").write_text("!!python/object/apply:collections.OrderedDict\n- - - n\n    - 1\n")
+    (run / "Walker-v3" / "args.yml").write_text(
+        "!!python/object/apply:collections.OrderedDict\n- - - n\n    - 1\n"
+    )
     return run
 
 
@@ -155,7 +157,9 @@ def test_a_folder_of_rl_zoo_goes_in_as_it_is(tmp_path: Path) -> None:
     for name in ("Walker-v3.zip", "rl_model_8_steps.zip", "rl_model_16_steps.zip"):
         shutil.copy(run / "best_model.zip", run / name)
     lived_in(environments)
-    with refusal(run / "best_model.zip", "'config.yml' say that observations were normalised, expected the stat"):
+    with refusal(
+        run / "best_model.zip", "'config.yml' say that observations were normalised, expected the stat"
+    ):
         load_general(str(run / "best_model.zip"), NUMBERS, Discrete(4))
     environments.venv.save(str(run / "Walker-v3" / "vecnormalize.pkl"))
     environments.venv.training = False
@@ -179,7 +183,9 @@ def test_frames_that_nobody_tells_of_are_refused_with_the_cure(tmp_path: Path) -
     environments = VecFrameStack(DummyVecEnv([lambda: Seen(NUMBERS)]), 4)
     path = tmp_path / "stacked.zip"
     model = saved(path, environments)
-    with refusal(path, "takes 12 numbers, expected 3 .*; if 4 frames were stacked, write 'frame_stack: 4' into"):
+    with refusal(
+        path, "takes 12 numbers, expected 3 .*; if 4 frames were stacked, write 'frame_stack: 4' into"
+    ):
         load_general(str(path), NUMBERS, Discrete(4))
     (tmp_path / "stacked.config.yml").write_text("frame_stack: 4\n")
     agree(path, model, environments, NUMBERS, 100)
@@ -194,8 +200,16 @@ def test_a_wrapper_of_training_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("policy", "beside", "message"),
     [
-        ("rl_model_8_steps.zip", ["rl_model_vecnormalize_16_steps.pkl"], "'rl_model_vecnormalize_8_steps.pkl', as"),
-        ("a.zip", ["b.zip", "vecnormalize.pkl"], "statistics of several policies here, .*'a_vecnormalize.pkl'"),
+        (
+            "rl_model_8_steps.zip",
+            ["rl_model_vecnormalize_16_steps.pkl"],
+            "'rl_model_vecnormalize_8_steps.pkl', as",
+        ),
+        (
+            "a.zip",
+            ["b.zip", "vecnormalize.pkl"],
+            "statistics of several policies here, .*'a_vecnormalize.pkl'",
+        ),
         ("a.zip", ["first_vecnormalize.pkl", "second_vecnormalize.pkl"], "expected one file"),
         ("a.zip", ["obs_rms.npz"], "expected what VecNormalize.save writes, as 'a_vecnormalize.pkl'"),
     ],
