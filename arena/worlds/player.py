@@ -17,7 +17,6 @@ from nathlon.arena.worlds.contract import WorldError
 from nathlon.arena.worlds.loaded import LoadedPolicy, Seated
 from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.isolation import Apart
-from nathlon.policies.policy import Batch
 
 log = logging.getLogger(__name__)
 
@@ -107,7 +106,7 @@ class Asking:
             return idle(self._done)
         return action
 
-    def _flat(self, observation: Any) -> Batch:
+    def _flat(self, observation: Any) -> NDArray[Any]:
         """(1, size), a copy, for the policy may write into it; float32 unless the policy is precise."""
         dtype = np.float64 if self._policy.precise else np.float32
         try:

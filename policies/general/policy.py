@@ -99,7 +99,7 @@ class GeneralPolicy:
         """Memory at the start of n episodes, (n, m) float32; m may be 0."""
         return self.network.initial_memory(n)
 
-    def act(self, observations: Batch, memory: Batch) -> tuple[NDArray[Any], Batch]:
+    def act(self, observations: NDArray[Any], memory: Batch) -> tuple[NDArray[Any], Batch]:
         """What `decode` makes actions of.
 
         Args:

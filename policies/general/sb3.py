@@ -25,7 +25,7 @@ from nathlon.policies.sources.vec_normalize import Statistics
 from nathlon.policies.sources.zoo_settings import ZooSettings
 from nathlon.sim.errors import InputError
 
-_SPACES = ("Box", "Discrete", "MultiDiscrete")
+_SPACES: tuple[str, ...] = ("Box", "Discrete", "MultiDiscrete")
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,8 @@ def _kind_of_action(file: Sb3File, family: Family) -> str:
 
 def _outputs(file: Sb3File, family: Family, kind: str, actions: int) -> Outputs:
     told, space = file.section("action_space"), file.space("action_space")
-    names = {"Box": ("low", "high"), "MultiDiscrete": ("nvec",), "Discrete": ("n",)}[kind]
+    attributes = {"Box": "low high", "MultiDiscrete": "nvec", "Discrete": "n"}
+    names = attributes[kind].split()
     # Those of the pickle, for texts depend on how the program printed that saved them.
     values = {name: getattr(space, name) if space else told.get(name) for name in names}
     texts = {name: " ".join(str(value).split()) for name, value in values.items()}

@@ -146,7 +146,7 @@ def _one_frame(file: Sb3File, space: Space[Any], frames: int) -> Space[Any]:
             f"{file.path}: sees {in_words(space)}, expected {frames} stacked frames as its settings say"
         )
     part = np.split(np.arange(space.shape[axis]), frames)[0]
-    return Box(space.low.take(part, axis), space.high.take(part, axis), dtype=space.dtype.type)  # type: ignore[union-attr]
+    return Box(space.low.take(part, axis), space.high.take(part, axis), dtype=space.dtype.type)
 
 
 def _normal(statistics: Statistics | None, by_key: dict[str, Normal], key: str) -> Normal | None:

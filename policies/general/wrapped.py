@@ -81,12 +81,12 @@ class Part:
             before = np.stack(frames[1:], axis=1).reshape(n, -1).astype(np.float32)
         if self.normal and not early:
             array = self.normal(array)
-        array = array.astype(np.float32, copy=False)
+        made: NDArray[np.float32] = array.astype(np.float32, copy=False)
         if self.turns:
-            array = array.transpose(0, 3, 1, 2)
+            made = made.transpose(0, 3, 1, 2)
         if self.scales:
-            array = array / np.float32(255.0)
-        return (self.features(array) if self.features else array.reshape(n, -1)), before
+            made = made / np.float32(255.0)
+        return (self.features(made) if self.features else made.reshape(n, -1)), before
 
 
 class Wrapped:

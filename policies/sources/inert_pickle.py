@@ -117,7 +117,7 @@ def _check_opcodes(content: bytes) -> None:
         if opcode.name in _UNUSUAL:
             raise ValueError(f"has the instruction {opcode.name}")
         # Places in the memory for later use: room is made up to the highest.
-        if opcode.name in ("PUT", "BINPUT", "LONG_BINPUT") and argument > MOST_OPCODES:
+        if opcode.name in ("PUT", "BINPUT", "LONG_BINPUT") and int(argument or 0) > MOST_OPCODES:
             raise ValueError(f"keeps something in place {argument}")
 
 

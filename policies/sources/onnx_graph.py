@@ -39,7 +39,7 @@ _RANDOM = (
 )
 
 
-_NUMBERS = {
+_NUMBERS: dict[str, type[np.generic]] = {
     "tensor(float)": np.float32,
     "tensor(float16)": np.float16,
     "tensor(double)": np.float64,

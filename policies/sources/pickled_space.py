@@ -41,8 +41,8 @@ def _space(value: Any, depth: int) -> Space:
             return spaces.Discrete(_whole(fields.get("n")), start=int(start))
         case "MultiDiscrete":
             nvec = array_of(fields.get("nvec"))
-            start = array_of(fields["start"]) if "start" in fields else None
-            return spaces.MultiDiscrete(nvec.astype(np.int64), start=start)
+            first = array_of(fields["start"]) if "start" in fields else None
+            return spaces.MultiDiscrete(nvec.astype(np.int64), start=first)
         case "MultiBinary":
             n = fields.get("n")
             return spaces.MultiBinary([_whole(size) for size in n] if isinstance(n, tuple) else _whole(n))

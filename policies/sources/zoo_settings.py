@@ -88,7 +88,7 @@ def _wrappers(told: Any) -> Iterator[str]:
             raise ValueError(f"env_wrapper is {told!r}")
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # it has no types
     """Knows tuples and ordered dictionaries of Python, which RL Zoo writes, as plain data."""
 
 

@@ -154,13 +154,13 @@ def test_other_policies_act_as_they_do_there(
 ) -> None:
     arguments = {"device": "cpu", "seed": 1, **settings}
     model = algorithm(policy, Spaces(action, seen), **arguments)
-    state = model.policy.state_dict()
+    state: dict[str, Any] = model.policy.state_dict()
     for name, tensor in state.items():
         if "ra_" in name:  # of running statistics
             tensor.uniform_(0.5, 2.0)
         elif algorithm is ARS or "action_net" in name or "cnn" in name or "linear" in name:
-            tensor *= 0.5 if algorithm is ARS else 5.0
-            tensor += torch.randn_like(tensor) * (0.3 if algorithm is ARS else 0.0)
+            tensor.mul_(0.5 if algorithm is ARS else 5.0)
+            tensor.add_(torch.randn_like(tensor) * (0.3 if algorithm is ARS else 0.0))
     model.policy.load_state_dict(state)
     model.save(tmp_path / "model.zip")
     seen.seed(0)

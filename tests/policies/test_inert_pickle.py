@@ -23,7 +23,7 @@ SAVED = Path(__file__).parent.parent / "data" / "sb3"
 SPACES: list[Space[Any]] = [
     Box(np.array([0.0, -1.0]), np.array([1.0, np.inf]), dtype=np.float64),
     Box(0, 255, (2, 3, 1), np.uint8),
-    MultiDiscrete([[2, 3], [4, 5]]),
+    MultiDiscrete(np.array([[2, 3], [4, 5]])),
     Dict(
         {"b": Box(-1.0, 1.0, (2,)), "a": Tuple([Discrete(3, start=2), MultiBinary(3), MultiBinary((2, 2))])}
     ),

@@ -1,8 +1,9 @@
-"""ONNX graphs as exporters write them: fixed batches, several inputs and outputs, weights beside them, halves."""
+"""ONNX graphs as exporters write them: batches of one, several inputs and outputs, weights beside them."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,19 +28,21 @@ Value = tuple[str, int, list[Any]]
 
 
 def graph(
-    nodes: list[onnx.NodeProto] = [PRODUCT],
-    inputs: list[Value] = [("x", FLOAT, ["n", 4])],
-    outputs: list[Value] = [("y", FLOAT, ["n", 3])],
+    nodes: Sequence[onnx.NodeProto] = (PRODUCT,),
+    inputs: Sequence[Value] = (("x", FLOAT, ["n", 4]),),
+    outputs: Sequence[Value] = (("y", FLOAT, ["n", 3]),),
     weight: NDArray[Any] = WEIGHT,
     opset: int = 17,
-    **card: Any,
+    output: str | None = None,
 ) -> onnx.ModelProto:
-    """A model with the weights `w`."""
-    given = [[helper.make_tensor_value_info(*value) for value in values] for values in (inputs, outputs)]
-    made = helper.make_graph(nodes, "policy", *given, [numpy_helper.from_array(weight, "w")])
+    """A model with the weights `w`, and a card that names an output."""
+    taken, given = (
+        [helper.make_tensor_value_info(*value) for value in values] for values in (inputs, outputs)
+    )
+    made = helper.make_graph(nodes, "policy", taken, given, [numpy_helper.from_array(weight, "w")])
     model = helper.make_model(made, opset_imports=[helper.make_opsetid("", opset)], ir_version=4)
-    if card:
-        helper.set_model_props(model, {"nathlon": json.dumps(card)})
+    if output:
+        helper.set_model_props(model, {"nathlon": json.dumps({"output": output})})
     return model
 
 
@@ -79,18 +82,18 @@ ALL: list[Value] = [("y", FLOAT, ["n", 3]), *VALUE, ("log", FLOAT, ["n"])]
 
 def test_one_of_several_outputs_is_the_actions(tmp_path: Path) -> None:
     path, nodes = tmp_path / "a.onnx", [PRODUCT, SUM, FLAT]
-    for outputs, card in (
-        (ALL, {}),  # as Stable-Baselines3's documentation exports them
-        ([*reversed(ALL)], {"output": "y"}),
+    for outputs, named in (
+        (ALL, None),  # as Stable-Baselines3's documentation exports them
+        ([*reversed(ALL)], "y"),
     ):
-        model = graph(nodes, outputs=outputs, opset=11, **card)
+        model = graph(nodes, outputs=outputs, opset=11, output=named)
         np.testing.assert_allclose(numbers(path, model), SHOWN @ WEIGHT, atol=1e-5)
     renamed = [
         helper.make_node("MatMul", ["x", "w"], ["Actions"]),
         helper.make_node("Neg", ["Actions"], ["b"]),
     ]
-    outputs = [("b", FLOAT, ["n", 3]), ("Actions", FLOAT, ["n", 3])]
-    np.testing.assert_allclose(numbers(path, graph(renamed, outputs=outputs)), SHOWN @ WEIGHT, atol=1e-5)
+    two: list[Value] = [("b", FLOAT, ["n", 3]), ("Actions", FLOAT, ["n", 3])]
+    np.testing.assert_allclose(numbers(path, graph(renamed, outputs=two)), SHOWN @ WEIGHT, atol=1e-5)
     with refusal(path, "outputs are 'value', 'y', expected one, or a card whose field 'output' names"):
         numbers(path, graph(nodes, outputs=[*VALUE, ALL[0]], opset=11))
     with refusal(path, "has no output 'z', expected y"):

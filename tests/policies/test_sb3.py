@@ -19,8 +19,9 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sb3_contrib import TQC
+from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from examples.sb3_sac_tqc import CHECKPOINTS, LEARNERS, main
 from nathlon.arena.entrance import enter_all, trained_on
@@ -213,6 +214,25 @@ def test_data_nested_almost_too_deeply(tmp_path: Path, saved: Path, depth: int) 
     path.write_bytes(zipped({"data": text.encode(), "policy.pth": weights}))
     with refusal(path, "nested too deeply|policy class of"):
         Sb3Policy.load(path)
+
+
+def test_one_with_a_memory_drives_behind_its_statistics(tmp_path: Path) -> None:
+    environments: Any = VecNormalize(DummyVecEnv([Spaces]))
+    rows = np.random.default_rng(0).normal(0.5, 2.0, (40, SPEC.size)).astype(np.float32)
+    environments.obs_rms.update(rows)
+    kept = {"net_arch": [8], "lstm_hidden_size": 6}
+    model = RecurrentPPO("MlpLstmPolicy", environments, seed=3, device="cpu", policy_kwargs=kept)
+    model.policy.action_net.weight.data *= 300.0
+    model.save(tmp_path / "drive_8_steps.zip")
+    environments.save(str(tmp_path / "drive_vecnormalize_8_steps.pkl"))
+    policy = load_policy(str(tmp_path / "drive_8_steps.zip"), "lindenring", "gt3")
+    assert policy.observation_spec == SPEC
+    memory, state = policy.initial_memory(1), None
+    for row in rows:
+        actions, memory = policy.act(row[None], memory)
+        shown = environments.normalize_obs(row[None])
+        expected, state = model.predict(shown, state, np.zeros(1), deterministic=True)
+        np.testing.assert_allclose(actions, expected, atol=2e-5)
 
 
 def test_numbers_that_no_store_keeps_are_not_known(tmp_path: Path, saved: Path) -> None:

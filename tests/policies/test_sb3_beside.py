@@ -14,9 +14,13 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize, VecTransposeImage
 
+from nathlon import GymnasiumWorld
+from nathlon.arena import baggage
 from nathlon.policies.general import load_general
 from nathlon.policies.normalisation import companions
 from nathlon.policies.sources.identity import policy_id
+from nathlon.publishing.sent import _copy
+from nathlon.sim.errors import InputError
 from tests.policies.old_stable_baselines import ACTIONS, NUMBERS, PAIR, shown
 from tests.refusals import refusal
 
@@ -46,7 +50,13 @@ class Seen(gymnasium.Env[Any, Any]):
 
 def saved(path: Path, environments: Any, policy: str = "MlpPolicy") -> Any:
     """A model of few units, whose actions differ."""
-    on = {"n_steps": 8, "batch_size": 8, "device": "cpu", "seed": 1, "policy_kwargs": {"net_arch": [6]}}
+    on: dict[str, Any] = {
+        "n_steps": 8,
+        "batch_size": 8,
+        "device": "cpu",
+        "seed": 1,
+        "policy_kwargs": {"net_arch": [6]},
+    }
     model = PPO(policy, environments, **on)
     for name, parameter in model.policy.named_parameters():
         parameter.data *= 60.0 if "action_net" in name else 4.0 if "cnn" in name else 1.0
@@ -61,18 +71,16 @@ def lived_in(environments: Any) -> None:
         environments.step([0])
 
 
-def agree(
-    path: Path, model: Any, environments: Any, seen: Space[Any], count: int, **tolerance: float
-) -> None:
+def agree(path: Path, model: Any, environments: Any, seen: Space[Any], count: int) -> None:
     """Assert that a policy does in episodes what the model does behind the wrappers of its training."""
     policy = load_general(str(path), seen, model.action_space)
-    inner = environments
+    inner: Any = environments
     while not isinstance(inner, DummyVecEnv):
         inner = inner.venv
     rng, memory, wrapped = np.random.default_rng(0), policy.initial_memory(1), environments.reset()
     found, expected = [], []
     for _ in range(count):
-        raw = {key: rows[0] for key, rows in inner.buf_obs.items()}
+        raw: dict[Any, Any] = {key: rows[0] for key, rows in inner.buf_obs.items()}
         flat = flatten(seen, raw if isinstance(seen, Dict) else raw[None])
         row = np.asarray(flat, np.float64 if policy.precise else np.float32)[None]
         numbers, memory = policy.act(row, memory)
@@ -82,13 +90,13 @@ def agree(
         wrapped, _, done, _ = environments.step(actions)
         if done[0]:
             memory = policy.initial_memory(1)
-    np.testing.assert_allclose(found, expected, **({"atol": 2e-5} | tolerance))
+    np.testing.assert_allclose(found, expected, atol=2e-5)
     assert np.ptp(expected, axis=0).min() > 0, "the actions differ between observations"
 
 
 @pytest.mark.parametrize("version", ["1.8.0", "2.0.0", "2.3.2"])
 def test_policies_of_older_versions_act_as_they_did(version: str) -> None:
-    rows = shown()
+    rows: NDArray[Any] = shown()  # type: ignore[no-untyped-call]  # it runs in old environments too
     pairs = [{"b": np.tanh(row[:2]).astype(np.float32), "a": np.int64(abs(row[2])) % 3} for row in rows]
     for name, seen, done, observations in (
         ("ppo_8_steps", NUMBERS, ACTIONS, rows),
@@ -108,7 +116,7 @@ def test_policies_of_older_versions_act_as_they_did(version: str) -> None:
 
 
 def test_statistics_are_applied_as_there(tmp_path: Path) -> None:
-    environments = VecNormalize(DummyVecEnv([lambda: Seen(NUMBERS)]), clip_obs=1.5)
+    environments: Any = VecNormalize(DummyVecEnv([lambda: Seen(NUMBERS)]), clip_obs=1.5)
     model = saved(tmp_path / "rl_model_8_steps.zip", environments)
     lived_in(environments)
     statistics = tmp_path / "rl_model_vecnormalize_8_steps.pkl"
@@ -152,7 +160,7 @@ def zoo(folder: Path, config: str) -> Path:
 
 def test_a_folder_of_rl_zoo_goes_in_as_it_is(tmp_path: Path) -> None:
     run = zoo(tmp_path, "normalize: \"{'norm_obs': True, 'norm_reward': False}\"\nframe_stack: 3\n")
-    environments = VecFrameStack(VecNormalize(DummyVecEnv([lambda: Seen(NUMBERS)])), 3)
+    environments: Any = VecFrameStack(VecNormalize(DummyVecEnv([lambda: Seen(NUMBERS)])), 3)
     model = saved(run / "best_model.zip", environments)
     for name in ("Walker-v3.zip", "rl_model_8_steps.zip", "rl_model_16_steps.zip"):
         shutil.copy(run / "best_model.zip", run / name)
@@ -194,7 +202,29 @@ def test_frames_that_nobody_tells_of_are_refused_with_the_cure(tmp_path: Path) -
 def test_a_wrapper_of_training_is_told(tmp_path: Path) -> None:
     run = zoo(tmp_path, "env_wrapper:\n- rl_zoo3.wrappers.FrameSkip:\n    skip: 4\n")
     saved(run / "best_model.zip", DummyVecEnv([lambda: Seen(NUMBERS)]))
-    assert load_general(str(run / "best_model.zip"), NUMBERS, Discrete(4)).wrappers == ("FrameSkip",)
+    source = str(run / "best_model.zip")
+    assert load_general(source, NUMBERS, Discrete(4)).wrappers == ("FrameSkip",)
+
+    class FrameSkip(gymnasium.Wrapper[Any, Any, Any, Any]):
+        """Called as the one of training."""
+
+    with pytest.raises(
+        InputError, match="was trained in the wrapper FrameSkip, expected the environment in it"
+    ):
+        GymnasiumWorld({"still": lambda: Seen(NUMBERS)}).policy(source)
+    assert GymnasiumWorld({"still": lambda: FrameSkip(Seen(NUMBERS))}).policy(source).id
+
+
+def test_a_copy_keeps_what_lies_beside_it_and_stays_here(tmp_path: Path) -> None:
+    run = zoo(tmp_path, "normalize: true\n")
+    environments = VecNormalize(DummyVecEnv([lambda: Seen(NUMBERS)]))
+    saved(run / "best_model.zip", environments)
+    environments.save(str(run / "Walker-v3" / "vecnormalize.pkl"))
+    (tmp_path / "sent").mkdir()
+    for name in ("first", "model"):
+        _copy(run / "best_model.zip", tmp_path / "sent" / f"{name}.zip")
+        assert policy_id(str(tmp_path / "sent" / f"{name}.zip")) == policy_id(str(run / "best_model.zip"))
+    assert baggage._label(str(run / "best_model.zip"), shared=True) is None
 
 
 @pytest.mark.parametrize(
