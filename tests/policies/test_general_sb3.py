@@ -180,7 +180,7 @@ def test_masks_are_heeded_by_those_trained_with_them(tmp_path: Path) -> None:
         def action_masks(self) -> Any:
             return np.ones(4, bool)
 
-    model = MaskablePPO("MlpPolicy", Masked(Discrete(4)), seed=1, device="cpu")
+    model: Any = MaskablePPO("MlpPolicy", Masked(Discrete(4)), seed=1, device="cpu")
     model.policy.action_net.weight.data *= 300.0
     model.save(tmp_path / "model.zip")
     policy = load_general(str(tmp_path / "model.zip"), SEEN, Discrete(4))

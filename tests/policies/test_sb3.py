@@ -221,7 +221,7 @@ def test_one_with_a_memory_drives_behind_its_statistics(tmp_path: Path) -> None:
     rows = np.random.default_rng(0).normal(0.5, 2.0, (40, SPEC.size)).astype(np.float32)
     environments.obs_rms.update(rows)
     kept = {"net_arch": [8], "lstm_hidden_size": 6}
-    model = RecurrentPPO("MlpLstmPolicy", environments, seed=3, device="cpu", policy_kwargs=kept)
+    model: Any = RecurrentPPO("MlpLstmPolicy", environments, seed=3, device="cpu", policy_kwargs=kept)
     model.policy.action_net.weight.data *= 300.0
     model.save(tmp_path / "drive_8_steps.zip")
     environments.save(str(tmp_path / "drive_vecnormalize_8_steps.pkl"))
@@ -285,7 +285,7 @@ def test_other_settings_are_refused(tmp_path: Path, saved: Path, data: dict[str,
         ({"actor.latent_pi.2.weight": torch.ones(6, 7)}, r"'actor.latent_pi.2' .* expected \(6, 8\)"),
         (
             {"actor.latent_pi.0.weight": torch.ones(8, 100)},
-            f"takes 100 numbers, but its observation space has {ObservationSpec().size}",
+            f"takes 100 numbers, but its observation space has {SPEC.size}",
         ),
         ({"actor.mu.weight": torch.ones(2, 6).double()}, "not of float32"),
         ({"actor.mu.weight": "ones"}, "not of float32"),
