@@ -193,12 +193,14 @@ def _zoo(path: Path) -> Path | None:
 
 def statistics_of(path: Path) -> list[Path]:
     """The files of statistics that belong to a policy's file: its own, else those of its run."""
+    exact = path.with_name(f"{_with_statistics(path.stem)}.pkl")
+    if exact.is_file():
+        return [exact]
     own, folder = _words(path.stem), path.parent
     here = _in(folder)
     policies = _policies(folder)
     named = [(_words(one.stem), one) for one in here]
-    exact = [one for one in here if one.stem == _with_statistics(path.stem)]
-    mine = exact or [one for words, one in named if words and words == own]
+    mine = [one for words, one in named if words and words == own]
     if mine:
         return mine
     of_run = [one for words, one in named if _is_step(words) and _is_step(own) and words[:-2] == own[:-2]]

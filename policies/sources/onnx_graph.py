@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from itertools import islice
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from gymnasium.spaces import Dict, Discrete, Space, flatdim
 from numpy.typing import NDArray
 
 from nathlon.policies.policy import Batch
@@ -24,6 +23,9 @@ from nathlon.policies.sources.foreign import ForeignCard
 from nathlon.policies.sources.policy_file import MOST_BYTES
 from nathlon.policies.sources.weights import CARD_KEY, parse_card
 from nathlon.sim.errors import InputError
+
+if TYPE_CHECKING:
+    from gymnasium.spaces import Space
 
 MOST_PARTS = 200_000
 """Nodes, tensors, attributes and what else a graph is made of; a policy has some hundreds."""
@@ -100,7 +102,7 @@ class OnnxGraph:
         self._session = session
         self._inputs, self._alone = _inputs(path, session, seen)
         first, *others = self._inputs
-        self.size = prod(first.shape) if seen is None or not others else flatdim(seen)
+        self.size = _size(seen) if seen is not None and others else prod(first.shape)
         self.shape = None if others else first.shape
         self._outputs = [each.name for each in session.get_outputs()]
         self._wanted = card.output
@@ -389,8 +391,17 @@ def _first_line(error: Exception) -> str:
     return str(error).partition("\n")[0]
 
 
+def _size(space: Space[Any]) -> int:
+    """Numbers of a flat observation."""
+    from gymnasium.spaces import flatdim  # takes long to load
+
+    return flatdim(space)
+
+
 def _inputs(path: Path, session: Any, seen: Space[Any] | None) -> tuple[tuple[Input, ...], bool]:
     """The arrays that a graph takes, and whether it takes one observation at a time."""
+    from gymnasium.spaces import Dict, Discrete, flatdim
+
     told = [(each.name, each.type, list(each.shape)) for each in session.get_inputs()]
     found = ", ".join(f"{name} {kind} {shape}" for name, kind, shape in told) or "none"
     inner = seen.spaces if isinstance(seen, Dict) else {}

@@ -15,22 +15,23 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from gymnasium import spaces
 
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.archive import unpack
 from nathlon.policies.sources.foreign import ForeignCard
 from nathlon.policies.sources.inert_pickle import read_pickle
-from nathlon.policies.sources.pickled_space import space_of
 from nathlon.policies.sources.policy_file import opening, read_policy_file
 from nathlon.policies.sources.state_dict import read_state_dict
 from nathlon.policies.sources.strict_json import parse_json
 from nathlon.policies.sources.weights import CARD_KEY, MOST_COUNT, parse_card
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
+
+if TYPE_CHECKING:
+    from gymnasium import spaces
 
 MOST_SETTINGS = 1 << 25
 """Bytes of `data`, with the last observations of all environments in it."""
@@ -152,6 +153,8 @@ class Sb3File:
 
     def space(self, name: str) -> spaces.Space[Any] | None:
         """A space in `data`, of the pickle there, read as data; None where it cannot be read."""
+        from nathlon.policies.sources.pickled_space import space_of  # gymnasium takes long to load
+
         try:
             content = base64.b64decode(str(self.section(name)[":serialized:"]), validate=True)
             return space_of(read_pickle(content))
