@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from nathlon.policies.general.outputs import Outputs
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless
 from nathlon.policies.normalisation import companions, identity_with
-from nathlon.policies.sources.onnx_graph import OnnxGraph, checked_graph, open_session, shapes
+from nathlon.policies.sources.onnx_graph import OnnxGraph, open_session, shapes
+from nathlon.policies.sources.onnx_model import checked_graph
 from nathlon.policies.sources.policy_file import opening, read_policy_file
 from nathlon.sim.errors import InputError
 

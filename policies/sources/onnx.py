@@ -12,7 +12,8 @@ from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.normalisation import companions, identity_with
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
-from nathlon.policies.sources.onnx_graph import OnnxGraph, checked_graph, open_session, shapes
+from nathlon.policies.sources.onnx_graph import OnnxGraph, open_session, shapes
+from nathlon.policies.sources.onnx_model import checked_graph
 from nathlon.policies.sources.policy_file import opening, read_policy_file
 from nathlon.policies.sources.weights import CARD_KEY
 from nathlon.sim.errors import InputError
