@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from nathlon.arena.match import Match
+from nathlon.policies.normalisation import companions
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, OBJECT, PLUGIN, RANDOM, SUFFIXES, suffix_of
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
@@ -40,8 +41,9 @@ def _label(source: str, shared: bool) -> str | None:
         return PlannedSource.read(source).absolute
     if not shared:
         return str(Path(source).absolute())
-    # Others are read by a world's own code, which may want what lies beside them.
-    return suffix if (suffix := suffix_of(source)) in SUFFIXES else None
+    # Others are read by a world's own code, or with what lies beside them.
+    beside = any(companions(Path(source)))
+    return suffix if (suffix := suffix_of(source)) in SUFFIXES and not beside else None
 
 
 class Files(Protocol):

@@ -111,8 +111,10 @@ class Outcome:
 class Player(Protocol):
     """Who takes a seat in an episode."""
 
-    def act(self, observation: Any) -> Any:
+    def act(self, observation: Any, mask: Any = None) -> Any:
         """What it does, of the seat's action space, having seen an observation of its observation space.
+
+        A mask says which choices are allowed; an observation with `action_mask` brings its own.
 
         A policy that fails is replaced by one that idles, so that the others can play on.
         """

@@ -1,20 +1,23 @@
-"""Statistics by which observations were normalised in training, in a file beside the policy.
+"""What lies beside a policy and decides what it sees: statistics of its observations, and settings of RL Zoo.
 
 Weights do not show that a network was trained on other numbers than its environment gives: `VecNormalize` of
 Stable-Baselines3 keeps their means and variances in a pickle. Such files are told by their names and by the
-names in them; nothing is unpickled.
+names in them; here nothing is unpickled.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pickletools
 import re
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
-from nathlon.policies.sources import SUFFIXES
+from nathlon.policies.policy_file import content_id, read_policy_file
+from nathlon.policies.sources import SUFFIXES, suffix_of
 from nathlon.policies.sources.sb3_file import was_normalised
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -22,6 +25,8 @@ from nathlon.sim.names import printable
 HEAD, LONG_HEAD = 1 << 16, 1 << 22
 """Bytes in which a pickle says what it is, and in which it comes to its attributes: spaces stand before."""
 
+WEIGHTS = (".data", "_data")
+"""What is added to a graph's name for that of the file beside it that has its weights, as exporters do."""
 PICKLES = (".pkl", ".pickle")
 OTHERS = (".npz", ".npy", ".json", ".joblib", ".pt", ".pth", ".gz")
 """Suffixes of files that may hold statistics."""
@@ -36,38 +41,86 @@ _SAYS_NOTHING = {"model", "policy", "checkpoint", "agent", "env", "stats", "stat
 """Words in names that do not tell which run a file belongs to."""
 _OF_A_RUN = {"best", "checkpoints", "checkpoint", "ckpt", "ckpts", "models", "weights", "saves", "snapshots"}
 """Names of folders below that of their run."""
-_ZOO = ("args.yml", "config.yml")
+_ZOO = ("config.yml", "args.yml")
 """Files of a run that RL Zoo keeps beside its statistics."""
 _PUT = ("MEMOIZE", "BINPUT", "LONG_BINPUT", "PUT")
 
 Words = tuple[str, ...]
 
 
-def check_as_it_is(path: Path) -> None:
-    """See whether a policy may be shown observations as they are.
+class Companions(NamedTuple):
+    """Files beside a policy that say how its observations were made; None where there is none.
 
-    Statistics belong to the policies that their name tells, else to all of their folder. Those of
-    `VecNormalize(norm_obs=False)` normalise rewards alone, which changes nothing.
+    Attributes:
+        statistics: by which they were normalised.
+        settings: of a run of RL Zoo.
+        weights: of a graph, where they are not inside it.
+    """
+
+    statistics: Path | None = None
+    settings: Path | None = None
+    weights: Path | None = None
+
+    def read(self) -> tuple[bytes, ...]:
+        """Their contents, empty of what is not there.
+
+        Raises:
+            InputError: if one cannot be read.
+        """
+        return tuple(read_policy_file(path) if path else b"" for path in self)
+
+    def named_after(self, copy: Path) -> dict[Path, Path]:
+        """Where they lie beside a copy of the policy, so that they belong to it: paths there, and here."""
+        statistics = copy.with_name(f"{_with_statistics(copy.stem)}.pkl")
+        there = statistics, copy.with_suffix(f".{_ZOO[0]}"), copy.with_name(copy.name + WEIGHTS[0])
+        return {one: path for one, path in zip(there, self, strict=True) if path}
+
+
+def identity_with(content: bytes, beside: Iterable[bytes]) -> str:
+    """SHA-256 of a policy's file, in hexadecimal; of all contents together where something lies beside it."""
+    ids = [content_id(one) for one in (content, *beside)]
+    if set(ids[1:]) <= {content_id(b"")}:
+        return ids[0]
+    return hashlib.sha256("\n".join(["with what lies beside it", *ids]).encode()).hexdigest()
+
+
+def companions(path: Path) -> Companions:
+    """What lies beside a policy's file and belongs to it; nothing, unless that is a `.zip` or an `.onnx`.
+
+    Raises:
+        InputError: if that cannot be told for sure, or cannot be read here.
+    """
+    if suffix_of(path) == ".onnx":
+        named = [path.with_name(path.name + ending) for ending in WEIGHTS]
+        return Companions(weights=next((one for one in named if one.is_file()), None))
+    if suffix_of(path) != ".zip":
+        return Companions()
+    zoo = _zoo(path)
+    return Companions(_own_statistics(path, zoo), _settings(path, zoo))
+
+
+def check_as_it_is(path: Path) -> None:
+    """See whether a policy is shown what it was trained on.
+
+    Statistics beside a graph may be inside it as well. Those of `VecNormalize(norm_obs=False)` normalise
+    rewards alone, which changes nothing.
 
     Args:
         path: of a policy's file that can be opened.
 
     Raises:
-        InputError: if the file's statistics normalise observations, or are not found though there were some;
-            it names them.
+        InputError: if the statistics of a graph normalise observations, or those of a `.zip` are not found
+            though there were some; it names them.
     """
-    if path.suffix not in (".zip", ".onnx"):  # ours say what they take
-        return
-    found = statistics_of(path)
-    for statistics in found:
-        if _of_observations(statistics, _changed(statistics)):
-            named = printable(os.path.relpath(statistics, path.parent))
-            raise InputError(
-                f"{path}: {named!r} says that observations were normalised in training, which is not done "
-                "here yet; export it to ONNX with the statistics inside, or, if they are another's, move it "
-                "to a folder without them, expected a policy that takes observations as they are"
-            )
-    if path.suffix == ".zip" and not found and was_normalised(path):
+    if suffix_of(path) == ".onnx":
+        for statistics in statistics_of(path):
+            if _of_observations(statistics, _changed(statistics)):
+                named = printable(os.path.relpath(statistics, path.parent))
+                raise InputError(
+                    f"{path}: {named!r} says that observations were normalised in training, which is not "
+                    "done for graphs; expected one with the statistics inside, in a folder without them"
+                )
+    if suffix_of(path) == ".zip" and companions(path).statistics is None and was_normalised(path):
         named = f"{printable(path.stem)}_vecnormalize.pkl"
         raise InputError(
             f"{path}: was trained with VecNormalize, and without its statistics nobody knows whether "
@@ -75,8 +128,74 @@ def check_as_it_is(path: Path) -> None:
         )
 
 
+def _own_statistics(path: Path, zoo: Path | None) -> Path | None:
+    """The statistics of a policy, of which there can be one file."""
+    found = statistics_of(path)
+    if not found:
+        return None
+    named = ", ".join(repr(printable(os.path.relpath(one, path.parent))) for one in found)
+    wanted = printable(f"{_with_statistics(path.stem)}.pkl")
+    if strange := [one for one in found if one.suffix.lower() not in PICKLES]:
+        raise InputError(
+            f"{path}: {printable(os.path.relpath(strange[0], path.parent))!r} seems to say how observations "
+            f"were normalised, expected what VecNormalize.save writes, as {wanted!r}, or a folder without it"
+        )
+    if len(found) > 1:
+        raise InputError(f"{path}: its statistics are {named}, expected one file, as {wanted!r}")
+    [one] = found
+    own = _words(path.stem)
+    if one.parent == zoo or one.stem == _with_statistics(path.stem) or (_words(one.stem) == own and own):
+        return one
+    if _is_step(_words(one.stem)):
+        raise InputError(
+            f"{path}: {named} are the statistics of another step, expected those of its own, {wanted!r}, as "
+            "CheckpointCallback(save_vecnormalize=True) writes them"
+        )
+    # Whose own statistics are there does not need those of all.
+    others = [
+        other for other in _policies(path.parent) - {own} if other not in map(_words, _stems(path.parent))
+    ]
+    if others:
+        raise InputError(
+            f"{path}: {named} may be the statistics of several policies here, but differ from step to step, "
+            f"expected its own, as {wanted!r}, or a folder of its own"
+        )
+    return one
+
+
+def _with_statistics(stem: str) -> str:
+    """What the statistics of a policy are called, as `CheckpointCallback` does."""
+    step = re.fullmatch(r"(.*)_(\d+_steps)", stem)
+    return f"{step[1]}_vecnormalize_{step[2]}" if step else f"{stem}_vecnormalize"
+
+
+def _stems(folder: Path) -> list[str]:
+    return [one.stem for one in _in(folder)]
+
+
+def _settings(path: Path, zoo: Path | None) -> Path | None:
+    own = path.with_suffix(f".{_ZOO[0]}")
+    if own.is_file():
+        return own
+    return zoo / _ZOO[0] if zoo and (zoo / _ZOO[0]).is_file() else None
+
+
+def _zoo(path: Path) -> Path | None:
+    """The folder in which RL Zoo keeps statistics and settings of a policy's run."""
+    folder = path.parent
+    below = _kept_below(folder, _changed(folder))
+    run = re.sub(r"_\d+$", "", folder.absolute().name)
+    for name in (path.stem, run):
+        if called := [child for child in below if child.name == name]:
+            return called[0]
+    return below[0] if len(below) == 1 else None
+
+
 def statistics_of(path: Path) -> list[Path]:
     """The files of statistics that belong to a policy's file: its own, else those of its run."""
+    exact = path.with_name(f"{_with_statistics(path.stem)}.pkl")
+    if exact.is_file():
+        return [exact]
     own, folder = _words(path.stem), path.parent
     here = _in(folder)
     policies = _policies(folder)
@@ -85,11 +204,15 @@ def statistics_of(path: Path) -> list[Path]:
     if mine:
         return mine
     of_run = [one for words, one in named if _is_step(words) and _is_step(own) and words[:-2] == own[:-2]]
-    shared = [one for words, one in named if words not in policies or not words]
+    named_after = _names_of_statistics(folder, _changed(folder))
+    shared = [
+        one for words, one in named if (words not in policies or not words) and one.stem not in named_after
+    ]
     if of_run or shared:
         return of_run or shared
-    below = [one for child in _kept_below(folder, _changed(folder)) for one in _in(child)]
-    return [*filter(_is_shared, below), *_above(folder)]
+    zoo = _zoo(path)
+    below = _kept_below(folder, _changed(folder)) if zoo is None else (zoo,)
+    return [*(one for child in below for one in filter(_is_shared, _in(child))), *_above(folder)]
 
 
 @lru_cache
@@ -128,6 +251,12 @@ def _statistics(folder: Path, _: int) -> tuple[Path, ...]:
 @lru_cache
 def _named_policies(folder: Path, _: int) -> set[Words]:
     return {_words(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix in SUFFIXES}
+
+
+@lru_cache
+def _names_of_statistics(folder: Path, _: int) -> set[str]:
+    """What statistics of a folder's policies are called."""
+    return {_with_statistics(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix in SUFFIXES}
 
 
 def _changed(path: Path) -> int:

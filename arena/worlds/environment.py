@@ -193,6 +193,15 @@ class PettingZooWorld(EpisodeWorld):
         """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
         return self.show(scenario, players, seed, _nobody)
 
+    def wrappers(self, scenario: str) -> set[str]:
+        """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
+        made: Any = self._environment(scenario)
+        found: set[str] = set()
+        while made is not None:
+            found.add(type(made).__name__)
+            made = vars(made).get("_environment" if isinstance(made, Alone) else "env")
+        return found
+
     def shows(self, scenario: str) -> bool:
         """Whether the environment was made with the render mode `rgb_array`."""
         return getattr(self._environment(scenario), "render_mode", None) == "rgb_array"
@@ -231,7 +240,12 @@ class PettingZooWorld(EpisodeWorld):
                 for name in playing:
                     if name not in observations:
                         raise WorldError(f"seat {name!r}: no observation, though it is in agents")
-                actions = {name: players[names.index(name)].act(observations[name]) for name in playing}
+                actions = {
+                    name: players[names.index(name)].act(
+                        observations[name], _mask(environment, infos.get(name, {}))
+                    )
+                    for name in playing
+                }
                 observations, rewards, ends, _, infos = _five(environment.step(actions), playing[0])
                 for name in playing:
                     if name not in rewards:
@@ -354,6 +368,13 @@ def _number(name: str, measure: str, source: Source, seat: Seat) -> float:
     if source not in seat.info:
         raise WorldError(f"seat {name!r}: {measure} is to come from infos, where there is no {source!r}")
     return float(seat.info[source])
+
+
+def _mask(environment: Any, info: Mapping[str, Any]) -> Any:
+    """Which choices a seat has, as its info or the environment says; None where neither does."""
+    told = info.get("action_mask")
+    masks = getattr(environment, "action_masks", None)
+    return masks() if told is None and callable(masks) else told
 
 
 def _two(answer: Any, seat: str) -> tuple[Any, Any]:

@@ -82,6 +82,10 @@ class EpisodeWorld(ABC):
     def spaces(self, scenario: str) -> Sequence[tuple[Space, Space]]:
         """Spaces of observations and actions of every seat."""
 
+    def wrappers(self, scenario: str) -> set[str]:
+        """Names of the classes that an environment is wrapped in, where it is one."""
+        return set()
+
     @abstractmethod
     def identity(self) -> dict[str, Any]:
         """All that decides how its episodes go, as plain JSON values."""
@@ -138,7 +142,18 @@ class EpisodeWorld(ABC):
         read = load_general(source, *seats[0]) if load is None else LoadedPolicy.read(source, load, *seats[0])
         for spaces in seats[1:]:
             read.check(*spaces)
+        if isinstance(read, GeneralPolicy):
+            self._check_wrappers(read)
         return read
+
+    def _check_wrappers(self, policy: GeneralPolicy) -> None:
+        """Raise an InputError if a policy was trained in a wrapper that the environment is not in."""
+        for name in policy.wrappers:
+            if name not in self.wrappers(self.scenarios[0]):
+                raise InputError(
+                    f"{policy.source}: was trained in the wrapper {name}, expected the environment in it: "
+                    "wrap it in the mapping's function"
+                )
 
     def _seats(self) -> dict[str, tuple[Spaces, ...]]:
         """Spaces of the seats that entrants take in the first scenario, by role; all by '' without roles."""

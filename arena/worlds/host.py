@@ -147,6 +147,9 @@ class Alone:
         self.render_mode = getattr(environment, "render_mode", None)
         if hasattr(environment, "seed"):
             self.seed = environment.seed
+        masks = _method(environment, "action_masks")
+        if masks is not None:
+            self.action_masks = masks
 
     def observation_space(self, _: str) -> Any:
         return self._environment.observation_space
@@ -170,6 +173,16 @@ class Alone:
                 self.agents = []
             return tuple({ONLY: value} for value in answer)
         return answer
+
+
+def _method(environment: Any, name: str) -> Any:
+    """A method of an environment or of what it wraps; None without one."""
+    while environment is not None:
+        # Not by the instance: wrappers of old hand on whatever they are asked for, with a warning.
+        if hasattr(type(environment), name):
+            return getattr(environment, name)
+        environment = vars(environment).get("env")
+    return None
 
 
 def main() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
@@ -15,7 +17,6 @@ from nathlon.arena.world import Space, WorldError
 from nathlon.arena.worlds.loaded import LoadedPolicy, Seated
 from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.isolation import Apart
-from nathlon.policies.policy import Batch
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +64,7 @@ class Asking:
         self._who = watch, match, entrant
         return self
 
-    def act(self, observation: Any) -> Any:
+    def act(self, observation: Any, mask: Any = None) -> Any:
         """An action of the seat's space; see `nathlon.arena.world.Player`.
 
         Raises:
@@ -80,7 +81,7 @@ class Asking:
             self.fault = "timed_out"
             return idle(self._done)
         try:
-            action = self._decide(seen)
+            action = self._decide(seen, _allowed(observation, mask))
         except MemoryError:
             # Another one may have taken the memory: who pays for it is decided outside of this process.
             raise
@@ -103,10 +104,11 @@ class Asking:
             return idle(self._done)
         return action
 
-    def _flat(self, observation: Any) -> Batch:
-        """(1, size) float32, a copy, for the policy may write into it."""
+    def _flat(self, observation: Any) -> NDArray[Any]:
+        """(1, size), a copy, for the policy may write into it; float32 unless the policy is precise."""
+        dtype = np.float64 if self._policy.precise else np.float32
         try:
-            seen = np.array(spaces.flatten(self._seen, observation), np.float32).reshape(1, -1)
+            seen = np.array(spaces.flatten(self._seen, observation), dtype).reshape(1, -1)
         except Exception as error:
             raise WorldError(f"seat {self._seat!r}: observation is none of {self._seen}: {error}") from None
         if seen.shape[1] != spaces.flatdim(self._seen):
@@ -116,7 +118,7 @@ class Asking:
             raise WorldError(f"seat {self._seat!r}: observation with NaN, expected numbers")
         return seen
 
-    def _decide(self, seen: Any) -> Any:
+    def _decide(self, seen: Any, mask: NDArray[np.bool_] | None) -> Any:
         with self._apart.entered():
             if isinstance(self._policy, LoadedPolicy):
                 if self._seated is None:
@@ -126,7 +128,17 @@ class Asking:
             if self._memory is None:
                 self._memory = self._policy.initial_memory(1)
             outputs, self._memory = self._policy.act(seen, self._memory)
-            return self._policy.decode(outputs[0], self._done, self._rng)
+            return self._policy.decode(outputs[0], self._done, self._rng, mask)
+
+
+def _allowed(observation: Any, mask: Any) -> NDArray[np.bool_] | None:
+    """Which choices are allowed, if that is told: beside an observation or in it."""
+    if mask is None and isinstance(observation, Mapping):
+        mask = observation.get("action_mask")
+    if mask is None:
+        return None
+    parts = mask if isinstance(mask, tuple) else (mask,)  # of a MultiDiscrete there may be several
+    return np.concatenate([np.asarray(part).ravel() != 0 for part in parts])
 
 
 def idle(space: Space) -> Any:

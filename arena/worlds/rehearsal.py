@@ -270,6 +270,8 @@ def _fault(world: World, where: str, setup: Setup, rows: pl.DataFrame) -> str:
 class _Raising:
     """A policy that fails when it is first asked."""
 
+    precise = False
+
     def initial_memory(self, n: int) -> Any:
         return np.zeros((n, 0), np.float32)
 

@@ -42,7 +42,10 @@ class Witness:
 
     Attributes:
         seen: a number for all that was seen up to each time that it was asked.
+        precise: as of `nathlon.policies.general.policy.GeneralPolicy`.
     """
+
+    precise = False
 
     def __init__(self) -> None:
         self.seen: list[int] = []
@@ -56,7 +59,7 @@ class Witness:
         self.seen.append(zlib.crc32(observations.tobytes(), self.seen[-1] if self.seen else 0))
         return np.array([self.seen[-1:]]), memory
 
-    def decode(self, row: NDArray[Any], space: Any, rng: np.random.Generator) -> Any:
+    def decode(self, row: NDArray[Any], space: Any, rng: np.random.Generator, mask: Any = None) -> Any:
         """An action drawn by this number."""
         own = copy(space)
         own.seed(int(row[0]))

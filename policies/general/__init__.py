@@ -56,9 +56,9 @@ def _load(
     with memory_limit():
         match suffix_of(path):
             case ".zip":
-                return load_sb3(path)
+                return load_sb3(path, observation_space)
             case ".onnx":
-                return load_onnx(path)
+                return load_onnx(path, observation_space)
         if what := recognised(path):
             raise InputError(f"{path}: is {what}, which only the code that trained it can read, {LOADER}")
         return load_general_checkpoint(path)

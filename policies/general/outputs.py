@@ -35,12 +35,14 @@ class Outputs:
             the action itself; None if they are no such action.
         count: how many there are; None if that shows only when the policy acts.
         trained: attributes of the action space that the policy was trained for, as they print on one line.
+        masked: whether scores of choices that are not allowed do not count.
     """
 
     box: Literal["clip", "unscale"] | None
     discrete: Literal["argmax", "choice"] | None
     count: int | None = None
     trained: Mapping[str, str] = field(default_factory=dict)
+    masked: bool = False
 
     def check(self, source: str, space: Space[Any]) -> None:
         """Raise an InputError, which names the source, if they are no action of a space."""
@@ -55,8 +57,15 @@ class Outputs:
                     f"expected {in_words(there)} as in training"
                 )
 
-    def decode(self, source: str, row: NDArray[Any], space: Space[Any], rng: np.random.Generator) -> Any:
-        """The action that a row (k,) of numbers stands for.
+    def decode(
+        self,
+        source: str,
+        row: NDArray[Any],
+        space: Space[Any],
+        rng: np.random.Generator,
+        mask: NDArray[np.bool_] | None = None,
+    ) -> Any:
+        """The action that a row (k,) of numbers stands for; see `GeneralPolicy.decode`.
 
         Raises:
             InputError: if they are no action of such a space; it names the source.
@@ -66,6 +75,8 @@ class Outputs:
         if isinstance(space, Box):
             return self._in_box(row, space)
         assert isinstance(space, Discrete | MultiDiscrete)
+        if self.masked and mask is not None and mask.size == row.size:
+            row = np.where(mask.ravel(), row, -np.inf)
         sizes = np.atleast_1d(space.n if isinstance(space, Discrete) else space.nvec).ravel()
         chosen = _best(row, sizes) if self.discrete == "argmax" else _chosen(row, sizes, space)
         if isinstance(space, Discrete):
@@ -109,7 +120,14 @@ class Draw:
                 f"{source}: action space is {in_words(space)}, expected Box, Discrete or MultiDiscrete"
             )
 
-    def decode(self, source: str, row: NDArray[Any], space: Space[Any], rng: np.random.Generator) -> Any:
+    def decode(
+        self,
+        source: str,
+        row: NDArray[Any],
+        space: Space[Any],
+        rng: np.random.Generator,
+        mask: NDArray[np.bool_] | None = None,
+    ) -> Any:
         """An action drawn with the generator, which is advanced; the space keeps its own.
 
         Raises:

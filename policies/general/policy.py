@@ -57,6 +57,8 @@ class GeneralPolicy:
         network: maps observations to numbers.
         outputs: what the numbers mean.
         observation_shape: of an observation in training; None where the file does not tell.
+        wrappers: classes that the environment was wrapped in, in training, which policies cannot make up for.
+        precise: whether it gets observations in float64, as it normalises them.
     """
 
     source: str
@@ -68,6 +70,8 @@ class GeneralPolicy:
     network: Network
     outputs: Outputs | Draw
     observation_shape: tuple[int, ...] | None = None
+    wrappers: tuple[str, ...] = ()
+    precise: bool = False
 
     def check(self, observation_space: Space[Any], action_space: Space[Any]) -> None:
         """Raise an InputError, which names the source, if the policy cannot act in these spaces."""
@@ -95,11 +99,11 @@ class GeneralPolicy:
         """Memory at the start of n episodes, (n, m) float32; m may be 0."""
         return self.network.initial_memory(n)
 
-    def act(self, observations: Batch, memory: Batch) -> tuple[NDArray[Any], Batch]:
+    def act(self, observations: NDArray[Any], memory: Batch) -> tuple[NDArray[Any], Batch]:
         """What `decode` makes actions of.
 
         Args:
-            observations: (n, observation_size) float32.
+            observations: (n, observation_size) float32, or float64 where it is `precise`.
             memory: (n, m) float32, as returned by the last call.
 
         Returns:
@@ -110,13 +114,20 @@ class GeneralPolicy:
         """
         return self.network.act(observations, memory)
 
-    def decode(self, row: NDArray[Any], action_space: Space[Any], rng: np.random.Generator) -> Any:
+    def decode(
+        self,
+        row: NDArray[Any],
+        action_space: Space[Any],
+        rng: np.random.Generator,
+        mask: NDArray[np.bool_] | None = None,
+    ) -> Any:
         """The element of an action space that a row (k,) of what `act` gave stands for.
 
         Args:
             row: the numbers.
             action_space: of the seat.
             rng: of the seat in this episode; only `random` draws from it.
+            mask: which choices are allowed, (k,); heeded by policies that were trained with masks.
 
         Returns:
             an array of the dtype and shape of a Box, an int of a Discrete, an array of the dtype (int64) and
@@ -126,4 +137,4 @@ class GeneralPolicy:
             InputError: if the policy has no actions of this space; it names the source.
             IllegalActionError: if the numbers are no action: not finite, or no choice that there is.
         """
-        return self.outputs.decode(self.source, row, action_space, rng)
+        return self.outputs.decode(self.source, row, action_space, rng, mask)

@@ -33,6 +33,7 @@ class ForeignCard(BaseModel):
     transitions: Count | None = None
     seed: Count | None = None
     created_by: Versions = {}
+    output: Text | None = None
 
 
 def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpec:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
+from nathlon.policies.normalisation import companions, identity_with
+from nathlon.policies.policy_file import read_policy_file
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM, ROLES
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import object_id
@@ -25,9 +27,9 @@ def is_still(source: str, identity: str) -> bool:
 def policy_id(source: str) -> str:
     """The id of the policy that a user calls by a path or a name.
 
-    That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, of a plugin, a
-    composite, a planner or policies by role that of all that decides how it drives, of an object that of what
-    it consists of.
+    That of a built-in driver is its name, of a file of weights the SHA-256 of its bytes, with those of what
+    lies beside it and decides what it sees, of a plugin, a composite, a planner or policies by role that of
+    all that decides how it drives, of an object that of what it consists of.
 
     Raises:
         InputError: if there is no such file or plugin.
@@ -49,4 +51,5 @@ def policy_id(source: str) -> str:
     if source.endswith(COMPOSITE):
         composite = CompositeSource.read(Path(source))
         return composite.identity([policy_id(part) for part in composite.sources])
-    return checkpoint_id(Path(source))
+    path = Path(source)
+    return identity_with(read_policy_file(path), companions(path).read())

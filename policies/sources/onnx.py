@@ -9,10 +9,12 @@ import numpy as np
 
 from nathlon.policies.checkpoint import ACTION_SIZE, ENCODER, NetworkPolicy
 from nathlon.policies.mlp import EncodedMlp, Mlp
+from nathlon.policies.normalisation import companions, identity_with
 from nathlon.policies.policy import Batch
-from nathlon.policies.policy_file import content_id, opening, read_policy_file
+from nathlon.policies.policy_file import opening, read_policy_file
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
-from nathlon.policies.sources.onnx_graph import OnnxGraph, checked_card, open_session, shapes
+from nathlon.policies.sources.onnx_graph import OnnxGraph, open_session, shapes
+from nathlon.policies.sources.onnx_model import checked_graph
 from nathlon.policies.weights import CARD_KEY
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import whole_file
@@ -26,7 +28,7 @@ class OnnxPolicy:
 
     Attributes:
         card: what is known of the policy.
-        id: SHA-256 of the file.
+        id: SHA-256 of the file, with that of the weights beside it.
         observation_spec: layout of the observations that it expects.
     """
 
@@ -38,7 +40,7 @@ class OnnxPolicy:
         """
         self.card = card
         self.id = identity
-        self._graph = OnnxGraph(session, path)
+        self._graph = OnnxGraph(session, path, card)
         self.observation_spec = observation_spec(path, card, self._graph.size)
         self._graph.probe(self._actions)
 
@@ -50,9 +52,9 @@ class OnnxPolicy:
             InputError: if the file is no graph of the right shape, or needs more than itself.
         """
         with opening(path):
-            content = read_policy_file(path)
-            card = checked_card(path, content)
-            return cls(card, content_id(content), open_session(path, content), path)
+            content, beside = read_policy_file(path), companions(path).read()
+            card, whole = checked_graph(path, content, beside[-1])
+            return cls(card, identity_with(content, beside), open_session(path, whole), path)
 
     def initial_memory(self, n: int) -> Batch:
         """No memory: (n, 0) float32."""
@@ -60,16 +62,15 @@ class OnnxPolicy:
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """Actions (n, 2) float32 for observations (n, observation_spec.size) float32; memory as it was."""
-        (actions,) = self._graph(observations)
-        return np.clip(actions, -1.0, 1.0), memory
+        return np.clip(self._graph(observations), -1.0, 1.0), memory
 
-    def _actions(self, found: list[Any], n: int) -> Batch:
+    def _actions(self, found: Any, n: int) -> Batch:
         expected = [("float32", (n, ACTION_SIZE))]
-        if len(found) != 1 or shapes(found) != expected:
+        if shapes([found]) != expected:
             raise InputError(
-                f"{self._graph.path}: outputs for {n} observations are {shapes(found)}, expected {expected}"
+                f"{self._graph.path}: outputs for {n} observations are {shapes([found])}, expected {expected}"
             )
-        return found[0]
+        return found
 
 
 def export_onnx(policy: NetworkPolicy, path: Path) -> None:

@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 
 from nathlon.policies.policy_file import open_policy_file
+from nathlon.sim.errors import InputError
 
 LOADER = (
     "expected a loader in the world's mapping: load=function, which gets path, observation space and action "
@@ -35,7 +36,7 @@ def recognised(path: Path) -> str:
     """What a file or folder is, as a noun with its article; '' for what may be a checkpoint, or is not known.
 
     Raises:
-        InputError: if it cannot be read.
+        InputError: if it cannot be read, or is one of Stable-Baselines3 under another name.
     """
     if any(os.path.exists(path / name) for name in _RLLIB):
         return "an RLlib checkpoint"
@@ -62,6 +63,11 @@ def _packed(path: Path) -> str:
     ends = {name.partition("/")[2] for name in names}
     if "constants.pkl" in ends and "data.pkl" in ends:
         return "a TorchScript module"
+    if {"data", "policy.pth"} <= set(names):
+        raise InputError(
+            f"{path}: is a policy of Stable-Baselines3 without its ending, "
+            f"expected the name {path.name + '.zip'!r}"
+        )
     if "data.pkl" in ends:
         return "a torch.save of weights or a module"
     return "an archive of numpy arrays" if all(name.endswith(".npy") for name in names) else "a zip archive"

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nathlon.policies.checkpoint import ACTION_SIZE
-from nathlon.policies.mlp import Mlp
 from nathlon.policies.policy import Batch
-from nathlon.policies.policy_file import content_id, opening, read_policy_file
-from nathlon.policies.sources.foreign import ForeignCard, observation_spec
-from nathlon.policies.sources.sb3_file import ACTORS, Sb3File
+from nathlon.policies.policy_file import opening
+from nathlon.policies.sources.foreign import observation_spec
 from nathlon.sim.errors import InputError
 
-_EXPECTED = "MlpPolicy of SAC, TQC, TD3, DDPG, PPO or A2C"
+if TYPE_CHECKING:
+    from nathlon.policies.general.sb3 import Sb3Model
+
+_BOUNDS = ("[-1. -1.]", "[1. 1.]")
 
 
 class Sb3Policy:
@@ -22,17 +25,18 @@ class Sb3Policy:
 
     Attributes:
         card: what is known of the policy.
-        id: SHA-256 of the file.
+        id: SHA-256 of the file, with what lies beside it.
         observation_spec: layout of the observations that it expects.
-        network: from observations to actions.
+        network: from observations to actions, if it is a perceptron that sees them as they are; else None.
     """
 
-    def __init__(self, card: ForeignCard, identity: str, network: Mlp, path: Path) -> None:
-        """A policy of a network; `path` is for the error if the card has other observations."""
-        self.card = card
-        self.id = identity
-        self.network = network
-        self.observation_spec = observation_spec(path, card, len(network.layers[0][0]))
+    def __init__(self, model: Sb3Model, path: Path) -> None:
+        """A policy of a model; `path` is for the error if it is none of this simulator's environments."""
+        self.card, self.id = model.card, model.id
+        self._model = model.network
+        mlp, clipped = model.mlp, model.outputs.box == "clip"
+        self.network = replace(mlp, output="clip") if mlp and clipped else mlp
+        self.observation_spec = observation_spec(path, self.card, model.observed.size)
 
     @classmethod
     def load(cls, path: Path) -> Sb3Policy:
@@ -41,35 +45,33 @@ class Sb3Policy:
         Raises:
             InputError: if the file is no policy of a known architecture.
         """
+        from nathlon.policies.general.sb3 import Sb3Model  # takes long to load
+
         with opening(path):
-            content = read_policy_file(path)
-            file = Sb3File.read(path, content)
-            family = file.family(ACTORS, _EXPECTED)
-            _check_observations(file)
-            _check_actions(file)
-            card = file.card(family)
-            layers = file.layers(family, ACTION_SIZE)
-            network = Mlp(layers, file.hidden(family), "tanh" if family.squashes else "clip")
-            return cls(card, content_id(content), network, path)
+            model = Sb3Model.read(path)
+            _check(model, path)
+            return cls(model, path)
 
     def initial_memory(self, n: int) -> Batch:
-        """No memory: (n, 0) float32."""
-        return np.zeros((n, 0), np.float32)
+        """Memory of networks that have one, and of stacked frames: (n, m) float32; mostly m is 0."""
+        return self._model.initial_memory(n)
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
-        """Actions (n, 2) float32 for observations (n, observation_spec.size) float32; memory as it was."""
-        return self.network(observations), memory
+        """Actions (n, 2) float32 for observations (n, observation_spec.size) float32, and memory."""
+        if self.network:
+            return self.network(observations), memory
+        numbers, memory = self._model.act(observations, memory)
+        return np.clip(numbers, -1.0, 1.0), memory
 
 
-def _check_observations(file: Sb3File) -> None:
-    shape = file.section("observation_space").get("_shape")
-    if isinstance(shape, list) and len(shape) != 1:
+def _check(model: Sb3Model, path: Path) -> None:
+    if model.observed.shape is None or len(model.observed.shape) != 1:
+        found = model.observed.shape or "of several arrays"
         raise InputError(
-            f"{file.path}: observation space of shape {shape}, as of stacked frames, expected one row"
+            f"{path}: observation space of shape {found}, as of stacked frames, expected one row"
         )
-
-
-def _check_actions(file: Sb3File) -> None:
-    low, high = (file.section("action_space").get(bound) for bound in ("low", "high"))
-    if (low, high) != ("[-1. -1.]", "[1. 1.]"):
-        raise InputError(f"{file.path}: action space from {low} to {high}, expected two from -1 to 1")
+    low, high = (model.outputs.trained.get(bound) for bound in ("low", "high"))
+    if model.outputs.box is None or (low, high) != _BOUNDS:
+        raise InputError(f"{path}: action space from {low} to {high}, expected {ACTION_SIZE} from -1 to 1")
+    if model.wrappers:
+        raise InputError(f"{path}: was trained in the wrapper {model.wrappers[0]}, expected none")

@@ -108,9 +108,9 @@ def test_other_graphs_are_refused(tmp_path: Path) -> None:
     identity = helper.make_node("Identity", ["x"], ["y"])
     cases: list[tuple[list[onnx.NodeProto], dict[str, Any], str]] = [
         ([identity], {"size": 1 << 30}, "takes 1073741824 numbers, expected 1 to 1048576"),
-        ([identity], {"size": 0}, "takes 0 numbers"),
+        ([identity], {"size": 0}, "expected one, tensor"),
         ([identity], {"size": "size"}, "expected one, tensor"),
-        ([helper.make_node("Cast", ["x"], ["y"], to=11)], {"kind": 11}, r"'float64', \(3, 4\).*expected one"),
+        ([helper.make_node("Cast", ["x"], ["y"], to=9)], {"kind": 9}, r"'bool', \(3, 4\).*expected one"),
         ([helper.make_node("Transpose", ["x"], ["y"])], {}, r"float32', \(4, 3\)\)\], expected one of"),
         ([helper.make_node("Shape", ["x"], ["y"])], {"kind": TensorProto.INT64}, "expected one of float32"),
         ([helper.make_node("RandomNormalLike", ["x"], ["y"])], {}, "is random"),

@@ -20,9 +20,10 @@ from nathlon.arena.entrance import enter_each, intact
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.policies.general.policy import GeneralPolicy
-from nathlon.policies.normalisation import check_as_it_is, statistics_of
+from nathlon.policies.normalisation import check_as_it_is, companions, statistics_of
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
 from nathlon.policies.sources.sb3_file import was_normalised
+from nathlon.policies.sources.vec_normalize import Statistics
 from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
@@ -47,7 +48,9 @@ class Trained:
     """Files that Stable-Baselines3 has written."""
 
     def __init__(self, folder: Path) -> None:
-        self.observations, self.rewards = folder / "observations.pkl", folder / "rewards.pkl"
+        (folder / "statistics").mkdir()
+        self.observations = folder / "statistics" / "observations.pkl"
+        self.rewards = folder / "statistics" / "rewards.pkl"
         self.normalised, self.plain = folder / "normalised.zip", folder / "plain.zip"
         environments = DummyVecEnv([Lights])
         arguments: dict[str, Any] = {"n_steps": 8, "batch_size": 8, "n_epochs": 1, "device": "cpu"}
@@ -83,14 +86,16 @@ OWN = [
     ("best_model.zip", "vecnormalize.pkl"),
     ("best_model.zip", "best_vec_normalize.pkl"),
     ("walker.zip", "walker_vecnormalize.pkl"),
-    ("walker.onnx", "walker-VecNormalize.pkl"),
-    ("walker.zip", "obs_rms.npz"),
-    ("walker.zip", "normalizer.json"),
     ("walker.zip", "anything.pickle"),  # which says inside what it is
     ("CartPole-v1.zip", "CartPole-v1/vecnormalize.pkl"),
     ("checkpoints/walker_8_steps.zip", "vec_normalize.pkl"),
-    ("ppo_8_steps.zip", "ppo_vecnormalize_4096_steps.pkl"),  # of the same run
     ("final_model.zip", "run3_vecnormalize.pkl"),  # of nobody else who is there
+]
+STRANGE = [
+    ("walker.onnx", "walker-VecNormalize.pkl", "with the statistics inside"),
+    ("walker.zip", "obs_rms.npz", "expected what VecNormalize.save writes"),
+    ("walker.zip", "normalizer.json", "expected what VecNormalize.save writes"),
+    ("ppo_8_steps.zip", "ppo_vecnormalize_4096_steps.pkl", "the statistics of another step"),
 ]
 OTHERS = [
     ("first.zip", ["second.zip", "second_vecnormalize.pkl"]),
@@ -103,13 +108,22 @@ OTHERS = [
 
 
 @pytest.mark.parametrize(("policy", "statistics"), OWN)
-def test_a_policy_is_refused_whose_observations_were_normalised(
+def test_statistics_belong_to_a_policy(
     tmp_path: Path, trained: Trained, policy: str, statistics: str
 ) -> None:
     lay(tmp_path, [policy, statistics], trained.observations.read_bytes())
     (tmp_path / "CartPole-v1").mkdir(exist_ok=True)
     (tmp_path / "CartPole-v1" / "args.yml").touch()
-    with refused(f"{policy}: ", Path(statistics).name, "export it to ONNX with the statistics inside"):
+    assert companions(tmp_path / policy).statistics == tmp_path / statistics
+    check_as_it_is(tmp_path / policy)
+
+
+@pytest.mark.parametrize(("policy", "statistics", "message"), STRANGE)
+def test_a_policy_is_refused_whose_statistics_cannot_be_applied(
+    tmp_path: Path, trained: Trained, policy: str, statistics: str, message: str
+) -> None:
+    lay(tmp_path, [policy, statistics], trained.observations.read_bytes())
+    with refused(f"{policy}: ", Path(statistics).name, message):
         check_as_it_is(tmp_path / policy)
 
 
@@ -121,21 +135,21 @@ def test_a_policy_is_not_refused_for_statistics_of_another(
     check_as_it_is(tmp_path / policy)
 
 
-@pytest.mark.parametrize(("policy", "statistics"), OWN[:5])
-def test_statistics_of_rewards_alone_do_no_harm(
-    tmp_path: Path, trained: Trained, policy: str, statistics: str
-) -> None:
-    lay(tmp_path, [policy, statistics], trained.rewards.read_bytes())
-    check_as_it_is(tmp_path / policy)
+def test_statistics_of_rewards_alone_do_no_harm(tmp_path: Path, trained: Trained) -> None:
+    lay(tmp_path, ["walker.onnx", "walker-VecNormalize.pkl"], trained.rewards.read_bytes())
+    check_as_it_is(tmp_path / "walker.onnx")
+    assert Statistics.read(trained.rewards, trained.rewards.read_bytes()).by_key == {}
 
 
 def test_own_statistics_come_before_those_of_the_folder(tmp_path: Path, trained: Trained) -> None:
     lay(tmp_path, ["a.zip", "b.zip", "vecnormalize.pkl"], trained.observations.read_bytes())
     lay(tmp_path, ["a_vecnormalize.pkl"], trained.rewards.read_bytes())
     assert statistics_of(tmp_path / "a.zip") == [tmp_path / "a_vecnormalize.pkl"]
-    check_as_it_is(tmp_path / "a.zip")
-    with refused("b.zip", "vecnormalize.pkl"):
-        check_as_it_is(tmp_path / "b.zip")
+    assert companions(tmp_path / "a.zip").statistics == tmp_path / "a_vecnormalize.pkl"
+    assert companions(tmp_path / "b.zip").statistics == tmp_path / "vecnormalize.pkl", "who else's?"
+    lay(tmp_path, ["c.zip"], b"")
+    with refused("b.zip", "'vecnormalize.pkl' may be the statistics of several policies"):
+        companions(tmp_path / "b.zip")
 
 
 def test_a_file_shows_that_it_was_trained_with_statistics_that_are_gone(
@@ -166,17 +180,18 @@ def test_nothing_is_unpickled(tmp_path: Path, trained: Trained, cut: int | None)
     harm = tmp_path / "harm"
     content = pickle.dumps([Bomb(harm), "VecNormalize"])
     lay(tmp_path, ["walker.zip", "walker_vecnormalize.pkl"], content[:cut])
-    with refused("walker_vecnormalize.pkl"):
-        check_as_it_is(tmp_path / "walker.zip")
+    statistics = tmp_path / "walker_vecnormalize.pkl"
+    assert companions(tmp_path / "walker.zip").statistics == statistics
+    with refused("walker_vecnormalize.pkl", "expected what VecNormalize.save writes"):
+        Statistics.read(statistics, statistics.read_bytes())
     assert not harm.exists()
 
 
 def test_a_folder_of_files_that_are_added_is_looked_at_again(tmp_path: Path, trained: Trained) -> None:
     lay(tmp_path, ["walker.zip"], b"")
-    check_as_it_is(tmp_path / "walker.zip")
+    assert companions(tmp_path / "walker.zip").statistics is None
     lay(tmp_path, ["vecnormalize.pkl"], trained.observations.read_bytes())
-    with refused("vecnormalize.pkl"):
-        check_as_it_is(tmp_path / "walker.zip")
+    assert companions(tmp_path / "walker.zip").statistics == tmp_path / "vecnormalize.pkl"
 
 
 def test_a_selection_sets_it_aside_and_says_why(tmp_path: Path, trained: Trained, pool: Pool) -> None:

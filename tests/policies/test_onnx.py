@@ -114,7 +114,7 @@ def test_an_export_carries_the_card_and_its_bytes_depend_on_the_policy_alone(
     assert [path.name for path in tmp_path.iterdir()] == ["again.onnx"]
     theirs = OnnxPolicy.load(again)
     assert theirs.id == hashlib.sha256(again.read_bytes()).hexdigest()
-    assert theirs.card.model_dump() == policy.card.model_dump(exclude={"hidden", "encoder"})
+    assert theirs.card.model_dump(exclude={"output"}) == policy.card.model_dump(exclude={"hidden", "encoder"})
     assert enter(str(again), "lindenring", "gt3").step == policy.card.step
     with pytest.raises(InputError, match=r"again\.onnx: circuit is 'lindenring', expected 'porto-sereno'"):
         enter(str(again), "porto-sereno", "gt3")
@@ -240,9 +240,9 @@ SUM = helper.make_node("ReduceSum", ["x"], ["y"], keepdims=1)
             "'RandomNormalLike' is random",
         ),
         (graph([helper.make_node("Unheard", ["x"], ["y"])]), "onnxruntime cannot run the graph"),
-        (plain(shape=[1, SIZE]), r"inputs are x tensor\(float\) \[1, \d+\]; expected one"),
-        (graph([SUM], shape=["batch", SIZE, 1], actions=[1, 1, 1]), "expected one"),
-        (graph([FLOATS], kind=TensorProto.DOUBLE, actions=["b", SIZE]), r"x tensor\(double\) .*expected one"),
+        (plain(shape=[2, SIZE]), "takes 2 observations at once, expected any number or 1"),
+        (graph([SUM], shape=["batch", SIZE, 1], actions=[1, 1, 1]), "outputs for 3 observations are"),
+        (graph([FLOATS], kind=TensorProto.DOUBLE, actions=["b", SIZE]), "outputs for 3 observations are"),
         (graph([SUM], shape=["batch", "size"]), "expected one"),
         (graph([TANH], actions=["batch", SIZE]), r"\(3, \d+\)\)\], expected"),
         (graph([SUM], actions=[1, 1]), r"outputs for 3 observations are \[\('float32', \(1, 1\)\)\], exp"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,15 @@ def test_what_others_write_is_called_by_its_name(tmp_path: Path, name: str, what
         load_general(str(path), Box(-1.0, 1.0, (2,)), Discrete(2))
     with refused(f"{path}: is {what}", "or an ONNX graph"):
         load_policy(str(path), "lindenring", "gt3")
+
+
+def test_one_of_stable_baselines_without_its_ending_is_to_be_renamed(tmp_path: Path) -> None:
+    path = tmp_path / "model_0.5"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("data", "{}")
+        archive.writestr("policy.pth", "")
+    with refused(f"{path}: is a policy of Stable-Baselines3", "expected the name 'model_0.5.zip'"):
+        load_general(str(path), Box(-1.0, 1.0, (2,)), Discrete(2))
 
 
 def test_a_checkpoint_of_any_name_is_none_of_them(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import Store
+from nathlon.policies.normalisation import companions
 from nathlon.policies.sources import COMPOSITE, ROLES, is_path, suffix_of
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.identity import is_still, policy_id
@@ -72,7 +73,7 @@ def _file_name(name: str, identity: str, source: str) -> str:
 
 
 def _copy(source: Path, copy: Path) -> None:
-    """Copy a file, and the files that it names, if it is a composite or names policies by role."""
+    """Copy a file, and the files that belong to it: those that it names, or that lie beside it."""
     if source.name.endswith(ROLES):
         named = RolesSource.read(source).sources
         roles = [f"{json.dumps(role)} = {_named(part, copy.parent)}" for role, part in named.items()]
@@ -86,8 +87,10 @@ def _copy(source: Path, copy: Path) -> None:
             lines += [f"{field} = {_text(value)}" for field, value in facts.items()]
         _write(copy, lines)
     else:
-        with whole_file(copy) as partial:
-            shutil.copyfile(source, partial)
+        beside = companions(source).named_after(copy)
+        for one, other in {copy: source, **beside}.items():
+            with whole_file(one) as partial:
+                shutil.copyfile(other, partial)
 
 
 def _named(source: str, folder: Path) -> str:
