@@ -56,7 +56,7 @@ def check_as_it_is(path: Path) -> None:
         InputError: if the file's statistics normalise observations, or are not found though there were some;
             it names them.
     """
-    if path.suffix not in (".zip", ".onnx"):  # ours say what they take
+    if path.suffix.lower() not in (".zip", ".onnx"):  # ours say what they take
         return
     found = statistics_of(path)
     for statistics in found:
@@ -67,7 +67,7 @@ def check_as_it_is(path: Path) -> None:
                 "here yet; export it to ONNX with the statistics inside, or, if they are another's, move it "
                 "to a folder without them, expected a policy that takes observations as they are"
             )
-    if path.suffix == ".zip" and not found and was_normalised(path):
+    if path.suffix.lower() == ".zip" and not found and was_normalised(path):
         named = f"{printable(path.stem)}_vecnormalize.pkl"
         raise InputError(
             f"{path}: was trained with VecNormalize, and without its statistics nobody knows whether "
@@ -127,7 +127,7 @@ def _statistics(folder: Path, _: int) -> tuple[Path, ...]:
 
 @lru_cache
 def _named_policies(folder: Path, _: int) -> set[Words]:
-    return {_words(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix in SUFFIXES}
+    return {_words(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix.lower() in SUFFIXES}
 
 
 def _changed(path: Path) -> int:

@@ -99,7 +99,10 @@ def test_places_and_points_follow_from_outcomes() -> None:
     assert placed([Outcome(place=2), Outcome(place=1)], [False, False]) == [2, 1]
     assert place_points([1, 1, 3]) == [9.0, 9.0, 6.0]
     assert place_points(list(range(1, 11)))[-3:] == [1.0, 0.0, 0.0]
-    assert score_points(outcomes, [False, False, False, True]) == [2.0, 5.0, 2.0, 2.0]
+    assert score_points(outcomes, [False, False, False, True]) == [2.0, 5.0, 2.0, -5.0]
+    assert score_points(outcomes, [True, False, False, False]) == [2.0, 5.0, 2.0, 9.0]
+    assert score_points([Outcome(1.0), Outcome(3.0)], [True, False]) == [1.0, 3.0]
+    assert score_points([Outcome(1.0), Outcome(3.0)], [True, True]) == [1.0, 1.0]
 
 
 def test_a_team_gets_the_same_and_background_seats_are_the_baseline_s(tmp_path: Path) -> None:
@@ -151,6 +154,7 @@ def test_a_policy_that_fails_is_out_and_the_others_play_on(tmp_path: Path, answe
     rows = play(world, [Failing(answer), *policies_of(world, tmp_path, 0)], (0, 1))
     assert rows["ending"].to_list() == [ending, "finished"]
     assert rows["place"].to_list() == [2, 1], "it is last, although it had led"
+    assert rows["points"][0] <= rows["points"][1]
 
 
 def test_an_absent_policy_is_out_from_the_start(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from scipy.stats import mannwhitneyu
 import nathlon
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.recipe_comparison.grouping import attempts, checkpoints_of, recipe_folders
+from nathlon.recipe_comparison.grouping import attempts, checkpoints_of, recipe_folders, same_files
 from nathlon.recipe_comparison.statistics import (
     estimate,
     interquartile_mean,
@@ -73,6 +73,34 @@ def test_a_folder_holds_a_recipe_and_those_in_it_its_runs(folders: Path) -> None
     assert [one.step for one in runs[0].checkpoints] == [4000, 8000]
     seeds = {one.seed for run in runs[2:] for one in run.checkpoints}
     assert len(runs[2:]) == len(seeds), "a seed is a run"
+
+
+def test_copies_of_a_training_run_are_no_further_run_and_said(folders: Path, tmp_path: Path) -> None:
+    """A run that ends with another's file would else be judged by an earlier checkpoint of its own."""
+    shutil.copytree(folders / "plain" / "one", tmp_path / "plain" / "one")
+    shutil.copytree(folders / "plain" / "two", tmp_path / "plain" / "two")
+    first, last = sorted((tmp_path / "plain" / "one").iterdir())
+    shutil.copy(last, last.with_name("zz-best.safetensors"))
+    for place, file in (
+        ("again", last),
+        ("again", first.parent.parent / "two" / "lindenring-s1-020k.safetensors"),
+    ):
+        (tmp_path / "wary" / place).mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, tmp_path / "wary" / place)
+    shutil.copytree(folders / "wary", tmp_path / "wary" / "own")
+    shutil.copy(first, tmp_path / "wary" / "own")
+    found = recipe_folders([str(tmp_path / "plain"), str(tmp_path / "wary")])
+    with Pool(1) as pool:
+        files = checkpoints_of(found, ())
+        runs = attempts(pool, found, files, "lindenring", "gt3", "racing")
+    assert [(run.recipe, len(run.checkpoints)) for run in runs[:2]] == [("plain", 2), ("plain", 2)]
+    assert not [
+        one for run in runs if run.recipe == "wary" for one in run.checkpoints if "again" in one.source
+    ]
+    told = same_files(runs, files, [runs[0].checkpoints[0]])
+    assert any("zz-best" in said and said.startswith("Same file as ") for said in told)
+    assert any(said.endswith("itself, which it does not race.") for said in told)
+    assert "wary/own/lindenring-s1-004k" in " ".join(told)
 
 
 @pytest.mark.parametrize(
@@ -207,5 +235,6 @@ def test_from_folders_to_a_page_and_nothing_runs_twice(folders: Path) -> None:
     again = ("recipes", "plain", "wary", "--out", "out", "--config", "quick.toml", "--json")
     done = command(*again, cwd=folders)
     assert json.loads(done.stdout)["recipes"] == result.recipes.to_dicts()
+    assert json.loads(done.stdout)["remarks"] == list(result.remarks) == []
     with Store(result.folder / "store.sqlite") as store:
         assert store.results().height == before

@@ -70,7 +70,7 @@ def lay(folder: Path, names: Sequence[str], statistics: bytes) -> None:
     for name in names:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".zip":
+        if path.suffix.lower() == ".zip":
             with zipfile.ZipFile(path, "w") as archive:
                 archive.writestr("data", data)
         else:
@@ -84,6 +84,8 @@ OWN = [
     ("best_model.zip", "best_vec_normalize.pkl"),
     ("walker.zip", "walker_vecnormalize.pkl"),
     ("walker.onnx", "walker-VecNormalize.pkl"),
+    ("WALKER.ZIP", "vecnormalize.pkl"),
+    ("WALKER.ONNX", "VECNORMALIZE.PKL"),
     ("walker.zip", "obs_rms.npz"),
     ("walker.zip", "normalizer.json"),
     ("walker.zip", "anything.pickle"),  # which says inside what it is
@@ -94,6 +96,7 @@ OWN = [
 ]
 OTHERS = [
     ("first.zip", ["second.zip", "second_vecnormalize.pkl"]),
+    ("first.ZIP", ["second.ZIP", "second_vecnormalize.pkl"]),
     ("ppo_8_steps.zip", ["sac_8_steps.zip", "sac_vecnormalize_8_steps.pkl"]),
     ("walker.zip", ["walker_replay_buffer.bin", "evaluations.npz", "args.json"]),
     ("b/walker.zip", ["walker.zip", "vecnormalize.pkl"]),
