@@ -75,32 +75,29 @@ def test_a_folder_holds_a_recipe_and_those_in_it_its_runs(folders: Path) -> None
     assert len(runs[2:]) == len(seeds), "a seed is a run"
 
 
-def test_copies_of_a_training_run_are_no_further_run_and_said(folders: Path, tmp_path: Path) -> None:
+def test_copies_of_a_training_run_are_no_further_run_and_said(tmp_path: Path) -> None:
     """A run that ends with another's file would else be judged by an earlier checkpoint of its own."""
-    shutil.copytree(folders / "plain" / "one", tmp_path / "plain" / "one")
-    shutil.copytree(folders / "plain" / "two", tmp_path / "plain" / "two")
-    first, last = sorted((tmp_path / "plain" / "one").iterdir())
-    shutil.copy(last, last.with_name("zz-best.safetensors"))
-    for place, file in (
-        ("again", last),
-        ("again", first.parent.parent / "two" / "lindenring-s1-020k.safetensors"),
-    ):
-        (tmp_path / "wary" / place).mkdir(parents=True, exist_ok=True)
-        shutil.copy(file, tmp_path / "wary" / place)
-    shutil.copytree(folders / "wary", tmp_path / "wary" / "own")
-    shutil.copy(first, tmp_path / "wary" / "own")
+    placed = {
+        "plain/one/a": "s1-004k",
+        "plain/one/b": "s1-032k",
+        "plain/one/best": "s1-032k",
+        "wary/again/a": "s1-008k",
+        "wary/again/b": "s1-032k",
+        "wary/own/a": "fair-020k",
+    }
+    for place, name in placed.items():
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(LADDER / f"lindenring-{name}.safetensors", tmp_path / f"{place}.safetensors")
     found = recipe_folders([str(tmp_path / "plain"), str(tmp_path / "wary")])
     with Pool(1) as pool:
         files = checkpoints_of(found, ())
         runs = attempts(pool, found, files, "lindenring", "gt3", "racing")
-    assert [(run.recipe, len(run.checkpoints)) for run in runs[:2]] == [("plain", 2), ("plain", 2)]
-    assert not [
-        one for run in runs if run.recipe == "wary" for one in run.checkpoints if "again" in one.source
-    ]
-    told = same_files(runs, files, [runs[0].checkpoints[0]])
-    assert any("zz-best" in said and said.startswith("Same file as ") for said in told)
-    assert any(said.endswith("itself, which it does not race.") for said in told)
-    assert "wary/own/lindenring-s1-004k" in " ".join(told)
+    assert [(run.recipe, len(run.checkpoints)) for run in runs] == [("plain", 2), ("wary", 1)]
+    [itself, copied, left] = same_files(runs, files, [runs[0].checkpoints[0]])
+    assert itself.endswith("itself, which it does not race.")
+    assert copied.startswith(f"Same file as {runs[0].last.name}, counted once: ")
+    assert [place in copied for place in placed] == [False, False, True, False, True, False]
+    assert left.endswith("ends with such a copy: " + str(tmp_path / "wary/again/a.safetensors") + ".")
 
 
 @pytest.mark.parametrize(
