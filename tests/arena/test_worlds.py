@@ -18,6 +18,7 @@ from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.contract import Outcome, World
 from nathlon.arena.worlds.episodes import place_points, placed, score_points
+from nathlon.arena.worlds.loaded import LoadedPolicy
 from nathlon.arena.worlds.registry import load_world, offered_worlds
 from tests.games import box_player, player, refused, world_of
 
@@ -185,6 +186,19 @@ def test_a_fault_of_the_world_makes_the_episode_void(
     rows = play(world, policies_of(world, tmp_path, 3, 0), (0, 1))
     assert set(rows["ending"]) == {"simulator_fault"}
     assert f"world {name!r}, scenario 'duel': {said}: the episode is void" in caplog.text
+
+
+def test_a_nan_is_the_fault_of_the_world_whoever_is_shown_it(tmp_path: Path) -> None:
+    """Policies of the world's own loader are shown observations as they are."""
+    world = load_world(world_of(tmp_path, "PettingZooWorld({'duel': envs['faulty']('nan')})"))
+    (tmp_path / "own.pt").write_text("own")
+
+    def load(*_: Any) -> Any:
+        return lambda observation: int(np.nan_to_num(observation).argmax())
+
+    loaded = LoadedPolicy.read(str(tmp_path / "own.pt"), load, *world.spaces("duel")[0])  # type: ignore[attr-defined]
+    rows = play(world, [loaded, *policies_of(world, tmp_path, 0)], (0, 1))
+    assert set(rows["ending"]) == {"simulator_fault"}
 
 
 def test_episodes_do_not_depend_on_those_before(tmp_path: Path) -> None:
