@@ -11,7 +11,7 @@ import polars as pl
 
 from nathlon.reports.recipes_figure import recipes_picture
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
-from nathlon.results.recipes import too_few, void_units
+from nathlon.results.recipes import too_few
 from nathlon.sim.whole_file import whole_file
 
 FEW = 5
@@ -58,7 +58,12 @@ def headline(recipes: pl.DataFrame) -> str:
 
 
 def write_recipes_page(
-    recipes: pl.DataFrame, scores: pl.DataFrame, place: str, references: Sequence[str], folder: Path
+    recipes: pl.DataFrame,
+    scores: pl.DataFrame,
+    place: str,
+    references: Sequence[str],
+    folder: Path,
+    remarks: Sequence[str] = (),
 ) -> Path:
     """Write `folder`/index.html and `folder`/recipes.png, each whole or not at all.
 
@@ -67,6 +72,7 @@ def write_recipes_page(
         place: where they raced, in words.
         references: names of whom they raced.
         folder: for the page.
+        remarks: sentences on what did not count.
 
     Returns:
         the page's path.
@@ -74,12 +80,16 @@ def write_recipes_page(
     picture = recipes_picture(recipes, scores)
     with whole_file(folder / "recipes.png") as partial:
         partial.write_bytes(picture)
-    void = void_units(recipes, scores)
-    return write_page_file(render_recipes(recipes, picture, place, references, void), folder / "index.html")
+    page = render_recipes(recipes, picture, place, references, remarks)
+    return write_page_file(page, folder / "index.html")
 
 
 def render_recipes(
-    recipes: pl.DataFrame, picture: bytes, place: str, references: Sequence[str], void: str = ""
+    recipes: pl.DataFrame,
+    picture: bytes,
+    place: str,
+    references: Sequence[str],
+    remarks: Sequence[str] = (),
 ) -> str:
     """The page's HTML, which needs no network and runs no script."""
     return render_page(
@@ -88,7 +98,7 @@ def render_recipes(
         headline=headline(recipes),
         place=place,
         references=references,
-        void=void,
+        remarks=remarks,
         heads=[head for _, head, _ in CELLS],
         rows=[row | {"cells": cells(row)} for row in recipes.to_dicts()],
         few=bool((recipes["runs"] < FEW).any()),

@@ -298,6 +298,14 @@ def place_points(places: Sequence[int]) -> list[float]:
 
 
 def score_points(outcomes: Sequence[Outcome], faulty: Sequence[bool]) -> list[float]:
-    """Scores as points; whoever's policy has failed has no more than the least of the episode."""
+    """Scores as points; whoever's policy has failed has fewer than all whom it was ahead of.
+
+    It is behind the last who has finished by as much as it was ahead: a lead before a failure counts against
+    it, as scores have no unit in which a failure could cost something. Where all have failed, all are equal.
+    """
     scores = [outcome.score or 0.0 for outcome in outcomes]
-    return [min(scores) if fault else score for score, fault in zip(scores, faulty, strict=True)]
+    whole = [score for score, fault in zip(scores, faulty, strict=True) if not fault]
+    if not whole:
+        return [min(scores)] * len(scores)
+    last = min(whole)
+    return [last - abs(score - last) if fault else score for score, fault in zip(scores, faulty, strict=True)]

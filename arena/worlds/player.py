@@ -72,6 +72,8 @@ class Asking:
         """
         if self.fault:
             return idle(self._done)
+        if _has_nan(observation):
+            raise WorldError(f"seat {self._seat!r}: observation with NaN, expected numbers")
         seen = deepcopy(observation) if isinstance(self._policy, LoadedPolicy) else self._flat(observation)
         assert self._who is not None
         watch, match, entrant = self._who
@@ -86,7 +88,7 @@ class Asking:
             # Another one may have taken the memory: who pays for it is decided outside of this process.
             raise
         except IllegalActionError as error:
-            log.warning("the policy of seat %r gave %s: it idles", self._seat, error)
+            log.warning("the policy of seat %r %s: it idles", self._seat, error)
             self.fault = "illegal_action"
             return idle(self._done)
         # Whatever a policy raises, an exit too, is its own fault and must not stop the others.
@@ -114,8 +116,6 @@ class Asking:
         if seen.shape[1] != spaces.flatdim(self._seen):
             size = spaces.flatdim(self._seen)
             raise WorldError(f"seat {self._seat!r}: observation of {seen.shape[1]} numbers, expected {size}")
-        if np.isnan(seen).any():
-            raise WorldError(f"seat {self._seat!r}: observation with NaN, expected numbers")
         return seen
 
     def _decide(self, seen: Any, mask: NDArray[np.bool_] | None) -> Any:
@@ -151,6 +151,18 @@ def idle(space: Space) -> Any:
         case spaces.MultiDiscrete():
             return np.array(space.start, space.dtype)
     raise ValueError(f"action space {space}, expected Box, Discrete or MultiDiscrete")
+
+
+def _has_nan(observation: Any) -> bool:
+    """Whether an observation has a NaN among its numbers, whatever its space."""
+    if isinstance(observation, Mapping):
+        return any(map(_has_nan, observation.values()))
+    if isinstance(observation, tuple):
+        return any(map(_has_nan, observation))
+    try:
+        return bool(np.isnan(np.asarray(observation)).any())
+    except (TypeError, ValueError):
+        return False  # holds no numbers
 
 
 def _finite(action: Any) -> bool:

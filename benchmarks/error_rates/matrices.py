@@ -12,15 +12,17 @@ from benchmarks.error_rates.simulation import Case, Outcome
 from nathlon.arena.statistics import Floats
 from nathlon.judge.matrix.evidence import (
     LOOKS_WORSE,
+    TRIED_RUNS,
     discovered,
     looks,
+    mishap,
+    no_worse,
     p_worse,
     rate_of_look,
     shrink,
     variances_of_means,
 )
 from nathlon.selection.matrix_settings import MatrixSettings
-from nathlon.tournament.non_inferiority import least_deviation
 
 SETTINGS = MatrixSettings()
 SCENARIOS, PLACES = 15, 4
@@ -67,11 +69,19 @@ def called_worse(rng: np.random.Generator, noise: Noise, drive: Drive) -> Outcom
     shrunk = shrink(np.nanmean(some, axis=1), variances_of_means(some), levels[known])
     suspects = known[shrunk.above(1.0) >= LOOKS_WORSE]
     ends = looks(SETTINGS.most_runs)
-    fresh = drive(rng, noise, truth[suspects], ends[-1])
-    worse = np.zeros(len(suspects), np.bool_)
+    drawn = drive(rng, noise, truth[suspects], ends[-1])
+    worse, given_up = np.zeros((2, len(suspects)), np.bool_)
+    runs = np.zeros(len(suspects), np.int64)
     for end in ends:
-        p = p_worse(fresh[:, :end], 1.0, least_deviation(1.0))
+        runs[~worse & ~given_up] = end
+        fresh = np.where(np.arange(ends[-1]) < runs[:, None], drawn, np.nan)
+        everything = np.full((cells, SETTINGS.runs + ends[-1]), np.nan)
+        everything[:, : SETTINGS.runs] = screened
+        everything[suspects, SETTINGS.runs :] = fresh
+        p = p_worse(fresh, 1.0, mishap(everything, 1.0))
         worse |= discovered(p, rate_of_look(end, ends, SETTINGS.false_discovery_rate))
+        if end >= TRIED_RUNS:
+            given_up |= no_worse(fresh, 1.0)
     really = truth[suspects] > 1.0
     large = truth > 1.0 + LARGEST / 2
     found = set(suspects[worse]) & set(np.flatnonzero(large))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import polars as pl
 from nathlon.api.selection import at_home, configured
 from nathlon.arena.entrance import endings_of, enter_all
 from nathlon.arena.pool import Pool
-from nathlon.judge.recipes.grouping import attempts, checkpoints_of, recipe_folders
+from nathlon.judge.recipes.grouping import attempts, checkpoints_of, recipe_folders, same_files
 from nathlon.judge.recipes.scores import SEED, STAGE, score
 from nathlon.judge.recipes.summary import summarise
 from nathlon.reports.recipes_page import headline, write_recipes_page
@@ -32,13 +32,16 @@ class RecipesResult:
         folder: of all that it has left: page, picture, `recipes.csv`, `scores.csv` and the store.
         recipes: one row a recipe: `nathlon.results.recipes.RECIPES`.
         scores: one row a checkpoint and task: `nathlon.results.recipes.SCORES`.
+        remarks: sentences on what did not count: void pairs, and files with the same contents.
     """
 
-    def __init__(self, folder: Path, recipes: pl.DataFrame, scores: pl.DataFrame) -> None:
-        self.folder, self.recipes, self.scores = folder, recipes, scores
+    def __init__(
+        self, folder: Path, recipes: pl.DataFrame, scores: pl.DataFrame, remarks: Sequence[str] = ()
+    ) -> None:
+        self.folder, self.recipes, self.scores, self.remarks = folder, recipes, scores, tuple(remarks)
 
     def __repr__(self) -> str:
-        told = filter(None, (headline(self.recipes), void_units(self.recipes, self.scores)))
+        told = headline(self.recipes), *self.remarks
         return "\n".join([*told, f"Report: {self.folder / 'index.html'}"])
 
     def _repr_html_(self) -> str:
@@ -98,7 +101,9 @@ def recipes(
             scores = score(run, runs, references, settings)
         table = summarise(scores, np.random.default_rng([settings.seed, SEED]))
         place = ", ".join(filter(None, where[:2])) or settings.world
+        remarks = [*filter(None, [void_units(table, scores)]), *same_files(runs, files, references)]
         with output.filling():
             write_recipes(table, scores, output.root)
-            write_recipes_page(table, scores, place, [one.name for one in references], output.root)
-    return RecipesResult(output.root, table, scores)
+            names = [one.name for one in references]
+            write_recipes_page(table, scores, place, names, output.root, remarks)
+    return RecipesResult(output.root, table, scores, remarks)

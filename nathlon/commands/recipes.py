@@ -56,7 +56,8 @@ def recipes(
             progress=not as_json,
         )
     if as_json:
-        print_json({"recipes": result.recipes.to_dicts(), "scores": result.scores.to_dicts()})
+        tables = {"recipes": result.recipes.to_dicts(), "scores": result.scores.to_dicts()}
+        print_json({**tables, "remarks": list(result.remarks)})
     else:
         _print(result, out)
     sys.exit(exit_code(result.scores))
@@ -64,7 +65,6 @@ def recipes(
 
 def _print(result: RecipesResult, out: Path) -> None:
     from nathlon.reports.recipes_page import CELLS, cells, headline
-    from nathlon.results.recipes import void_units
 
     table = new_table("Ends of training runs", lean=True)
     for column in ("Recipe", "Runs", *(head for _, head, _ in CELLS), "Best", "Scored", "Expected"):
@@ -76,6 +76,6 @@ def _print(result: RecipesResult, out: Path) -> None:
         table.add_row(row["recipe"], str(row["runs"]), *cells(row), *best)
     print_table(table)
     say(headline(result.recipes) + ".")
-    if void := void_units(result.recipes, result.scores):
-        say(void)
+    for remark in result.remarks:
+        say(remark)
     say(f"Page         {out / 'index.html'}")

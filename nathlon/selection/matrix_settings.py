@@ -39,7 +39,7 @@ class MatrixSettings(Section):
             measure's unit otherwise.
         runs: of each cell in the screening.
         confirm: cells, those that look worst, that are driven again on other starts.
-        most_runs: of a cell that is driven again.
+        most_runs: of a cell that is driven again, and goes on to look worse.
         false_discovery_rate: the share, to be expected, of cells called worse that are not.
         replays: cells that got worse whose worst run leaves recordings.
     """
@@ -62,7 +62,7 @@ class MatrixSettings(Section):
     margins: Annotated[Mapping[str, Margin], Field(min_length=1)] = MARGINS
     runs: Annotated[int, Field(ge=2, le=1000)] = 4
     confirm: Annotated[int, Field(ge=0, le=100_000)] = 200
-    most_runs: Annotated[int, Field(ge=8, le=10_000)] = 64
+    most_runs: Annotated[int, Field(ge=8, le=10_000)] = 128
     false_discovery_rate: Annotated[float, Field(ge=0.001, le=0.5)] = 0.05
     replays: Annotated[int, Field(ge=0, le=100)] = 6
 

@@ -20,6 +20,7 @@ from nathlon.arena.world import Outcome, World
 from nathlon.arena.world_finding import offered_worlds
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.episodes import place_points, placed, score_points
+from nathlon.arena.worlds.loaded import LoadedPolicy
 from tests.support.games import box_player, player, refused, world_of
 
 MAKER = """
@@ -102,7 +103,10 @@ def test_places_and_points_follow_from_outcomes() -> None:
     assert placed([Outcome(place=2), Outcome(place=1)], [False, False]) == [2, 1]
     assert place_points([1, 1, 3]) == [9.0, 9.0, 6.0]
     assert place_points(list(range(1, 11)))[-3:] == [1.0, 0.0, 0.0]
-    assert score_points(outcomes, [False, False, False, True]) == [2.0, 5.0, 2.0, 2.0]
+    assert score_points(outcomes, [False, False, False, True]) == [2.0, 5.0, 2.0, -5.0]
+    assert score_points(outcomes, [True, False, False, False]) == [2.0, 5.0, 2.0, 9.0]
+    assert score_points([Outcome(1.0), Outcome(3.0)], [True, False]) == [1.0, 3.0]
+    assert score_points([Outcome(1.0), Outcome(3.0)], [True, True]) == [1.0, 1.0]
 
 
 def test_a_team_gets_the_same_and_background_seats_are_the_baseline_s(tmp_path: Path) -> None:
@@ -154,6 +158,7 @@ def test_a_policy_that_fails_is_out_and_the_others_play_on(tmp_path: Path, answe
     rows = play(world, [Failing(answer), *policies_of(world, tmp_path, 0)], (0, 1))
     assert rows["ending"].to_list() == [ending, "finished"]
     assert rows["place"].to_list() == [2, 1], "it is last, although it had led"
+    assert rows["points"][0] <= rows["points"][1]
 
 
 def test_an_absent_policy_is_out_from_the_start(tmp_path: Path) -> None:
@@ -185,6 +190,19 @@ def test_a_fault_of_the_world_makes_the_episode_void(
     rows = play(world, policies_of(world, tmp_path, 3, 0), (0, 1))
     assert set(rows["ending"]) == {"simulator_fault"}
     assert f"world {name!r}, scenario 'duel': {said}: the episode is void" in caplog.text
+
+
+def test_a_nan_is_the_fault_of_the_world_whoever_is_shown_it(tmp_path: Path) -> None:
+    """Policies of the world's own loader are shown observations as they are."""
+    world = load_world(world_of(tmp_path, "PettingZooWorld({'duel': envs['faulty']('nan')})"))
+    (tmp_path / "own.pt").write_text("own")
+
+    def load(*_: Any) -> Any:
+        return lambda observation: int(np.nan_to_num(observation).argmax())
+
+    loaded = LoadedPolicy.read(str(tmp_path / "own.pt"), load, *world.spaces("duel")[0])  # type: ignore[attr-defined]
+    rows = play(world, [loaded, *policies_of(world, tmp_path, 0)], (0, 1))
+    assert set(rows["ending"]) == {"simulator_fault"}
 
 
 def test_episodes_do_not_depend_on_those_before(tmp_path: Path) -> None:

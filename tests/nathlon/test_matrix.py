@@ -83,8 +83,8 @@ def test_large_regressions_are_found_and_alike_cells_are_not(
     assert (large["low"] > 0).all()
     # Only what looked worse was driven on, and until it was proven.
     assert cells["runs"].min() == 4
-    assert cells["runs"].max() == 4 + 64
-    assert np.median(large["runs"].to_numpy()) < 4 + 64
+    assert cells["runs"].max() == 4 + 128
+    assert np.median(large["runs"].to_numpy()) < 4 + 128
     again = nathlon.matrix(new, tmp_path / "out", baseline=old, config=config, progress=False)
     assert again.report.cells == result.report.cells
 

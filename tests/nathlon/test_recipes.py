@@ -14,7 +14,7 @@ from scipy.stats import mannwhitneyu
 import nathlon
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.judge.recipes.grouping import attempts, checkpoints_of, recipe_folders
+from nathlon.judge.recipes.grouping import attempts, checkpoints_of, recipe_folders, same_files
 from nathlon.judge.recipes.statistics import (
     estimate,
     interquartile_mean,
@@ -73,6 +73,31 @@ def test_a_folder_holds_a_recipe_and_those_in_it_its_runs(folders: Path) -> None
     assert [one.step for one in runs[0].checkpoints] == [4000, 8000]
     seeds = {one.seed for run in runs[2:] for one in run.checkpoints}
     assert len(runs[2:]) == len(seeds), "a seed is a run"
+
+
+def test_copies_of_a_training_run_are_no_further_run_and_said(tmp_path: Path) -> None:
+    """A run that ends with another's file would else be judged by an earlier checkpoint of its own."""
+    placed = {
+        "plain/one/a": "s1-004k",
+        "plain/one/b": "s1-032k",
+        "plain/one/best": "s1-032k",
+        "wary/again/a": "s1-008k",
+        "wary/again/b": "s1-032k",
+        "wary/own/a": "fair-020k",
+    }
+    for place, name in placed.items():
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(LADDER / f"lindenring-{name}.safetensors", tmp_path / f"{place}.safetensors")
+    found = recipe_folders([str(tmp_path / "plain"), str(tmp_path / "wary")])
+    with Pool(1) as pool:
+        files = checkpoints_of(found, ())
+        runs = attempts(pool, found, files, "lindenring", "gt3", "racing")
+    assert [(run.recipe, len(run.checkpoints)) for run in runs] == [("plain", 2), ("wary", 1)]
+    [itself, copied, left] = same_files(runs, files, [runs[0].checkpoints[0]])
+    assert itself.endswith("itself, which it does not race.")
+    assert copied.startswith(f"Same file as {runs[0].last.name}, counted once: ")
+    assert [f"{place}.safetensors" in copied for place in placed] == [False, False, True, False, True, False]
+    assert left.endswith("ends with such a copy: " + str(tmp_path / "wary/again/a.safetensors") + ".")
 
 
 @pytest.mark.parametrize(
@@ -207,5 +232,6 @@ def test_from_folders_to_a_page_and_nothing_runs_twice(folders: Path) -> None:
     again = ("recipes", "plain", "wary", "--out", "out", "--config", "quick.toml", "--json")
     done = command(*again, cwd=folders)
     assert json.loads(done.stdout)["recipes"] == result.recipes.to_dicts()
+    assert json.loads(done.stdout)["remarks"] == list(result.remarks) == []
     with Store(result.folder / "store.sqlite") as store:
         assert store.results().height == before

@@ -80,12 +80,12 @@ def duellists(folder: Path, *names: str) -> tuple[str, list[Entrant]]:
     return world, entrants
 
 
-def duels_gated(folder: Path, spoil: Spoil) -> GateReport:
+def duels_gated(folder: Path, spoil: Spoil, block: int = 72) -> GateReport:
     world, (first, other) = duellists(folder, "old", "new")
     config = configured(
         folder,
         world,
-        "[gate]\npoints = 5.0\npairs = 72\nblock = 72\n",
+        f"[gate]\npoints = 5.0\npairs = 72\nblock = {block}\n",
     )
     return run_gate(begun(folder, [first, other], spoil), first, [other], config)
 
@@ -120,6 +120,13 @@ def test_void_pairs_are_no_evidence_for_a_candidate(tmp_path: Path) -> None:
     assert report.verdict == Decision.PASS
     assert all("1 of 72 pairs are void and count for nobody" in page for page in told(report))
     assert report.remarks == ["1 of 144 races are void and count for nobody."]
+
+
+def test_a_gate_of_races_ends_where_void_pairs_leave_no_pass(tmp_path: Path) -> None:
+    """Of a void pair nobody knows who voided it: with 5 % of 72 pairs void, nobody can pass any more."""
+    report = duels_gated(tmp_path, lambda *_: ALL, block=8)
+    assert (report.verdict, report.exit_code, report.races) == (Decision.CANNOT_TELL, 3, 16)
+    assert "8 of 8 pairs are void" in report.candidates[0].findings[0].note
 
 
 def test_who_voids_its_own_runs_is_not_ruled_to_complete_them(tmp_path: Path) -> None:

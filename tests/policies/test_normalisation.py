@@ -73,7 +73,7 @@ def lay(folder: Path, names: Sequence[str], statistics: bytes) -> None:
     for name in names:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".zip":
+        if path.suffix.lower() == ".zip":
             with zipfile.ZipFile(path, "w") as archive:
                 archive.writestr("data", data)
         else:
@@ -86,6 +86,7 @@ OWN = [
     ("best_model.zip", "vecnormalize.pkl"),
     ("best_model.zip", "best_vec_normalize.pkl"),
     ("walker.zip", "walker_vecnormalize.pkl"),
+    ("WALKER.ZIP", "vecnormalize.pkl"),
     ("walker.zip", "anything.pickle"),  # which says inside what it is
     ("CartPole-v1.zip", "CartPole-v1/vecnormalize.pkl"),
     ("checkpoints/walker_8_steps.zip", "vec_normalize.pkl"),
@@ -93,12 +94,14 @@ OWN = [
 ]
 STRANGE = [
     ("walker.onnx", "walker-VecNormalize.pkl", "with the statistics inside"),
+    ("WALKER.ONNX", "VECNORMALIZE.PKL", "with the statistics inside"),
     ("walker.zip", "obs_rms.npz", "expected what VecNormalize.save writes"),
     ("walker.zip", "normalizer.json", "expected what VecNormalize.save writes"),
     ("ppo_8_steps.zip", "ppo_vecnormalize_4096_steps.pkl", "the statistics of another step"),
 ]
 OTHERS = [
     ("first.zip", ["second.zip", "second_vecnormalize.pkl"]),
+    ("first.ZIP", ["second.ZIP", "second_vecnormalize.pkl"]),
     ("ppo_8_steps.zip", ["sac_8_steps.zip", "sac_vecnormalize_8_steps.pkl"]),
     ("walker.zip", ["walker_replay_buffer.bin", "evaluations.npz", "args.json"]),
     ("b/walker.zip", ["walker.zip", "vecnormalize.pkl"]),

@@ -158,7 +158,7 @@ def _judge(case: _Case, settings: GateSettings) -> None:
     """Decide what can be decided."""
     for question in case.open:
         judged = _judged(case, question, settings)
-        if judged is not None and judged.verdict != Decision.CANNOT_TELL:
+        if judged is not None and (judged.final or judged.verdict != Decision.CANNOT_TELL):
             case.decided[question.name] = judged
     case.failed = case.faults(case.pair.candidate) > settings.max_faults
 
@@ -219,7 +219,9 @@ def _finding(case: _Case, question: Question, settings: GateSettings) -> Finding
     if judged.verdict == Decision.CANNOT_TELL:
         note = "; ".join(filter(None, (judged.note, _open(case, judged))))
         judged = judged._replace(note=note)
-    return plain.model_copy(update=judged._asdict())
+    told = judged._asdict()
+    del told["final"]
+    return plain.model_copy(update=told)
 
 
 def _open(case: _Case, judged: Judged) -> str:

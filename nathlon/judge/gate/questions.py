@@ -45,6 +45,7 @@ class Judged(NamedTuple):
         note: a sentence on what the verdict rests on, or does not; empty where there is nothing to say.
         needed: units that would decide, if the difference stays as it is; None where that is not known.
         void: units that count for nobody.
+        final: whether what is left of the budget cannot make it a pass, so that it is not run.
     """
 
     verdict: Decision
@@ -55,6 +56,7 @@ class Judged(NamedTuple):
     note: str = ""
     needed: int | None = None
     void: int = 0
+    final: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,13 +87,15 @@ class Question:
             spare: the share.
         """
         said, lost = self.judge(results), self.series.lost(results)
+        final = lost.hides_for_good(spare, self.series.most)
         if lost.not_judged or (said is None and lost.units and lost.void == lost.units):
-            return Judged(Decision.CANNOT_TELL, None, None, None, 0, lost.sentence(spare), void=lost.void)
+            nothing = Judged(Decision.CANNOT_TELL, None, None, None, 0, lost.sentence(spare), void=lost.void)
+            return nothing._replace(final=final)
         if said is None or not lost.void:
             return said
         note = "; ".join(filter(None, (said.note, lost.sentence(spare))))
         if said.verdict == Decision.PASS and lost.hides(spare):
-            said = said._replace(verdict=Decision.CANNOT_TELL)
+            said = said._replace(verdict=Decision.CANNOT_TELL, final=final)
         return said._replace(note=note, void=lost.void)
 
 

@@ -44,6 +44,10 @@ class Lost(NamedTuple):
         """Whether the candidate may have voided more than a share of its units."""
         return self.doubtful > share * self.units
 
+    def hides_for_good(self, share: float, most: int) -> bool:
+        """Whether it may have, however few of `most` units are void from now on."""
+        return self.doubtful > share * most
+
     def sentence(self, share: float) -> str:
         """It in words; empty where nothing is void."""
         if not self.void:

@@ -10,15 +10,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.arena.statistics import Floats
 from nathlon.judge.matrix.cells import Cell, Plan, Setting
 from nathlon.judge.matrix.driving import CONFIRMATION, SCREENING, Driving, begin, drive
 from nathlon.judge.matrix.evidence import (
     LOOKS_WORSE,
+    TRIED_RUNS,
     Mean,
     Shrunk,
+    as_one_cell,
     discovered,
     looks,
     mean_over_cells,
+    mishap,
+    no_worse,
     p_worse,
     rate_of_look,
     shrink,
@@ -31,7 +36,6 @@ from nathlon.selection.matrix_settings import MatrixSettings
 from nathlon.selection.run import Run
 from nathlon.sim.errors import InputError
 from nathlon.tournament.completion import breaks_more
-from nathlon.tournament.non_inferiority import least_deviation
 
 DIMENSIONS = ("circuit", "car", "scenario", "compound", "delay_s", "place")
 """Of a cell, in the order of `Setting` with the place after it."""
@@ -56,6 +60,7 @@ class Matrix:
         margins: by measure, in the order of `driving.measures`; without those that nothing is measured of.
         suspects: what looked worse in the screening.
         worse: which of them are.
+        given_up: which of them do not look it any more.
     """
 
     plan: Plan
@@ -63,6 +68,7 @@ class Matrix:
     margins: dict[str, float]
     suspects: list[Suspect] = field(default_factory=list)
     worse: set[Suspect] = field(default_factory=set)
+    given_up: set[Suspect] = field(default_factory=set)
 
 
 def run_matrix(run: Run, plan: Plan, config: Config) -> tuple[MatrixReport, Matrix]:
@@ -144,30 +150,39 @@ def _suspects(matrix: Matrix, most_cells: int) -> list[Suspect]:
 def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
     """Drive suspects again, twice as often from look to look, until all are decided or have had their runs.
 
-    Who is decided in one measure goes on in the others.
+    Who is decided in one measure goes on in the others. What is no worse than its margin by enough fresh runs
+    is given up.
     """
     ends = looks(asked.most_runs)
     before = 0
     cells = matrix.plan.cells
     for end in ends:
         places: dict[Setting, list[int]] = {}
-        undecided = {suspect.cell for suspect in matrix.suspects if suspect not in matrix.worse}
+        undecided = {one.cell for one in matrix.suspects if one not in matrix.worse | matrix.given_up}
         for cell in (cells[number] for number in sorted(undecided)):
             places.setdefault(cell.setting, []).append(cell.place)
         if not places:
             return
         drive(run, matrix.plan, matrix.driving, places, CONFIRMATION, slice(before, end), asked.opponents)
         before = end
-        p = np.array([_p_fresh(matrix, one) for one in matrix.suspects])
+        p, no_sign = _fresh(matrix)
         found = discovered(p, rate_of_look(end, ends, asked.false_discovery_rate))
         matrix.worse |= {one for one, is_worse in zip(matrix.suspects, found, strict=True) if is_worse}
+        if end >= TRIED_RUNS:
+            matrix.given_up |= {one for one, none in zip(matrix.suspects, no_sign, strict=True) if none}
 
 
-def _p_fresh(matrix: Matrix, suspect: Suspect) -> float:
-    """The p-value of a suspect, by its fresh runs alone."""
-    name, margin = list(matrix.margins.items())[suspect.measure]
-    fresh = matrix.driving.differences([matrix.plan.cells[suspect.cell]], name, [CONFIRMATION])
-    return float(p_worse(fresh, margin, least_deviation(margin))[0])
+def _fresh(matrix: Matrix) -> tuple[Floats, NDArray[np.bool_]]:
+    """The p-values of all suspects, and which are no worse than the margin, by their fresh runs alone."""
+    cells = matrix.plan.cells
+    p, no_sign = np.ones(len(matrix.suspects)), np.ones(len(matrix.suspects), np.bool_)
+    for measure, (name, margin) in enumerate(matrix.margins.items()):
+        here = [number for number, one in enumerate(matrix.suspects) if one.measure == measure]
+        own = [cells[matrix.suspects[number].cell] for number in here]
+        fresh = matrix.driving.differences(own, name, [CONFIRMATION])
+        p[here] = p_worse(fresh, margin, mishap(matrix.driving.differences(cells, name), margin))
+        no_sign[here] = no_worse(fresh, margin)
+    return p, no_sign
 
 
 def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixReport:
@@ -252,17 +267,20 @@ def _level_reports(matrix: Matrix, rate: float) -> tuple[LevelReport, ...]:
     """
     cells, names = matrix.plan.cells, list(matrix.margins)
     differences = [matrix.driving.differences(cells, name, [SCREENING]) for name in names]
+    mishaps = [
+        mishap(table, margin) for table, margin in zip(differences, matrix.margins.values(), strict=True)
+    ]
     found: list[tuple[str, str | int | float, list[Mean]]] = []
+    p: list[float] = []
     for dimension, column in zip(DIMENSIONS, _columns(cells), strict=True):
         levels = list(dict.fromkeys(column))
         for level in levels if len(levels) > 1 else []:
             here = np.array([one == level for one in column])
             found.append((dimension, level, [mean_over_cells(table[here]) for table in differences]))
-    p = [
-        mean.p_above(matrix.margins[name])
-        for *_, means in found
-        for name, mean in zip(names, means, strict=True)
-    ]
+            p += [
+                float(p_worse(as_one_cell(table[here]), matrix.margins[name], worst)[0])
+                for name, table, worst in zip(names, differences, mishaps, strict=True)
+            ]
     proven = iter(discovered(np.array(p), rate))
     return tuple(
         LevelReport(

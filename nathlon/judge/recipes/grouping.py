@@ -11,6 +11,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.policies.sources.finding import checkpoints_below
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,11 @@ def attempts(
         InputError: if a checkpoint cannot drive there.
     """
     sources = [str(path) for paths in files.values() for path in paths]
-    entered = {entrant.source: entrant for entrant in enter_all(pool, sources, circuit, car, world)}
+    entered = {
+        source: entrant
+        for entrant in enter_all(pool, sources, circuit, car, world)
+        for source in (entrant.source, *entrant.also)
+    }
     return [
         Attempt(name, run, tuple(checkpoints))
         for name, paths in files.items()
@@ -92,16 +97,49 @@ def attempts(
     ]
 
 
+def same_files(
+    runs: Sequence[Attempt], files: Mapping[str, Sequence[Path]], references: Iterable[Entrant]
+) -> list[str]:
+    """What of some training runs does not count for being the same as something else, in sentences.
+
+    Args:
+        runs: that count.
+        files: of all recipes.
+        references: whom they race.
+    """
+    raced = {one.id: one for attempt in runs for one in attempt.checkpoints}
+    reference = {one.id: one.name for one in references}
+    told, known = [], {one.source for one in raced.values()}
+    for one in raced.values():
+        if one.also:
+            known.update(one.also)
+            told.append(f"Same file as {one.name}, counted once: {', '.join(map(printable, one.also))}.")
+        if one.id in reference:
+            told.append(f"{one.name} is the reference {reference[one.id]} itself, which it does not race.")
+    left = [str(path) for paths in files.values() for path in paths if str(path) not in known]
+    if left:
+        told.append(
+            f"Left out, as their training run ends with such a copy: {', '.join(map(printable, left))}."
+        )
+    return told
+
+
 def _runs(root: Path, paths: Sequence[Path], entered: dict[str, Entrant]) -> list[tuple[str, list[Entrant]]]:
-    """Runs of a recipe by name; a seed names its run unless several runs have it."""
+    """Runs of a recipe by name; a seed names its run unless several runs have it.
+
+    One that ends with a copy of another run's checkpoint is no other run, and left out.
+    """
     runs: dict[tuple[Path, int | None], list[Entrant]] = {}
     for path in paths:
-        if (entrant := entered.get(str(path))) is not None:
-            runs.setdefault((path.parent, entrant.seed), []).append(entrant)
+        entrant = entered[str(path)]
+        runs.setdefault((path.parent, entrant.seed), []).append(entrant)
     seeds = [seed for _, seed in runs]
     named = []
-    for (folder, seed), checkpoints in runs.items():
+    for (folder, seed), found in runs.items():
+        checkpoints = sorted(dict.fromkeys(found), key=lambda entrant: (entrant.step or 0, entrant.source))
+        if Path(checkpoints[-1].source).parent != folder:
+            continue
         place = str(folder.relative_to(root))
         name = f"seed {seed}" if seed is not None and seeds.count(seed) == 1 else place
-        named.append((name, sorted(checkpoints, key=lambda entrant: (entrant.step or 0, entrant.source))))
+        named.append((name, [one for one in checkpoints if Path(one.source).parent == folder]))
     return named
