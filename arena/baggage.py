@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Protocol
 
 from nathlon.arena.match import Match
-from nathlon.policies.normalisation import companions
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, OBJECT, PLUGIN, RANDOM, SUFFIXES, suffix_of
+from nathlon.policies.sources.normalisation import companions
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.scratch import scratch_folder

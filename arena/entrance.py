@@ -13,9 +13,9 @@ from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.loaded import loader_of
 from nathlon.policies.checkpoint import ANY
 from nathlon.policies.load import load_file
-from nathlon.policies.normalisation import check_as_it_is
 from nathlon.policies.sources import ROLES
 from nathlon.policies.sources.finding import Found
+from nathlon.policies.sources.normalisation import check_as_it_is
 from nathlon.policies.sources.roles import RolesSource
 from nathlon.sim.errors import InputError, together
 

@@ -22,9 +22,9 @@ from nathlon.policies.isolation import Apart
 from nathlon.policies.patience import TimedOutError
 from nathlon.policies.planning import Mppi, decide
 from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.sb3_racer import Sb3Policy
 from nathlon.policies.sources.human import Person
 from nathlon.policies.sources.onnx import OnnxPolicy
-from nathlon.policies.sources.sb3 import Sb3Policy
 from nathlon.sim.world import World
 
 log = logging.getLogger(__name__)

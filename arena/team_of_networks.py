@@ -13,7 +13,7 @@ from nathlon.arena.watch import Watch
 from nathlon.policies.checkpoint import NetworkPolicy
 from nathlon.policies.mlp import FEW, Mlp, MlpStack
 from nathlon.policies.policy import Batch
-from nathlon.policies.sources.sb3 import Sb3Policy
+from nathlon.policies.sb3_racer import Sb3Policy
 from nathlon.sim.world import World
 
 LARGE = 1_000_000

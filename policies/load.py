@@ -12,6 +12,7 @@ from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.planning import Mppi
 from nathlon.policies.planning.prior import Prior
 from nathlon.policies.policy import Policy
+from nathlon.policies.sb3_racer import Sb3Policy
 from nathlon.policies.sources import (
     COMPOSITE,
     DRIVER,
@@ -29,7 +30,6 @@ from nathlon.policies.sources.onnx import OnnxPolicy
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import load_plugin
 from nathlon.policies.sources.recognised import EXPORT, recognised
-from nathlon.policies.sources.sb3 import Sb3Policy
 from nathlon.sim.errors import InputError
 
 FilePolicy = NetworkPolicy | Sb3Policy | OnnxPolicy

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from nathlon.policies.general.outputs import Outputs
 from nathlon.policies.general.policy import GeneralPolicy, Memoryless
-from nathlon.policies.normalisation import companions, identity_with
 from nathlon.policies.policy_file import opening, read_policy_file
+from nathlon.policies.sources.normalisation import companions, identity_with
 from nathlon.policies.sources.onnx_graph import OnnxGraph, open_session, shapes
 from nathlon.policies.sources.onnx_model import checked_graph
 from nathlon.sim.errors import InputError

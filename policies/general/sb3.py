@@ -16,10 +16,10 @@ from nathlon.policies.general.policy import GeneralPolicy, Memoryless, Network
 from nathlon.policies.general.sb3_observations import Observed, observed_by
 from nathlon.policies.general.wrapped import Wrapped
 from nathlon.policies.mlp import Mlp
-from nathlon.policies.normalisation import companions, identity_with
 from nathlon.policies.policy import Batch
 from nathlon.policies.policy_file import opening, read_policy_file
 from nathlon.policies.sources.foreign import ForeignCard
+from nathlon.policies.sources.normalisation import companions, identity_with
 from nathlon.policies.sources.sb3_file import VALUES, Family, Sb3File
 from nathlon.policies.sources.vec_normalize import Statistics
 from nathlon.policies.sources.zoo_settings import ZooSettings

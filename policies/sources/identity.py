@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.policies.checkpoint import checkpoint_id
-from nathlon.policies.normalisation import companions, identity_with
 from nathlon.policies.policy_file import read_policy_file
 from nathlon.policies.sources import COMPOSITE, DRIVER, HUMAN, MPPI, OBJECT, PLUGIN, RANDOM, ROLES
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.handed_over import object_id
+from nathlon.policies.sources.normalisation import companions, identity_with
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.policies.sources.plugin import plugin_id
 from nathlon.policies.sources.roles import RolesSource

@@ -9,10 +9,10 @@ import numpy as np
 
 from nathlon.policies.checkpoint import ACTION_SIZE, ENCODER, NetworkPolicy
 from nathlon.policies.mlp import EncodedMlp, Mlp
-from nathlon.policies.normalisation import companions, identity_with
 from nathlon.policies.policy import Batch
 from nathlon.policies.policy_file import opening, read_policy_file
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
+from nathlon.policies.sources.normalisation import companions, identity_with
 from nathlon.policies.sources.onnx_graph import OnnxGraph, open_session, shapes
 from nathlon.policies.sources.onnx_model import checked_graph
 from nathlon.policies.weights import CARD_KEY

@@ -20,8 +20,8 @@ from nathlon.arena.entrance import enter_each, intact
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
 from nathlon.policies.general.policy import GeneralPolicy
-from nathlon.policies.normalisation import check_as_it_is, companions, statistics_of
 from nathlon.policies.sources.foreign import ForeignCard, observation_spec
+from nathlon.policies.sources.normalisation import check_as_it_is, companions, statistics_of
 from nathlon.policies.sources.sb3_file import was_normalised
 from nathlon.policies.sources.vec_normalize import Statistics
 from nathlon.selection.nightly.newcomers import newcomers

@@ -120,7 +120,7 @@ HUNGRY = """
 import resource, sys
 from pathlib import Path
 import onnxruntime, torch
-import nathlon.policies.sources.sb3
+import nathlon.policies.sb3_racer
 from nathlon.policies.load import load_file
 from nathlon.sim.errors import InputError
 (held,) = (int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmData"))

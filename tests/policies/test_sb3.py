@@ -28,8 +28,8 @@ from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.pool import Pool
 from nathlon.commands.racing import race
 from nathlon.policies.load import load_policy
+from nathlon.policies.sb3_racer import Sb3Policy
 from nathlon.policies.sources.finding import find_sources
-from nathlon.policies.sources.sb3 import Sb3Policy
 from nathlon.sim.episode import action_space, observation_space
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec

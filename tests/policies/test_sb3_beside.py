@@ -17,8 +17,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNorm
 from nathlon import GymnasiumWorld
 from nathlon.arena import baggage
 from nathlon.policies.general import load_general
-from nathlon.policies.normalisation import companions
 from nathlon.policies.sources.identity import policy_id
+from nathlon.policies.sources.normalisation import companions
 from nathlon.selection.publish.sent import _copy
 from nathlon.sim.errors import InputError
 from tests.policies.old_stable_baselines import ACTIONS, NUMBERS, PAIR, shown

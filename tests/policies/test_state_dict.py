@@ -13,7 +13,7 @@ import pytest
 import torch
 from stable_baselines3 import SAC
 
-from nathlon.policies.sources.sb3 import Sb3Policy
+from nathlon.policies.sb3_racer import Sb3Policy
 from tests.policies.test_sb3 import SPEC, pack, rewrite, save, zipped
 from tests.support.refusals import refusal
 

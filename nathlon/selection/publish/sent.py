@@ -11,10 +11,10 @@ from typing import Any
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import Store
-from nathlon.policies.normalisation import companions
 from nathlon.policies.sources import COMPOSITE, ROLES, is_path, suffix_of
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.policies.sources.identity import is_still, policy_id
+from nathlon.policies.sources.normalisation import companions
 from nathlon.policies.sources.roles import RolesSource
 from nathlon.results.summary import Sent, Summary
 from nathlon.selection.publish.output import OutputFolder

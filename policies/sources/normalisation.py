@@ -256,7 +256,11 @@ def _named_policies(folder: Path, _: int) -> set[Words]:
 @lru_cache
 def _names_of_statistics(folder: Path, _: int) -> set[str]:
     """What statistics of a folder's policies are called."""
-    return {_with_statistics(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix.lower() in SUFFIXES}
+    return {
+        _with_statistics(path.stem)
+        for path in map(Path, _listed(folder)[1])
+        if path.suffix.lower() in SUFFIXES
+    }
 
 
 def _changed(path: Path) -> int:
