@@ -39,7 +39,7 @@ from benchmarks.result import RESULTS, write_result
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match
 from nathlon.arena.pool import run_matches
-from nathlon.policies.training.ablation import BASE, Run, configurations, plan
+from nathlon.policies.training.ablation import BASE, AblationRun, configurations, plan
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.log import Status
 from nathlon.selection.round_robin import plan as fixtures
@@ -64,12 +64,12 @@ def base() -> TrainingConfig:
     return config.model_copy(update={"updates": UPDATES})
 
 
-def runs(folder: Path) -> list[Run]:
+def runs(folder: Path) -> list[AblationRun]:
     """All runs, in a folder; base and variants of the first seed first."""
     return plan(configurations(base(), VARIANTS), SEEDS, folder)
 
 
-def ended(run: Run) -> bool:
+def ended(run: AblationRun) -> bool:
     """Whether what it left is all there."""
     return all((run.folder / name).exists() for name in LEFT)
 
@@ -101,7 +101,7 @@ class Duel(NamedTuple):
         match: the races.
     """
 
-    run: Run
+    run: AblationRun
     entrant: str
     match: Match
 
@@ -147,7 +147,7 @@ def judge(variant: str, raced: list[tuple[Duel, pl.DataFrame]]) -> dict[str, Any
     return figures | training_end([duel.run for duel, _ in own])
 
 
-def training_end(found: list[Run]) -> dict[str, Any]:
+def training_end(found: list[AblationRun]) -> dict[str, Any]:
     """Lap and time off course of the last evaluations of some runs."""
     last = [pl.read_csv(run.curve, null_values="nan").tail(1) for run in found]
     laps = [row["lap_s"].item() for row in last]

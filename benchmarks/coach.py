@@ -42,7 +42,7 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.lab.coach.coach import Coach
 from nathlon.lab.coach.lap import Lap
 from nathlon.lab.coach.lap import laps_of as laps_driven
-from nathlon.lab.coach.parts import Part, parts_of
+from nathlon.lab.coach.parts import CoursePart, parts_of
 from nathlon.lab.coach.reference import Reference
 from nathlon.lab.drive.finalists import champions
 from nathlon.policies.bundled import BUNDLED
@@ -185,7 +185,7 @@ def faults() -> dict[str, Any]:
     }
 
 
-def _named(log: RaceLog, fault: Fault, where: Sequence[Part], clean: Lap) -> dict[str, Any]:
+def _named(log: RaceLog, fault: Fault, where: Sequence[CoursePart], clean: Lap) -> dict[str, Any]:
     """In how many of the sections with a fault the first cause names it."""
     try:
         coach = Coach(log, 0, Reference("the driver", "driver", clean, None))

@@ -30,9 +30,9 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.recorder import record_races
 from nathlon.arena.runner import run_match
 from nathlon.lab.drive.aids import AidedCar, Aids
-from nathlon.lab.drive.choice import Choice, Offer, Plan, plan
+from nathlon.lab.drive.choice import Choice, DrivePlan, Offer, plan
 from nathlon.lab.drive.difficulty import Difficulty, field
-from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.heat import DrivenHeat
 from nathlon.lab.drive.keeping import keep
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.human import Person
@@ -49,7 +49,7 @@ PLACES = (("porto-sereno", "coupe"), ("lindenring", "gt3"), ("grandes-landes", "
 TEMPER_RACES = 12
 
 
-def drive(made: Plan, style: Style) -> Driven:
+def drive(made: DrivePlan, style: Style) -> DrivenHeat:
     """A planned race with a scripted person at the wheel, as fast as it can be computed."""
     choice, worlds = made.choice, list[World]()
     person = ScriptedDriver(choice.circuit, choice.car, style)
@@ -67,7 +67,7 @@ def drive(made: Plan, style: Style) -> Driven:
 
     policies = [*made.policies, Person(hands, choice.name)]
     recorded = record_races(made.match, policies, [0], made.names, observer=look)
-    return Driven(made, np.array(done, np.float32), recorded.results, recorded.logs[0])
+    return DrivenHeat(made, np.array(done, np.float32), recorded.results, recorded.logs[0])
 
 
 def matched(pace: float, folder: Path) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from nathlon.selection.battery.measures import measured
 from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.config import Config
 from nathlon.selection.field import Field
-from nathlon.selection.pareto.filter import Plan
+from nathlon.selection.pareto.filter import FilterPlan
 from nathlon.selection.pipeline import select
 from nathlon.selection.round_robin import plan
 from nathlon.selection.run import Run
@@ -96,7 +96,7 @@ class Ladder:
     def filter_runs(self, runs: int) -> pl.DataFrame:
         """RESULTS of so many fresh time trials and races of every checkpoint, as the filter has them."""
         settings = self.config.pareto.model_copy(update={"races": runs, "most_races": runs})
-        plan = Plan(settings, home(self.sent), np.random.SeedSequence([FRESH, 1]))
+        plan = FilterPlan(settings, home(self.sent), np.random.SeedSequence([FRESH, 1]))
         matches = [*plan.time_trials(self.entrants, 0), *plan.races(self.entrants, 0)]
         return self.run.results("pareto", matches)
 

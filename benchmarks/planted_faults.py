@@ -14,7 +14,7 @@ from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recorder import record_races
 from nathlon.arena.watch import Watch
 from nathlon.lab.coach.lap import Lap
-from nathlon.lab.coach.parts import Part, marks
+from nathlon.lab.coach.parts import CoursePart, marks
 from nathlon.policies.driver import Driver, Follower
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.driver.envelope import envelope
@@ -185,8 +185,8 @@ FAULTS = _faults()
 
 
 def planted(
-    fault: Fault, circuit: str, car: str, parts: Sequence[Part], clean: Lap
-) -> tuple[Policy, list[Part]]:
+    fault: Fault, circuit: str, car: str, parts: Sequence[CoursePart], clean: Lap
+) -> tuple[Policy, list[CoursePart]]:
     """A driver with a fault, and the parts that have it.
 
     Args:
@@ -208,7 +208,7 @@ def planted(
     return Within(circuit, car, faulty, np.array(spans)), found
 
 
-def _span(place: Place, part: Part, clean: Lap) -> tuple[float, float] | None:
+def _span(place: Place, part: CoursePart, clean: Lap) -> tuple[float, float] | None:
     """From where to where in a part a fault of a place is planted; None if it has none."""
     if place == "everywhere":
         return part.start_m, part.end_m

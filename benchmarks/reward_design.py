@@ -32,7 +32,7 @@ from nathlon.arena.entrant import enter
 from nathlon.arena.pool import run_matches
 from nathlon.lab.reward.clips import Studio
 from nathlon.lab.reward.design import FINAL, Design
-from nathlon.lab.reward.judging import Rule
+from nathlon.lab.reward.judging import JudgingRule
 from nathlon.lab.reward.library import DRIVER
 from nathlon.lab.reward.measures import marks, mean, measure, read_rule
 from nathlon.lab.reward.sampling import Sampler
@@ -148,7 +148,7 @@ def main() -> None:
     def on_status(status: Status) -> None:
         tell(status.updates, f"by hand, lap {status.lap_s:.1f} s")
 
-    design.run(Sampler(settings.seed), Rule(settings.rule, design.studio.step_s), tell, lambda: None)
+    design.run(Sampler(settings.seed), JudgingRule(settings.rule, design.studio.step_s), tell, lambda: None)
     train(folder / BY_HAND, by_hand, settings.seed, on_status)
     assert design.final is not None, "it has come to its end"
     figures = {

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
-from nathlon.results.gate import MARKS, Finding, GateReport, cells
+from nathlon.results.gate import MARKS, GateFinding, GateReport, cells
 
 WIDTH = 320
 """Of the axis, px."""
@@ -46,7 +46,7 @@ def place(margins: float) -> float:
     return round(WIDTH * (min(max(margins, -MARGINS), MARGINS) + MARGINS) / (2 * MARGINS), 1)
 
 
-def bar(finding: Finding) -> Bar | None:
+def bar(finding: GateFinding) -> Bar | None:
     """Where a finding lies on the axis; None of what is not compared."""
     if finding.margin is None or finding.difference is None:
         return None

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
-from nathlon.results.matrix import CellReport, Finding, MatrixReport, Measured
+from nathlon.results.matrix import CellReport, MatrixFinding, MatrixMeasure, MatrixReport
 
 DIMENSIONS = {
     "scenario": "scenario",
@@ -57,12 +57,12 @@ def render_matrix(report: MatrixReport) -> str:
     )
 
 
-def called(measure: Measured) -> str:
+def called(measure: MatrixMeasure) -> str:
     """A measure as the page calls it."""
     return NAMES.get(measure.name, measure.name.removeprefix("own."))
 
 
-def differences(report: MatrixReport, cell: CellReport) -> list[tuple[str, Finding]]:
+def differences(report: MatrixReport, cell: CellReport) -> list[tuple[str, MatrixFinding]]:
     """What of a cell is shown in the table: its findings in words, those called worse before the others."""
     told = [
         (amount(measure, finding), finding)
@@ -72,7 +72,7 @@ def differences(report: MatrixReport, cell: CellReport) -> list[tuple[str, Findi
     return sorted(told, key=lambda one: one[1].verdict != "worse")
 
 
-def groups(report: MatrixReport) -> list[tuple[str, str, list[tuple[str, Finding]]]]:
+def groups(report: MatrixReport) -> list[tuple[str, str, list[tuple[str, MatrixFinding]]]]:
     """The levels: dimension, name, and by measure the difference in words."""
     return [
         (
@@ -87,7 +87,7 @@ def groups(report: MatrixReport) -> list[tuple[str, str, list[tuple[str, Finding
     ]
 
 
-def difference(measure: Measured, finding: Finding) -> str:
+def difference(measure: MatrixMeasure, finding: MatrixFinding) -> str:
     """By how much something is worse, with its interval and unit."""
     if finding.worse is None or finding.low is None or finding.high is None:
         return ""
@@ -97,7 +97,7 @@ def difference(measure: Measured, finding: Finding) -> str:
     return f"{worse} {unit} ({low} to {high})"
 
 
-def amount(measure: Measured, finding: Finding) -> str:
+def amount(measure: MatrixMeasure, finding: MatrixFinding) -> str:
     """By how much a cell is worse in a measure, with its interval."""
     return f"{called(measure)} {difference(measure, finding)}".strip()
 

@@ -40,7 +40,7 @@ class Load(NamedTuple):
     files: dict[str, bytes]
 
 
-class Ended(NamedTuple):
+class NodeEnded(NamedTuple):
     """A job that has ended.
 
     Attributes:
@@ -64,7 +64,7 @@ class Told(NamedTuple):
         processor: kind of processor of the node.
     """
 
-    ended: list[Ended]
+    ended: list[NodeEnded]
     idle: int
     printed: str
     processor: str
@@ -126,7 +126,7 @@ class Node:
         news, self._printed = printed[self._printed :], len(printed)
         return Told(ended, self._idle, news, processor())
 
-    def _take(self, load: Load) -> list[Ended]:
+    def _take(self, load: Load) -> list[NodeEnded]:
         """Put jobs into the backlog; those that end by that."""
         refused = []
         self._parcel.contents = load.files
@@ -136,7 +136,7 @@ class Node:
                 try:
                     job = self._unpacked(number, racing)
                 except InputError as error:
-                    refused.append(Ended(number, error, {}))
+                    refused.append(NodeEnded(number, error, {}))
                 else:
                     self._numbers[id(job.match)] = number
                     jobs.append(job)
@@ -162,11 +162,11 @@ class Node:
         self._idle = idle - len(groups)
         return groups
 
-    def _told(self, job: Job, answer: Answer) -> Ended:
+    def _told(self, job: Job, answer: Answer) -> NodeEnded:
         assert isinstance(job, Racing)
         # The pool may have done it as another job, but never changes the match.
         number = self._numbers.pop(id(job.match))
         folder = self._left_by(number)
         files = {path.name: path.read_bytes() for path in folder.iterdir()} if folder.exists() else {}
         shutil.rmtree(folder, ignore_errors=True)
-        return Ended(number, answer, files)
+        return NodeEnded(number, answer, files)

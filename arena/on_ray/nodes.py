@@ -16,7 +16,7 @@ from nathlon.arena.crew import Crew, Round
 from nathlon.arena.grouping import group
 from nathlon.arena.job import Answer, Job, Racing
 from nathlon.arena.on_ray.cluster import Place, places
-from nathlon.arena.on_ray.node import Ended, Load, Node
+from nathlon.arena.on_ray.node import Load, Node, NodeEnded
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.queue import Where, facts_of, where_of
 from nathlon.arena.recorder import Recorded
@@ -250,7 +250,7 @@ def _packed(job: Racing) -> Racing:
     return replace(job, match=match, wanted=job.wanted and job.wanted._replace(match=match))
 
 
-def _received(job: Racing, ended: Ended, processor: str) -> tuple[Racing, Answer]:
+def _received(job: Racing, ended: NodeEnded, processor: str) -> tuple[Racing, Answer]:
     """A job and its answer, with its recordings where they are wanted."""
     answer = ended.answer
     if isinstance(answer, Recorded):

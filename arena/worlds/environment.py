@@ -41,7 +41,7 @@ SEEDS = 2**31
 
 
 @dataclass
-class Seat:
+class SeatRecord:
     """What has been seen of a seat in an episode.
 
     Attributes:
@@ -59,7 +59,7 @@ class Seat:
     infos: dict[str, float] = field(default_factory=dict)
 
 
-Source = str | Callable[[Seat], float]
+Source = str | Callable[[SeatRecord], float]
 """Where a number of a seat comes from: a key of its last info, or a function of what was seen of it."""
 
 
@@ -222,7 +222,7 @@ class PettingZooWorld(EpisodeWorld):
         self, environment: Any, players: Sequence[Player], seed: int, onlooker: Onlooker
     ) -> list[Outcome]:
         names = list(environment.possible_agents)
-        seats = {name: Seat() for name in names}
+        seats = {name: SeatRecord() for name in names}
 
         def draw() -> Any:
             return environment.render()
@@ -256,7 +256,7 @@ class PettingZooWorld(EpisodeWorld):
                 onlooker((step + 1) * self._step_s, draw, over)
         return [self._outcome(name, seats[name]) for name in names]
 
-    def _outcome(self, name: str, seat: Seat) -> Outcome:
+    def _outcome(self, name: str, seat: SeatRecord) -> Outcome:
         return Outcome(
             score=_number(name, "score", self._score, seat),
             finished=seat.terminated,
@@ -352,7 +352,7 @@ def _source(make: Any) -> Path | None:
     return None
 
 
-def _note(seat: Seat, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:
+def _note(seat: SeatRecord, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:
     seat.total += reward
     seat.steps += 1
     seat.terminated = terminated
@@ -362,7 +362,7 @@ def _note(seat: Seat, reward: float, terminated: bool, info: Mapping[str, Any]) 
             seat.infos[key] = seat.infos.get(key, 0.0) + float(value)
 
 
-def _number(name: str, measure: str, source: Source, seat: Seat) -> float:
+def _number(name: str, measure: str, source: Source, seat: SeatRecord) -> float:
     if not isinstance(source, str):
         return float(source(seat))
     if source not in seat.info:

@@ -11,7 +11,7 @@ from nathlon.arena.world import WorldError
 from nathlon.sim.expressions import Quantity, read_expression
 
 if TYPE_CHECKING:
-    from nathlon.arena.worlds.environment import Seat
+    from nathlon.arena.worlds.environment import SeatRecord
 
 EVERY_SEAT: Mapping[str, Quantity] = {
     "total": Quantity("1", -1e6, 1e6, "sum of its rewards"),
@@ -41,7 +41,7 @@ class Formula:
         self._expression = read_expression(text, {**EVERY_SEAT, **(quantities or {})})
         self.text, self.unit = self._expression.text, str(self._expression.unit)
 
-    def __call__(self, seat: Seat) -> float:
+    def __call__(self, seat: SeatRecord) -> float:
         """Its value for a seat.
 
         Raises:

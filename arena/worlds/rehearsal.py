@@ -41,7 +41,7 @@ EXPECTED = "expected episodes that come of the seed of reset alone"
 
 
 @dataclass(frozen=True)
-class Finding:
+class RehearsalFinding:
     """What a check has found.
 
     Attributes:
@@ -73,7 +73,7 @@ class Rehearsed:
 
 
 @dataclass(frozen=True)
-class Report:
+class RehearsalReport:
     """What came of a check.
 
     Attributes:
@@ -86,15 +86,15 @@ class Report:
     world: str
     scenarios: tuple[Rehearsed, ...]
     measures: dict[str, Measure]
-    findings: tuple[Finding, ...]
+    findings: tuple[RehearsalFinding, ...]
 
     @property
-    def faults(self) -> list[Finding]:
+    def faults(self) -> list[RehearsalFinding]:
         """Those for which the world cannot be used."""
         return [finding for finding in self.findings if finding.fault]
 
 
-def rehearse(pool: Pool, name: str) -> Report:
+def rehearse(pool: Pool, name: str) -> RehearsalReport:
     """Try a world out in a watched process: one that hangs, exits or prints harms nobody.
 
     Raises:
@@ -103,13 +103,13 @@ def rehearse(pool: Pool, name: str) -> Report:
     if name == RACING:
         raise InputError(f"world {name!r}: is nathlon's own, expected one to be checked")
     scenarios, measures = _sure(_watched(pool, name, "", _declared, name))
-    findings: list[Finding] = []
+    findings: list[RehearsalFinding] = []
     tried: list[Rehearsed] = []
     elsewhere = Elsewhere(name, os.environ.get("PYTHONHASHSEED", ""), PATIENCE_S)
     for scenario in scenarios:
         answer = _watched(pool, name, scenario, _rehearsed, name, scenario)
         if isinstance(answer, InputError):
-            findings.append(Finding(scenario, True, f"{answer}."))
+            findings.append(RehearsalFinding(scenario, True, f"{answer}."))
             continue
         rehearsed, found, played = answer
         tried.append(rehearsed)
@@ -121,9 +121,9 @@ def rehearse(pool: Pool, name: str) -> Report:
         for part in (_compared, _tested):
             answer = _watched(pool, name, scenario, part, name, scenario, rehearsed.episode_s)
             refused = isinstance(answer, InputError)
-            findings += [Finding(scenario, True, f"{answer}.")] if refused else answer
+            findings += [RehearsalFinding(scenario, True, f"{answer}.")] if refused else answer
     elsewhere.close()
-    return Report(name, tuple(tried), measures, tuple(findings))
+    return RehearsalReport(name, tuple(tried), measures, tuple(findings))
 
 
 def episode_times(pool: Pool, name: str) -> dict[str, float]:
@@ -170,7 +170,7 @@ def _declared(name: str) -> tuple[tuple[str, ...], dict[str, Measure]]:
     return world.scenarios, dict(world.measures)
 
 
-def _rehearsed(name: str, scenario: str) -> tuple[Rehearsed, list[Finding], list[Played]]:
+def _rehearsed(name: str, scenario: str) -> tuple[Rehearsed, list[RehearsalFinding], list[Played]]:
     """Play the same episodes again and again, and one in which a policy fails; and those episodes."""
     world = load_world(name)
     world.check(scenario)
@@ -188,17 +188,17 @@ def _rehearsed(name: str, scenario: str) -> tuple[Rehearsed, list[Finding], list
     took_s = time.perf_counter() - began
     rehearsed = Rehearsed(scenario, setup, took_s)
     if fault:
-        return rehearsed, [Finding(scenario, True, fault)], []
+        return rehearsed, [RehearsalFinding(scenario, True, fault)], []
     played, other = repeated(world, scenario, setup, took_s)
     if other:
-        return rehearsed, [Finding(scenario, True, f"{where}, {other}, {EXPECTED}.")], []
+        return rehearsed, [RehearsalFinding(scenario, True, f"{where}, {other}, {EXPECTED}.")], []
     if any(row["ending"] in VOID_ENDINGS for episode in played for row in episode.rows):
         said = getattr(world, "fault", "") or f"{where}: an episode is void"
-        return rehearsed, [Finding(scenario, True, f"{said}.")], []
+        return rehearsed, [RehearsalFinding(scenario, True, f"{said}.")], []
     said = f"An episode of random policies takes {took_s:.3g} s: {3600 / took_s:,.0f} an hour and process."
-    findings = [Finding(scenario, False, sentence) for sentence in (*_repeats(played), said)]
+    findings = [RehearsalFinding(scenario, False, sentence) for sentence in (*_repeats(played), said)]
     if alike := starts(played):
-        findings.append(Finding(scenario, False, alike, warning=True))
+        findings.append(RehearsalFinding(scenario, False, alike, warning=True))
     return rehearsed, [*findings, _with_failure(world, scenario, setup, policy, where)], played
 
 
@@ -215,19 +215,25 @@ def _repeats(played: Sequence[Played]) -> tuple[str, str]:
     )
 
 
-def _again(elsewhere: Elsewhere, name: str, rehearsed: Rehearsed, played: Sequence[Played]) -> list[Finding]:
+def _again(
+    elsewhere: Elsewhere, name: str, rehearsed: Rehearsed, played: Sequence[Played]
+) -> list[RehearsalFinding]:
     """Play the same episodes in another process, and see whether they are still the same."""
     where = _where(name, rehearsed.name)
     first = {episode.seed: episode for episode in reversed(played)}
     there = elsewhere.play(rehearsed.name)
     if isinstance(there, str):
-        return [Finding(rehearsed.name, True, f"{where}: in another process {there}, expected episodes.")]
+        return [
+            RehearsalFinding(rehearsed.name, True, f"{where}: in another process {there}, expected episodes.")
+        ]
     for episode in there:
         said = differs(rehearsed.setup, first[episode.seed], episode)
         if said:
             said = f"{where}, {said} in another process with another hash seed, {EXPECTED}"
             return [
-                Finding(rehearsed.name, True, f"{said} and no order of sets, hash of text or draw at import.")
+                RehearsalFinding(
+                    rehearsed.name, True, f"{said} and no order of sets, hash of text or draw at import."
+                )
             ]
     return []
 
@@ -279,14 +285,14 @@ class _Raising:
         raise ValueError("a policy that raises, to see what comes of it")
 
 
-def _with_failure(world: World, scenario: str, setup: Setup, policy: Any, where: str) -> Finding:
+def _with_failure(world: World, scenario: str, setup: Setup, policy: Any, where: str) -> RehearsalFinding:
     out = setup.sides[0]
     rows = _played(world, _match(world, scenario, setup, (2,), out), [policy, _Raising()])
     seat = setup.seats[out[0]]
     if rows["ending"].is_in(VOID_ENDINGS).any():
         fault = getattr(world, "fault", "")
         said = f" ({fault})" if fault else ""
-        return Finding(
+        return RehearsalFinding(
             scenario, True, f"{where}, seat {seat!r}: void when its policy raises{said}, expected to go on."
         )
     for row in rows.iter_rows(named=True):
@@ -294,13 +300,13 @@ def _with_failure(world: World, scenario: str, setup: Setup, policy: Any, where:
         if failed != here:
             seat = setup.seats[row["car"]]
             wanted = "a fault of the policy, which raised" if here else "another's fault not to be its own"
-            return Finding(
+            return RehearsalFinding(
                 scenario, True, f"{where}, seat {seat!r}: ends as {row['ending']}, expected {wanted}."
             )
-    return Finding(scenario, False, "A policy that raises is out, and the others play on.")
+    return RehearsalFinding(scenario, False, "A policy that raises is out, and the others play on.")
 
 
-def _compared(name: str, scenario: str, episode_s: float) -> list[Finding]:
+def _compared(name: str, scenario: str, episode_s: float) -> list[RehearsalFinding]:
     """Whether the sides get alike many points if the same policy has them all."""
     world = load_world(name)
     setup = world.setup(scenario)
@@ -310,10 +316,10 @@ def _compared(name: str, scenario: str, episode_s: float) -> list[Finding]:
     rows = _played(world, _match(world, scenario, setup, range(10, 10 + count)), [any_policy(world)])
     void = rows.filter(pl.col("ending").is_in(VOID_ENDINGS))
     if void.height:
-        return [Finding(scenario, True, f"{getattr(world, 'fault', '') or 'An episode is void'}.")]
+        return [RehearsalFinding(scenario, True, f"{getattr(world, 'fault', '') or 'An episode is void'}.")]
     points = rows.sort("race", "car")["points"].to_numpy().reshape(count, len(setup.seats))
     sides = np.stack([points[:, list(side)].sum(axis=1) for side in setup.sides], axis=1)
-    return [Finding(scenario, False, said) for said in fairness(sides)]
+    return [RehearsalFinding(scenario, False, said) for said in fairness(sides)]
 
 
 def fairness(points: Floats) -> list[str]:
@@ -339,7 +345,7 @@ def fairness(points: Floats) -> list[str]:
     return unfair or [f"In {episodes} episodes of one policy no side gets more than another beyond chance."]
 
 
-def _tested(name: str, scenario: str, _: float) -> list[Finding]:
+def _tested(name: str, scenario: str, _: float) -> list[RehearsalFinding]:
     """What PettingZoo's own tests say of an environment in this interpreter."""
     world = load_world(name)
     if not isinstance(world, PettingZooWorld) or isinstance(world, GymnasiumWorld) or world.foreign:
@@ -363,5 +369,5 @@ def _tested(name: str, scenario: str, _: float) -> list[Finding]:
                 said = f"fails: {type(error).__name__} ({error})"
             else:
                 said = f"passes, but warns: {warned[0].message}" if warned else "passes"
-        findings.append(Finding(scenario, False, f"PettingZoo's {test} {said}."))
+        findings.append(RehearsalFinding(scenario, False, f"PettingZoo's {test} {said}."))
     return findings

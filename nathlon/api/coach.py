@@ -13,7 +13,7 @@ import polars as pl
 from nathlon.arena.pool import Pool
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording
-from nathlon.lab.coach.coach import Coach, Coached
+from nathlon.lab.coach.coach import Coach, CoachedRace
 from nathlon.lab.coach.lap import STEP_M, Lap
 from nathlon.lab.coach.phrasing import Phrased
 from nathlon.lab.coach.phrasing import phrase as phrased_by
@@ -112,7 +112,9 @@ def coach(
     return _write(folder, log, coached, notes, phrased)
 
 
-def _write(folder: Path, log: RaceLog, coached: Coached, notes: str, phrased: Phrased | None) -> CoachResult:
+def _write(
+    folder: Path, log: RaceLog, coached: CoachedRace, notes: str, phrased: Phrased | None
+) -> CoachResult:
     result = CoachResult(folder, coached.facts, notes if phrased is None else phrased.text or notes, phrased)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -130,7 +132,7 @@ def _write(folder: Path, log: RaceLog, coached: Coached, notes: str, phrased: Ph
     return result
 
 
-def _drawing(log: RaceLog, coached: Coached, text: str) -> CoachDrawing:
+def _drawing(log: RaceLog, coached: CoachedRace, text: str) -> CoachDrawing:
     facts = coached.facts
     sentences = Sentences(
         causes=tuple(told_causes(section) for section in facts.sections),

@@ -12,10 +12,10 @@ import torch
 
 from nathlon.lab.llm.chat import Endpoint
 from nathlon.lab.llm.transcripts import Transcripts
-from nathlon.lab.reward.candidates import Outcome, Proposer
+from nathlon.lab.reward.candidates import CandidateOutcome, Proposer
 from nathlon.lab.reward.design import Design
 from nathlon.lab.reward.drawing import drawing
-from nathlon.lab.reward.judging import Judge, Onlooker, Rule
+from nathlon.lab.reward.judging import Judge, JudgingOnlooker, JudgingRule
 from nathlon.lab.reward.measures import RULE
 from nathlon.lab.reward.sampling import Sampler
 from nathlon.lab.reward.settings import DesignSettings
@@ -35,13 +35,13 @@ class RewardDesign:
     Attributes:
         folder: keeps all of it.
         winner: what came of the best formula in its last training, a
-            `nathlon.lab.reward.candidates.Outcome`.
+            `nathlon.lab.reward.candidates.CandidateOutcome`.
         formula: that of its training, for `[reward] expression` of training configurations.
         checkpoint: its last one.
         page: every candidate with its curve, clips and comparisons (.html).
     """
 
-    def __init__(self, folder: Path, winner: Outcome) -> None:
+    def __init__(self, folder: Path, winner: CandidateOutcome) -> None:
         self.folder, self.winner = folder, winner
         self.formula = winner.candidate.scaled
         self.checkpoint, self.page = folder / winner.checkpoint, folder / PAGE
@@ -173,10 +173,10 @@ def _proposer(settings: DesignSettings, said: Transcripts | None) -> Proposer:
 
 def _judge(settings: DesignSettings, design: Design, said: Transcripts | None, port: int) -> Judge:
     if settings.judge == "rule":
-        return Rule(settings.rule, design.studio.step_s)
+        return JudgingRule(settings.rule, design.studio.step_s)
     if settings.judge == "model":
         assert said is not None, "there is a model"
-        return Onlooker(said, design.studio)
+        return JudgingOnlooker(said, design.studio)
     from nathlon.lab.reward.people import People  # needs an extra
 
     return People(design.studio, port)

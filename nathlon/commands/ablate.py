@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import polars as pl
     from rich.progress import Progress
 
-    from nathlon.policies.training.ablation import Run, Train
+    from nathlon.policies.training.ablation import AblationRun, Train
     from nathlon.policies.training.config import TrainingConfig
     from nathlon.policies.training.log import Status
 
@@ -132,7 +132,7 @@ def _training(engine: str, address: str) -> Iterator[Train]:
         yield train_on_cluster
 
 
-def _train(train: Train, runs: Sequence[Run], out: Path, progress: Progress) -> int:
+def _train(train: Train, runs: Sequence[AblationRun], out: Path, progress: Progress) -> int:
     """Train those that are not finished, and publish after each; the number of those that diverged."""
     updates = {str(run): run.updates for run in runs}
     ended = sum(run.finished for run in runs)
@@ -141,7 +141,7 @@ def _train(train: Train, runs: Sequence[Run], out: Path, progress: Progress) -> 
         "updates", total=sum(run.config.updates for run in runs), completed=sum(updates.values()), note=""
     )
 
-    def on_status(run: Run, status: Status) -> None:
+    def on_status(run: AblationRun, status: Status) -> None:
         updates[str(run)] = status.updates
         lap = "no lap yet" if math.isnan(status.lap_s) else f"lap {status.lap_s:.1f} s"
         note = f"{run}: {status.updates_per_s:.0f}/s, {lap}"
@@ -157,7 +157,9 @@ def _train(train: Train, runs: Sequence[Run], out: Path, progress: Progress) -> 
     return diverged
 
 
-def _race(runs: Sequence[Run], out: Path, pairs: int, workers: int, progress: Progress) -> pl.DataFrame:
+def _race(
+    runs: Sequence[AblationRun], out: Path, pairs: int, workers: int, progress: Progress
+) -> pl.DataFrame:
     from nathlon.arena.store import Store
     from nathlon.judge.ablation import race_base
 
@@ -170,7 +172,7 @@ def _race(runs: Sequence[Run], out: Path, pairs: int, workers: int, progress: Pr
         return race_base(runs, pairs, workers, store, on_match)
 
 
-def _publish(runs: Sequence[Run], out: Path, duels: pl.DataFrame | None = None) -> pl.DataFrame:
+def _publish(runs: Sequence[AblationRun], out: Path, duels: pl.DataFrame | None = None) -> pl.DataFrame:
     """Write table and figure of the runs so far; what the variants differ from the base, EFFECTS."""
     import polars as pl
 

@@ -11,7 +11,7 @@ from nathlon.terminal import print_json, say, warn
 
 if TYPE_CHECKING:
     from nathlon.arena.world import Setup
-    from nathlon.arena.worlds.rehearsal import Report
+    from nathlon.arena.worlds.rehearsal import RehearsalReport
 
 WorldName = Annotated[
     str, typer.Argument(metavar="WORLD", help="MODULE:NAME, PATH.py:NAME, or a name that a package offers.")
@@ -55,7 +55,7 @@ def check_world(world: WorldName, as_json: AsJson = False) -> None:
         raise typer.Exit(2)
 
 
-def _print_report(report: Report, told: list[str]) -> None:
+def _print_report(report: RehearsalReport, told: list[str]) -> None:
     print_json(
         {
             "world": report.world,
@@ -86,7 +86,7 @@ def _print_report(report: Report, told: list[str]) -> None:
     )
 
 
-def what_it_tells(report: Report) -> list[str]:
+def what_it_tells(report: RehearsalReport) -> list[str]:
     """In plain words, what a selection in a world can tell and what it cannot."""
     told = [_meetings(tried.name, tried.setup) for tried in report.scenarios]
     if all(len(tried.setup.sides) < 2 for tried in report.scenarios):

@@ -13,7 +13,7 @@ from nathlon.arena.match import Match
 from nathlon.arena.pool import run_matches
 from nathlon.arena.statistics import precision, standard_error
 from nathlon.arena.store import Store
-from nathlon.policies.training.ablation import BASE, Run
+from nathlon.policies.training.ablation import BASE, AblationRun
 from nathlon.reports.ablation import ABLATION, EFFECTS, last_checkpoints
 from nathlon.selection.round_robin import tournament_matches
 from nathlon.tournament.points import matchups
@@ -25,7 +25,7 @@ CONFIDENCE = 0.95
 """Of the intervals of EFFECTS."""
 
 
-def checkpoints(runs: Sequence[Run], duels: pl.DataFrame) -> pl.DataFrame:
+def checkpoints(runs: Sequence[AblationRun], duels: pl.DataFrame) -> pl.DataFrame:
     """All checkpoints of some runs so far (ABLATION), with the races (DUELS) of some of them."""
     curves = [
         pl.read_csv(run.curve, null_values="nan", schema_overrides=ABLATION)
@@ -72,7 +72,7 @@ def _difference(groups: Sequence[pl.Series], weights: Sequence[float]) -> tuple[
 
 
 def race_base(
-    runs: Sequence[Run], pairs: int, workers: int, store: Store, on_match: Callable[[int, int], None]
+    runs: Sequence[AblationRun], pairs: int, workers: int, store: Store, on_match: Callable[[int, int], None]
 ) -> pl.DataFrame:
     """Race the last checkpoint of every variant, 4v4, against that of the base with the same seed.
 
@@ -97,7 +97,7 @@ def race_base(
     return pl.concat([pl.DataFrame(schema=DUELS), *(_score(*duel, store) for duel in duels)])
 
 
-def _duels(runs: Sequence[Run], pairs: int) -> list[tuple[Run, Entrant, Match]]:
+def _duels(runs: Sequence[AblationRun], pairs: int) -> list[tuple[AblationRun, Entrant, Match]]:
     """The match of each variant's run against the base, if both have a checkpoint and not the same."""
     entrants = [
         (run, enter(str(path), run.config.circuit, run.config.car))
@@ -113,7 +113,7 @@ def _duels(runs: Sequence[Run], pairs: int) -> list[tuple[Run, Entrant, Match]]:
     ]
 
 
-def _score(run: Run, entrant: Entrant, match: Match, store: Store) -> pl.DataFrame:
+def _score(run: AblationRun, entrant: Entrant, match: Match, store: Store) -> pl.DataFrame:
     """The variant's side of its match, DUELS."""
     table = matchups(store.results_of([match.key]), np.random.default_rng(run.seed))
     return (

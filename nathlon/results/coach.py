@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from nathlon.results.part import Part
+from nathlon.results.part import ResultModel
 
 CauseKind = Literal[
     "braking_early",
@@ -32,7 +32,7 @@ AdviceKind = Literal[
 Fault = Literal["own", "other", "nobody"]
 
 
-class Cause(Part):
+class Cause(ResultModel):
     """Why time was lost in a section, with its evidence.
 
     Attributes:
@@ -54,7 +54,7 @@ class Cause(Part):
     lost_s: float | None = None
 
 
-class Section(Part):
+class CoachedSection(ResultModel):
     """A part of the lap.
 
     Attributes:
@@ -80,7 +80,7 @@ class Section(Part):
     causes: tuple[Cause, ...] = ()
 
 
-class Advice(Part):
+class Advice(ResultModel):
     """What is faster in a section, as it was driven again.
 
     Attributes:
@@ -117,7 +117,7 @@ class Advice(Part):
     starts: int
 
 
-class Attempt(Part):
+class CoachedAttempt(ResultModel):
     """What was tried in a bend, or on a straight that was driven with less than full throttle.
 
     Attributes:
@@ -133,7 +133,7 @@ class Attempt(Part):
     unproved: str = ""
 
 
-class DrivenLap(Part):
+class DrivenLap(ResultModel):
     """A lap of the car.
 
     Attributes:
@@ -151,7 +151,7 @@ class DrivenLap(Part):
     off_course: bool
 
 
-class Consistency(Part):
+class Consistency(ResultModel):
     """How alike the flying laps are.
 
     Attributes:
@@ -172,7 +172,7 @@ class Consistency(Part):
     least_steady_s: float
 
 
-class Passing(Part):
+class Passing(ResultModel):
     """A pass by or of the car; see `nathlon.arena.passes`."""
 
     at_s: float
@@ -183,7 +183,7 @@ class Passing(Part):
     stands: bool
 
 
-class Defence(Part):
+class Defence(ResultModel):
     """A time in which another car was close behind, and whether it came by."""
 
     from_s: float
@@ -193,7 +193,7 @@ class Defence(Part):
     held: bool
 
 
-class Contact(Part):
+class CoachedContact(ResultModel):
     """A contact of the car as the stewards saw it."""
 
     at_s: float
@@ -204,7 +204,7 @@ class Contact(Part):
     text: str
 
 
-class Mishap(Part):
+class Mishap(ResultModel):
     """Something else that the stewards noted: wall, off_course, penalty, served."""
 
     at_s: float
@@ -213,16 +213,16 @@ class Mishap(Part):
     text: str
 
 
-class Craft(Part):
+class Craft(ResultModel):
     """The car among others."""
 
     passes: tuple[Passing, ...] = ()
     defences: tuple[Defence, ...] = ()
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[CoachedContact, ...] = ()
     mishaps: tuple[Mishap, ...] = ()
 
 
-class StartState(Part):
+class StartState(ResultModel):
     """A moment of the coached lap, from which a driver can begin; as `nathlon.sim.scenario_start.FrozenCar`.
 
     Attributes:
@@ -240,7 +240,7 @@ class StartState(Part):
     yaw_rate_rad_s: float
 
 
-class Raced(Part):
+class Raced(ResultModel):
     """Which race it was."""
 
     match: str
@@ -251,7 +251,7 @@ class Raced(Part):
     version: str
 
 
-class Pace(Part):
+class CoachedPace(ResultModel):
     """A car that is slower everywhere.
 
     Attributes:
@@ -263,7 +263,7 @@ class Pace(Part):
     slower_share: float
 
 
-class CoachFacts(Part):
+class CoachFacts(ResultModel):
     """All that the coach knows.
 
     Attributes:
@@ -295,12 +295,12 @@ class CoachFacts(Part):
     other_lap_s: float
     limit_s: float | None
     lost_s: float
-    sections: Annotated[tuple[Section, ...], Field(min_length=1)]
+    sections: Annotated[tuple[CoachedSection, ...], Field(min_length=1)]
     consistency: Consistency | None
     craft: Craft
     advice: tuple[Advice, ...]
     alternatives: tuple[Advice, ...]
-    attempts: tuple[Attempt, ...]
+    attempts: tuple[CoachedAttempt, ...]
     together_s: float | None
     starts: tuple[StartState, ...]
-    pace: Pace | None = None
+    pace: CoachedPace | None = None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from nathlon.results.part import Part
+from nathlon.results.part import ResultModel
 from nathlon.results.words import an_episode, episodes
 
 
-class StageForecast(Part):
+class StageForecast(ResultModel):
     """What is expected of a stage.
 
     Attributes:
@@ -24,7 +24,7 @@ class StageForecast(Part):
     core_s: float | None
 
 
-class Budget(Part):
+class Budget(ResultModel):
     """What the round robin finds with so many units.
 
     Attributes:
@@ -38,7 +38,7 @@ class Budget(Part):
     effect: float
 
 
-class Forecast(Part):
+class Forecast(ResultModel):
     """What a selection will cost and can find.
 
     Attributes:

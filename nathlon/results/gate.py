@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from nathlon.arena.decision import Decision
-from nathlon.results.part import Part
+from nathlon.results.part import ResultModel
 from nathlon.results.summary import Voided
 from nathlon.sim.names import printable
 from nathlon.sim.whole_file import whole_file
@@ -20,7 +20,7 @@ NOT_JUDGED = 3
 """Exit code where nobody fails, but somebody could not be judged, as most of its runs are void."""
 
 
-class Finding(Part):
+class GateFinding(ResultModel):
     """One measure of a candidate less the champion's, turned so that more is better.
 
     Attributes:
@@ -76,7 +76,7 @@ class Finding(Part):
         return f"{said}; {self.note}" if self.note else said
 
 
-class Gated(Part):
+class Gated(ResultModel):
     """A candidate and what the gate says of it.
 
     Attributes:
@@ -87,7 +87,7 @@ class Gated(Part):
     name: str
     entrant: str
     verdict: Decision
-    findings: tuple[Finding, ...]
+    findings: tuple[GateFinding, ...]
     not_judged: tuple[Voided, ...] = ()
     also: tuple[str, ...] = ()
 
@@ -97,7 +97,7 @@ class Gated(Part):
         return [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
 
 
-class GateReport(Part):
+class GateReport(ResultModel):
     """All that a gate says.
 
     Attributes:
@@ -236,7 +236,7 @@ def markdown(report: GateReport) -> str:
     return "\n".join(lines) + "\n"
 
 
-def cells(finding: Finding) -> tuple[str, ...]:
+def cells(finding: GateFinding) -> tuple[str, ...]:
     """A finding as a row: measure, verdict, difference, bounds, margin, units."""
     if finding.set_aside is not None:
         return finding.measure, f"not asked: {finding.set_aside}", "", "", "", ""

@@ -7,7 +7,7 @@ from typing import Literal
 
 import polars as pl
 
-from nathlon.results.part import Part
+from nathlon.results.part import ResultModel
 from nathlon.sim.whole_file import whole_file
 
 VERSION = 1
@@ -18,7 +18,7 @@ NOT_JUDGED = 3
 """Exit code where a cell could not be judged, as most of its runs are void."""
 
 
-class Measured(Part):
+class MatrixMeasure(ResultModel):
     """A measure.
 
     Attributes:
@@ -35,7 +35,7 @@ class Measured(Part):
     margin: float
 
 
-class Finding(Part):
+class MatrixFinding(ResultModel):
     """A cell in one measure.
 
     Attributes:
@@ -55,7 +55,7 @@ class Finding(Part):
     verdict: Said
 
 
-class CellReport(Part):
+class CellReport(ResultModel):
     """A cell.
 
     Attributes:
@@ -80,7 +80,7 @@ class CellReport(Part):
     judged: bool = True
     policy_broken: int = 0
     baseline_broken: int = 0
-    findings: tuple[Finding, ...]
+    findings: tuple[MatrixFinding, ...]
     replay: str | None = None
 
     @property
@@ -96,7 +96,7 @@ class CellReport(Part):
         return ", ".join(filter(None, [*parts, f"{self.delay_s:g} s late" if self.delay_s else ""]))
 
 
-class LevelReport(Part):
+class LevelReport(ResultModel):
     """All cells of a circuit, a car, a scenario, a compound, a delay or a place together.
 
     Attributes:
@@ -108,10 +108,10 @@ class LevelReport(Part):
 
     dimension: str
     level: str | int | float
-    findings: tuple[Finding, ...]
+    findings: tuple[MatrixFinding, ...]
 
 
-class MatrixReport(Part):
+class MatrixReport(ResultModel):
     """All that a matrix says.
 
     Attributes:
@@ -142,7 +142,7 @@ class MatrixReport(Part):
     breaks_more: bool = False
     wall_s: float
     versions: dict[str, str]
-    measures: tuple[Measured, ...]
+    measures: tuple[MatrixMeasure, ...]
     set_aside: tuple[str, ...]
     levels: tuple[LevelReport, ...]
     cells: tuple[CellReport, ...]

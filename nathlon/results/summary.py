@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 from nathlon.arena.voids import NotJudged
 from nathlon.arena.world_finding import RACING
 from nathlon.results.forecast import Forecast
-from nathlon.results.part import Part
+from nathlon.results.part import ResultModel
 from nathlon.results.words import an_episode, episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
@@ -30,7 +30,7 @@ NAMED = 3
 PACKAGES = ("nathlon", "numpy", "numba")
 
 
-class Stage(Part):
+class Stage(ResultModel):
     """A stage that has ended: `pareto`, `battery`, `committee` or `tournament`.
 
     Attributes:
@@ -52,7 +52,7 @@ class Stage(Part):
     void: int = 0
 
 
-class Ranked(Part):
+class Ranked(ResultModel):
     """An entrant of the round robin: a row of the table `ranking` (`nathlon.arena.results.RANKING`) with its
     name.
 
@@ -86,7 +86,7 @@ class Ranked(Part):
     lost: float | None = None
 
 
-class Sent(Part):
+class Sent(ResultModel):
     """An entrant that the committee sends.
 
     Attributes:
@@ -101,7 +101,7 @@ class Sent(Part):
     digest: str | None = None
 
 
-class CandidateStanding(Part):
+class CandidateStanding(ResultModel):
     """How a candidate stands; see `nathlon.selection.committee.events.Standing`."""
 
     name: str
@@ -112,7 +112,7 @@ class CandidateStanding(Part):
     chosen: bool
 
 
-class Decided(Part):
+class Decided(ResultModel):
     """A question to the committee, what was said, and what followed or, while it is open, would follow now.
 
     Attributes:
@@ -143,14 +143,14 @@ class Decided(Part):
     drives: tuple[dict[str, Any], ...] = ()
 
 
-class TestMarks(Part):
+class TestMarks(ResultModel):
     """What is worth 500 points in a test (`base`) and 1,000 (`reference`), in the test's unit."""
 
     base: float
     reference: float
 
 
-class SetAside(Part):
+class SetAside(ResultModel):
     """A file or plugin that was set aside, and why; see `nathlon.selection.field.Exclusion`."""
 
     source: str
@@ -158,7 +158,7 @@ class SetAside(Part):
     digest: str | None = None
 
 
-class Voided(Part):
+class Voided(ResultModel):
     """An entrant that could not be judged in a stage; see `nathlon.arena.voids.NotJudged`."""
 
     name: str
@@ -170,7 +170,7 @@ class Voided(Part):
     unit: str = "run"
 
 
-class MostVoid(Part):
+class MostVoid(ResultModel):
     """Who has by far the greatest share of void races: how many of those that it had."""
 
     name: str
@@ -179,7 +179,7 @@ class MostVoid(Part):
     races: int
 
 
-class Scene(Part):
+class SkillScene(ResultModel):
     """A part of a race, s since its start; the car to follow, and why one should look at it."""
 
     start_s: float
@@ -188,7 +188,7 @@ class Scene(Part):
     why: str
 
 
-class Replay(Part):
+class Replay(ResultModel):
     """A race to look at.
 
     Attributes:
@@ -208,14 +208,14 @@ class Replay(Part):
     recording: str | None = None
     player: str | None = None
     replay: str | None = None
-    clips: tuple[Scene, ...] = ()
+    clips: tuple[SkillScene, ...] = ()
     missing: str | None = None
     video: str | None = None
     seats: dict[str, str] = Field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
-class Summary(Part):
+class Summary(ResultModel):
     """What a selection came to.
 
     Attributes:

@@ -53,7 +53,7 @@ class Twins:
         return float(one.time_s[max(int(np.argmax(unlike)) - 1, 0)])
 
 
-class Outcome(NamedTuple):
+class TwinOutcome(NamedTuple):
     """How a race ended for a car.
 
     Attributes:
@@ -72,12 +72,12 @@ class Outcome(NamedTuple):
     penalties: int
 
 
-def outcome(log: RaceLog, car: int) -> Outcome:
+def outcome(log: RaceLog, car: int) -> TwinOutcome:
     """How a race ended for a car."""
     own = [one for one in log.incidents if car in one.cars]
     endings = [one.text.rpartition(": ")[2] for one in own if one.kind == "ending"]
     contacts = [one for one in own if one.kind == "contact"]
-    return Outcome(
+    return TwinOutcome(
         place=int(log.samples["place"][-1, car]),
         ending=endings[-1] if endings else "under way",
         contacts=len(contacts),

@@ -28,7 +28,7 @@ Load = Callable[[str, str, str], Policy]
 """Gives the policy of a name, circuit and car."""
 
 
-class Part(Section):
+class CompositePart(Section):
     """A policy and where it drives; a condition that is left out always holds.
 
     Attributes:
@@ -53,7 +53,7 @@ class CompositeFile(Section):
     """The composite's TOML file: of the parts whose conditions hold, the first drives."""
 
     name: Name
-    part: Annotated[tuple[Part, ...], Field(min_length=1)]
+    part: Annotated[tuple[CompositePart, ...], Field(min_length=1)]
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class CompositeSource:
         """The names of all its policies, files by their paths."""
         return [self.source(part) for part in self.file.part]
 
-    def source(self, part: Part) -> str:
+    def source(self, part: CompositePart) -> str:
         """The name of a part's policy."""
         if part.policy.partition(":")[0] in NO_FILES:
             return part.policy
@@ -130,7 +130,7 @@ class Composite:
     """
 
     def __init__(
-        self, track: Track, parts: Sequence[Part], policies: Sequence[Policy], spec: ObservationSpec
+        self, track: Track, parts: Sequence[CompositePart], policies: Sequence[Policy], spec: ObservationSpec
     ) -> None:
         """A composite of parts with their policies.
 

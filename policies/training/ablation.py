@@ -121,7 +121,7 @@ def configurations(base: TrainingConfig, names: Iterable[str]) -> dict[str, Trai
 
 
 @dataclass(frozen=True)
-class Run:
+class AblationRun:
     """One training run of an ablation."""
 
     variant: str
@@ -173,16 +173,16 @@ class Run:
         return Trainer.resume(self.folder)
 
 
-OnStatus = Callable[[Run, Status], None]
+OnStatus = Callable[[AblationRun, Status], None]
 """Told every few hundred updates how a run is getting on."""
-Train = Callable[[Iterable[Run], OnStatus], Iterator[str]]
+Train = Callable[[Iterable[AblationRun], OnStatus], Iterator[str]]
 """Trains runs to their end, and yields for each that has come to it why it diverged, or ''."""
 
 
-def plan(configs: dict[str, TrainingConfig], seeds: int, out: Path) -> list[Run]:
+def plan(configs: dict[str, TrainingConfig], seeds: int, out: Path) -> list[AblationRun]:
     """Every configuration with each seed from 1 on; first all with the first, to compare them early."""
     return [
-        Run(name, seed, out / name / f"seed-{seed}", config)
+        AblationRun(name, seed, out / name / f"seed-{seed}", config)
         for seed in range(1, seeds + 1)
         for name, config in configs.items()
     ]
@@ -216,7 +216,7 @@ def _compare(path: Path, found: TrainingConfig, wanted: TrainingConfig) -> None:
             )
 
 
-def train_in_turn(runs: Iterable[Run], on_status: OnStatus) -> Iterator[str]:
+def train_in_turn(runs: Iterable[AblationRun], on_status: OnStatus) -> Iterator[str]:
     """Train runs here, one after the other; see `Train`."""
     for run in runs:
         try:

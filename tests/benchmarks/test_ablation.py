@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from benchmarks import ablation
-from nathlon.policies.training.ablation import Run
+from nathlon.policies.training.ablation import AblationRun
 from tests.support.checkpoints import BUNDLED
 
 
@@ -20,7 +20,7 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def leave(run: Run, source: Path) -> None:
+def leave(run: AblationRun, source: Path) -> None:
     for name in ablation.LEFT:
         (run.folder / name).parent.mkdir(parents=True, exist_ok=True)
     (run.folder / "curve.csv").write_text("updates,lap_s,off_course_share\n4,nan,0.5\n8,100.5,0.25\n")

@@ -13,10 +13,10 @@ import nathlon
 from nathlon.api.coach import CoachResult
 from nathlon.arena.race_log import RaceLog
 from nathlon.arena.recording import read_recording, write_recording
-from nathlon.lab.coach.driving import Jolt, Plan, Rider
+from nathlon.lab.coach.driving import Jolt, Rider, TrialPlan
 from nathlon.lab.coach.edits import Edit
 from nathlon.lab.coach.lap import laps_of
-from nathlon.lab.coach.proof import Window, try_edits
+from nathlon.lab.coach.proof import ProofWindow, try_edits
 from nathlon.results.coach import CoachFacts
 from tests.support.command_line import nathlon as command
 from tests.support.command_line import refused
@@ -103,17 +103,17 @@ def test_a_lap_driven_again_without_an_edit_is_the_recorded_one(log: RaceLog) ->
     lap = laps_of(log, 0)[0]
     rider = Rider(log, lap)
     for start_m, end_m in ((0.0, 850.0), (2200.0, 3000.0), (3900.0, 4400.0)):
-        [driven] = rider.drive([(Plan.of(lap), Jolt())], start_m, end_m)
+        [driven] = rider.drive([(TrialPlan.of(lap), Jolt())], start_m, end_m)
         assert driven.clean
         assert driven.until(end_m) == pytest.approx(lap.between(start_m, end_m), abs=0.05)
 
 
 def test_what_changes_nothing_or_ends_beside_the_road_is_no_advice(log: RaceLog) -> None:
     lap = laps_of(log, 0)[0]
-    own = Plan.of(lap)
+    own = TrialPlan.of(lap)
     never_braking = own.with_traces(pedal=np.ones_like(own.pedal), speed=own.speed + 100.0)
     edits = [Edit("more_speed", 0.0, own), Edit("brake_later", 500.0, never_braking)]
-    trial = try_edits(Rider(log, lap), lap, Window(3900.0, 4270.0, 4400.0), edits)
+    trial = try_edits(Rider(log, lap), lap, ProofWindow(3900.0, 4270.0, 4400.0), edits)
     assert not trial.untrue
     assert trial.best == ()
 

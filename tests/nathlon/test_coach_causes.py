@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nathlon.lab.coach.diagnosis import Compared, causes_of
+from nathlon.lab.coach.diagnosis import ComparedParts, causes_of
 from nathlon.lab.coach.edits import full_throttle
 from nathlon.lab.coach.lap import Lap
-from nathlon.lab.coach.parts import Part, marks
+from nathlon.lab.coach.parts import CoursePart, marks
 from nathlon.lab.coach.shares import shares
 
 LENGTH = 600
 APEX_M, BRAKING_M_S2, PUSHING_M_S2 = 300, 10.0, 5.0
 FASTEST, SLOWEST = 60.0, 25.0
-BEND = Part("Kehre", "corner", 100.0, 500.0, 0)
-STRAIGHT = Part("Gerade", "straight", 320.0, 600.0, 1)
+BEND = CoursePart("Kehre", "corner", 100.0, 500.0, 0)
+STRAIGHT = CoursePart("Gerade", "straight", 320.0, 600.0, 1)
 Trace = NDArray[np.float64]
 
 
@@ -59,13 +59,13 @@ def driven(
     )  # fmt: skip
 
 
-def compared(own: Lap, other: Lap, part: Part = BEND) -> Compared:
+def compared(own: Lap, other: Lap, part: CoursePart = BEND) -> ComparedParts:
     """A part of two laps beside each other."""
     both = (marks(own, part.start_m, part), marks(other, part.start_m, part)) if part.bend else None
-    return Compared(own, other, part, both)
+    return ComparedParts(own, other, part, both)
 
 
-def kinds(own: Lap, part: Part = BEND) -> list[str]:
+def kinds(own: Lap, part: CoursePart = BEND) -> list[str]:
     return [cause.kind for cause in causes_of(compared(own, driven(), part))]
 
 
@@ -78,7 +78,7 @@ def test_who_is_slower_everywhere_is_told_so_and_not_of_its_line() -> None:
 
 
 def test_a_bend_whose_slowest_place_is_at_its_end_has_its_speed_for_a_cause() -> None:
-    first_half = Part("Wiesen-S", "corner", 100.0, float(APEX_M), 0)
+    first_half = CoursePart("Wiesen-S", "corner", 100.0, float(APEX_M), 0)
     slow = driven(slowest=0.9 * SLOWEST, lateral_m=1.5, pull=16.2)
     assert kinds(slow, first_half)[0] == "minimum_speed"
 

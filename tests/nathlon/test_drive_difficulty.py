@@ -11,11 +11,11 @@ import pytest
 
 from nathlon.arena.recorder import record_races
 from nathlon.arena.store import Store
-from nathlon.lab.drive.choice import Choice, Plan, plan
-from nathlon.lab.drive.difficulty import LEVELS, Field, field, matched, spread, tempered
-from nathlon.lab.drive.forecast import Forecast, Setting, foretell
+from nathlon.lab.drive.choice import Choice, DrivePlan, plan
+from nathlon.lab.drive.difficulty import LEVELS, HeatField, field, matched, spread, tempered
+from nathlon.lab.drive.forecast import HeatForecast, Setting, foretell
 from nathlon.lab.drive.form import ONE_DOUBT, Form, form, pace_of
-from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.heat import DrivenHeat
 from nathlon.lab.drive.keeping import keep
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources import driver_settings
@@ -28,23 +28,23 @@ CIRCUIT, CAR = "lindenring", "gt3"
 PACE = 0.83
 
 
-def drawn(made: Plan) -> Driven:
+def drawn(made: DrivePlan) -> DrivenHeat:
     """A race alone in which the person is the built-in driver at a pace."""
     person = load_policy(f"driver:pace={PACE}", CIRCUIT, CAR)
     recorded = record_races(made.match, [person], [0], made.names)
-    return Driven(made, np.zeros((1, 2), np.float32), recorded.results, recorded.logs[0])
+    return DrivenHeat(made, np.zeros((1, 2), np.float32), recorded.results, recorded.logs[0])
 
 
 @pytest.fixture(scope="module")
-def driven() -> Driven:
+def driven() -> DrivenHeat:
     return drawn(plan(choice(cars=1, seat=1, opponents=()), offer()))
 
 
-def race_time_s(driven: Driven) -> float:
+def race_time_s(driven: DrivenHeat) -> float:
     return float(driven.results["race_time_s"][0])
 
 
-def test_a_race_as_long_as_the_drivers_shows_its_pace(driven: Driven, tmp_path: Path) -> None:
+def test_a_race_as_long_as_the_drivers_shows_its_pace(driven: DrivenHeat, tmp_path: Path) -> None:
     output = OutputFolder(tmp_path)
     assert form(output.store, "Ada", CIRCUIT, CAR) is None
     keep(driven, output)
@@ -60,7 +60,7 @@ def test_a_race_as_long_as_the_drivers_shows_its_pace(driven: Driven, tmp_path: 
         assert form(output.store, name, circuit, car) is None
 
 
-def test_a_forecast_race_is_held_against_who_drove_it_before(driven: Driven, tmp_path: Path) -> None:
+def test_a_forecast_race_is_held_against_who_drove_it_before(driven: DrivenHeat, tmp_path: Path) -> None:
     """Somebody who took 2 % less time than their stand-in is 2 % faster, whatever the others cost both.
 
     And whatever they did alone before.
@@ -68,8 +68,8 @@ def test_a_forecast_race_is_held_against_who_drove_it_before(driven: Driven, tmp
     output, took_s = OutputFolder(tmp_path), race_time_s(driven)
     keep(driven, output)
     for number, ratio in enumerate((1.02, 1.04)):
-        forecast = Forecast(0.9, 1, 1.0, 1, 1, ratio * took_s)
-        made = driven.plan._replace(field=Field((), "", forecast))
+        forecast = HeatForecast(0.9, 1, 1.0, 1, 1, ratio * took_s)
+        made = driven.plan._replace(field=HeatField((), "", forecast))
         controls = np.full((1, 2), 0.1 * (number + 1), np.float32)
         keep(driven._replace(plan=made, controls=controls), output)
     shown = form(output.store, "Ada", CIRCUIT, CAR)
@@ -81,7 +81,7 @@ def test_a_forecast_race_is_held_against_who_drove_it_before(driven: Driven, tmp
     assert told["race_time_s"] == pytest.approx(1.02 * took_s)
 
 
-def test_a_race_that_was_not_finished_shows_nothing(driven: Driven, tmp_path: Path) -> None:
+def test_a_race_that_was_not_finished_shows_nothing(driven: DrivenHeat, tmp_path: Path) -> None:
     output, results = OutputFolder(tmp_path), driven.results
     lost = results.with_columns(results["race_time_s"].clear(1), pl.lit("stuck").alias("ending"))
     keep(driven._replace(results=lost), output)

@@ -13,7 +13,7 @@ from nathlon.arena.race_log import Incident
 from nathlon.lab.drive.choice import Offer, Opponent, plan
 from nathlon.lab.drive.desk import Desk
 from nathlon.lab.drive.frames import HEAD
-from nathlon.lab.drive.heat import Driven, Heat
+from nathlon.lab.drive.heat import DrivenHeat, Heat
 from nathlon.policies.apart import PolicyApart
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -68,7 +68,7 @@ def test_an_opponent_that_hangs_is_said_and_the_race_goes_on_without_it() -> Non
     [guest] = made.policies
     assert isinstance(guest, PolicyApart)
     said: list[Incident] = []
-    ended: list[Driven | None] = []
+    ended: list[DrivenHeat | None] = []
     frames: list[bytes] = []
     clock = Hurry().clock()
     heat = Heat(made, Desk(), frames.append, said.append, lambda mark: None, ended.append, clock)

@@ -19,7 +19,7 @@ from nathlon.lab.drive.choice import Choice, Offer, Opponent, plan
 from nathlon.lab.drive.clock import FURTHEST_BEHIND_S
 from nathlon.lab.drive.desk import INPUT, Desk
 from nathlon.lab.drive.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
-from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.heat import DrivenHeat
 from nathlon.lab.drive.keeping import Kept, keep
 from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.publish.output import OutputFolder
@@ -31,17 +31,17 @@ from tests.support.drives import MARKED, STOP, Hurry, choice, drive, inputs, off
 
 
 @pytest.fixture(scope="module")
-def driven() -> tuple[Driven, list[bytes]]:
+def driven() -> tuple[DrivenHeat, list[bytes]]:
     return drive(planned())
 
 
 @pytest.fixture(scope="module")
-def kept(driven: tuple[Driven, list[bytes]], tmp_path_factory: pytest.TempPathFactory) -> Kept:
+def kept(driven: tuple[DrivenHeat, list[bytes]], tmp_path_factory: pytest.TempPathFactory) -> Kept:
     return keep(driven[0], OutputFolder(tmp_path_factory.mktemp("drive")))
 
 
 def test_the_person_acts_in_every_step_and_the_others_at_their_rate(
-    driven: tuple[Driven, list[bytes]],
+    driven: tuple[DrivenHeat, list[bytes]],
 ) -> None:
     done = driven[0]
     row = done.results.filter(done.results["car"] == 1).row(0, named=True)
@@ -65,7 +65,7 @@ def test_a_race_run_again_from_its_inputs_is_the_same_to_the_bit(kept: Kept, tmp
     assert (tmp_path / "again.mcap").read_bytes() == kept.recording.read_bytes()
 
 
-def test_a_marked_moment_is_kept_with_the_drive(driven: tuple[Driven, list[bytes]], kept: Kept) -> None:
+def test_a_marked_moment_is_kept_with_the_drive(driven: tuple[DrivenHeat, list[bytes]], kept: Kept) -> None:
     done, frames = driven
     [mark] = done.marks
     heads = np.array([np.frombuffer(frame, HEAD, 1)[0] for frame in frames])
@@ -81,7 +81,7 @@ def test_a_marked_moment_is_kept_with_the_drive(driven: tuple[Driven, list[bytes
     assert told == [mark._asdict() | {"nearest": done.plan.grid[mark.nearest]}]
 
 
-def test_a_race_with_other_inputs_is_another_one(driven: tuple[Driven, list[bytes]]) -> None:
+def test_a_race_with_other_inputs_is_another_one(driven: tuple[DrivenHeat, list[bytes]]) -> None:
     other, _ = drive(driven[0].plan, seed=2)
     assert not np.array_equal(other.controls[:STOP], driven[0].controls[:STOP])
     assert not np.array_equal(other.log.samples["x_m"][:200], driven[0].log.samples["x_m"][:200])
@@ -102,7 +102,7 @@ def test_a_person_races_again_by_name_but_is_never_selected_among(kept: Kept) ->
         find_sources([source])
 
 
-def test_frames_tell_of_the_countdown_the_race_and_its_end(driven: tuple[Driven, list[bytes]]) -> None:
+def test_frames_tell_of_the_countdown_the_race_and_its_end(driven: tuple[DrivenHeat, list[bytes]]) -> None:
     _, frames = driven
     heads = np.array([np.frombuffer(frame, HEAD, 1)[0] for frame in frames])
     phases = heads["phase"]
@@ -207,7 +207,9 @@ def test_a_world_that_is_far_behind_loses_the_time_and_one_that_is_not_makes_up_
     assert clock.late_s[-1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_drives_of_one_person_lie_beside_each_other(driven: tuple[Driven, list[bytes]], kept: Kept) -> None:
+def test_drives_of_one_person_lie_beside_each_other(
+    driven: tuple[DrivenHeat, list[bytes]], kept: Kept
+) -> None:
     output = OutputFolder(kept.recording.parent.parent)
     done = driven[0]
     controls = done.controls.copy()

@@ -17,7 +17,7 @@ from nathlon.arena.world_registry import load_world
 from nathlon.commands.pareto import pareto as pareto_command
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.pareto import STANDARD
-from nathlon.selection.pareto.filter import FilterSettings, Plan, run_filter
+from nathlon.selection.pareto.filter import FilterPlan, FilterSettings, run_filter
 from nathlon.selection.pareto.objective import Objective
 from nathlon.selection.run import Answer, Run
 from nathlon.sim.errors import InputError
@@ -152,7 +152,7 @@ def test_a_second_run_runs_nothing_and_says_the_same(
 def test_all_have_the_same_seeds_in_a_round_and_others_in_the_next(
     entrants: list[Entrant], config: Config
 ) -> None:
-    plan = Plan(config.pareto, RACES, np.random.SeedSequence(1))
+    plan = FilterPlan(config.pareto, RACES, np.random.SeedSequence(1))
     seeds: list[int] = []
     for index, count in enumerate([2, 2, 2]):
         for matches in (plan.time_trials(entrants, index), plan.races(entrants, index)):
@@ -172,12 +172,15 @@ def test_rounds_double_what_was_raced_up_to_the_most() -> None:
 
 def test_without_an_objective_from_races_nobody_races(entrants: list[Entrant]) -> None:
     lap = Objective(name="lap", measure="lap_s", source="time_trial")
-    assert Plan(FilterSettings(objective=(lap,)), RACES, np.random.SeedSequence(1)).races(entrants, 0) == []
+    assert (
+        FilterPlan(FilterSettings(objective=(lap,)), RACES, np.random.SeedSequence(1)).races(entrants, 0)
+        == []
+    )
 
 
 def test_a_checkpoint_as_opponent_is_known_by_its_contents(entrants: list[Entrant]) -> None:
     settings = FilterSettings(opponents=(entrants[0].source, "driver:pace=0.9"))
-    [match] = Plan(settings, RACES, np.random.SeedSequence(1)).races([entrants[1]], 0)
+    [match] = FilterPlan(settings, RACES, np.random.SeedSequence(1)).races([entrants[1]], 0)
     assert match.entrants == (entrants[1].id, entrants[0].id, "driver:pace=0.9")
 
 

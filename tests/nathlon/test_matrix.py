@@ -17,7 +17,7 @@ from benchmarks import planted_cells
 from benchmarks.planted_cells import MARGINS, truth
 from nathlon.arena.pool import Pool
 from nathlon.arena.recording import read_recording
-from nathlon.judge.matrix.cells import Setting, plan_cells
+from nathlon.judge.matrix.cells import CellSetting, plan_cells
 from nathlon.selection.config import Config
 from nathlon.selection.matrix_settings import MatrixSettings
 from nathlon.sim.errors import InputError
@@ -161,8 +161,8 @@ def test_what_nobody_can_drive_is_said_with_the_reason(
 
 
 def test_a_setting_is_a_scenario_with_tyres_and_delay() -> None:
-    assert Setting("lindenring", "gt3", "race", "", 0.0).raced == "race"
+    assert CellSetting("lindenring", "gt3", "race", "", 0.0).raced == "race"
     assert (
-        Setting("lindenring", "gt3", "race", "racing-soft", 0.1).raced
+        CellSetting("lindenring", "gt3", "race", "racing-soft", 0.1).raced
         == "race:compound=racing-soft,delay=0.1"
     )

@@ -23,7 +23,7 @@ from nathlon.selection.committee.rules import CommitteeSettings
 from nathlon.selection.config import Config
 from nathlon.selection.evaluation import evaluate
 from nathlon.selection.field import Field
-from nathlon.selection.pareto.filter import FilterSettings, Plan
+from nathlon.selection.pareto.filter import FilterPlan, FilterSettings
 from nathlon.selection.publish.decider import deciding_race
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.round_robin import TournamentSettings, tournament_matches
@@ -160,7 +160,7 @@ def test_one_worker_in_a_new_folder_says_the_same(
     run: Path, summary: Any, entrants: list[Entrant], tmp_path: Path
 ) -> None:
     """Only the filter, from nothing: results do not depend on how matches are spread over processes."""
-    matches = Plan(CONFIG.pareto, RACES, np.random.SeedSequence([CONFIG.seed, 0])).time_trials(
+    matches = FilterPlan(CONFIG.pareto, RACES, np.random.SeedSequence([CONFIG.seed, 0])).time_trials(
         entrants[:1], 0
     )
     [(match, results)] = list(run_matches(matches, 1))
@@ -195,7 +195,7 @@ def test_the_tournament_mirrors_every_pair(entrants: list[Entrant]) -> None:
 
 
 def test_stages_have_fresh_seeds_and_entrants_share_them(entrants: list[Entrant]) -> None:
-    filters = Plan(CONFIG.pareto, RACES, np.random.SeedSequence([1, 0])).races(entrants, 0)
+    filters = FilterPlan(CONFIG.pareto, RACES, np.random.SeedSequence([1, 0])).races(entrants, 0)
     assert len({tuple(race.seed for race in match.races) for match in filters}) == 1
     assert len({match.key for match in filters}) == len(entrants)
     skills = skill_matches(entrants, load_skills(CONFIG.battery.tests), np.random.SeedSequence([1, 1]))

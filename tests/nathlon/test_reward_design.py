@@ -22,7 +22,7 @@ from nathlon.lab.reward.alignment import Preference
 from nathlon.lab.reward.clips import Clips, Studio
 from nathlon.lab.reward.design import Design
 from nathlon.lab.reward.drawing import drawing
-from nathlon.lab.reward.judging import Onlooker, Pair, Question, Rule
+from nathlon.lab.reward.judging import ClipPair, ClipQuestion, JudgingOnlooker, JudgingRule
 from nathlon.lab.reward.library import DRIVER, STILL, library
 from nathlon.lab.reward.measures import MEASURES, RULE
 from nathlon.lab.reward.people import People
@@ -82,7 +82,7 @@ class Stop:
 
 
 def run(made: Design, stop: str = "never") -> Design:
-    made.run(Sampler(1), Rule(made.settings.rule, made.studio.step_s), Stop(stop), lambda: None)
+    made.run(Sampler(1), JudgingRule(made.settings.rule, made.studio.step_s), Stop(stop), lambda: None)
     return made
 
 
@@ -184,7 +184,9 @@ def model() -> Iterator[Model]:
 def proposed(folder: Path, films: Path, said: Transcripts) -> Design:
     made = design(folder, films, proposer="model")
     with pytest.raises(KeyboardInterrupt):
-        made.run(Wordsmith(said), Rule(made.settings.rule, made.studio.step_s), Stop("1."), lambda: None)
+        made.run(
+            Wordsmith(said), JudgingRule(made.settings.rule, made.studio.step_s), Stop("1."), lambda: None
+        )
     return made
 
 
@@ -227,11 +229,11 @@ def test_a_wrong_key_shows_before_the_first_drive(monkeypatch: pytest.MonkeyPatc
     assert len(heard) == 1
 
 
-def asked(films: Path, studio: Studio, count: int) -> Question:
+def asked(films: Path, studio: Studio, count: int) -> ClipQuestion:
     clips = library(studio, films, 1)
     others = [name for name in clips if name not in (DRIVER, STILL)]
-    pairs = [Pair(DRIVER, name, 0) for name in others[:count]]
-    return Question("library", TASK, clips, clips[DRIVER], pairs)
+    pairs = [ClipPair(DRIVER, name, 0) for name in others[:count]]
+    return ClipQuestion("library", TASK, clips, clips[DRIVER], pairs)
 
 
 def test_a_model_that_looks_is_shown_both_in_changing_order(
@@ -241,7 +243,7 @@ def test_a_model_that_looks_is_shown_both_in_changing_order(
     model = Model(["Let me see.", *['{"better": "A", "why": "closer to the line"}'] * 6])
     found: list[Preference] = []
     said = Transcripts(tmp_path, Endpoint(model.url, "seer", ""))
-    Onlooker(said, studio).judge(question, found.append)
+    JudgingOnlooker(said, studio).judge(question, found.append)
     model.close()
     assert {one.better for one in found} == {-1, 1}, "A is now the first and now the second"
     assert found[0].remark == "closer to the line"

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import kendalltau
 
 from nathlon.lab.reward.alignment import Preference, align, returns, tau_a
-from nathlon.lab.reward.candidates import Brief, Candidate, Outcome
-from nathlon.lab.reward.judging import Question, Rule, read_verdict
+from nathlon.lab.reward.candidates import Brief, Candidate, CandidateOutcome
+from nathlon.lab.reward.judging import ClipQuestion, JudgingRule, read_verdict
 from nathlon.lab.reward.library import DRIVER
 from nathlon.lab.reward.measures import MEASURES, measure
 from nathlon.lab.reward.ranking import all_pairs, some_pairs, strengths
@@ -94,13 +94,13 @@ def test_the_rule_sees_what_was_measured() -> None:
     assert (first["pace"], first["pace_share"], first["off_course"]) == pytest.approx((48.0, 4.8 / 4.5, 0.25))
     found: list[Preference] = []
     pairs = all_pairs(["wild", DRIVER, "still"], 2, 2, np.random.default_rng(1))
-    Rule("pace_share - 2 * off_course", STEP_S).judge(
-        Question("q", TASK, clips, clips[DRIVER], pairs), found.append
+    JudgingRule("pace_share - 2 * off_course", STEP_S).judge(
+        ClipQuestion("q", TASK, clips, clips[DRIVER], pairs), found.append
     )
     strength = strengths(["wild", DRIVER, "still"], found)
     assert sorted(strength, key=lambda name: strength[name]) == ["still", "wild", DRIVER]
     with pytest.raises(InputError, match="no quantity"):
-        Rule("charm", STEP_S)
+        JudgingRule("charm", STEP_S)
 
 
 def test_pairs_are_those_of_the_same_start_and_none_twice() -> None:
@@ -119,10 +119,10 @@ def brief(**other: Any) -> Brief:
     return Brief(TASK, 2, 0, 20)._replace(**other)
 
 
-def outcome(proposal: object, name: str = "1.3", strength: float = 1.0) -> Outcome:
+def outcome(proposal: object, name: str = "1.3", strength: float = 1.0) -> CandidateOutcome:
     candidate = Candidate(**proposal.model_dump(), name=name)  # type: ignore[attr-defined]
     measured = dict.fromkeys(MEASURES, 0.25)
-    return Outcome(
+    return CandidateOutcome(
         candidate=candidate,
         strength=strength,
         measured=measured,

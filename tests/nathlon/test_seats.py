@@ -12,7 +12,7 @@ from nathlon.arena.match import TESTED
 from nathlon.arena.world_registry import load_world
 from nathlon.selection.battery.skill import standing_tests
 from nathlon.selection.config import Config
-from nathlon.selection.pareto.filter import FilterSettings, Plan
+from nathlon.selection.pareto.filter import FilterPlan, FilterSettings
 from tests.support.games import player, world_of
 
 
@@ -26,7 +26,7 @@ def seats_by_round(folder: Path, config: Config) -> list[list[int]]:
     """Sides that the entrant takes in the races of each round."""
     world = load_world(config.world)
     entrant = world.enter(player(folder / "good.onnx", 3))
-    plan = Plan(config.pareto, world, np.random.SeedSequence(1))
+    plan = FilterPlan(config.pareto, world, np.random.SeedSequence(1))
     rounds = []
     for number in range(len(config.pareto.rounds)):
         [match] = plan.races([entrant], number)
@@ -55,7 +55,7 @@ def test_opponents_move_on_over_the_rounds(tmp_path: Path) -> None:
     config = config_of(tmp_path, 2, opponents=tuple(names), most_races=6)
     world = load_world(config.world)
     entrant = world.enter(player(tmp_path / "good.onnx", 3))
-    plan = Plan(config.pareto, world, np.random.SeedSequence(1))
+    plan = FilterPlan(config.pareto, world, np.random.SeedSequence(1))
     matches = [plan.races([entrant], number)[0] for number in range(len(config.pareto.rounds))]
     met = [
         match.sources[seat.entrant]

@@ -21,7 +21,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Batch, Policy
-from nathlon.policies.sources.composite import Composite, Part, columns, joint_spec
+from nathlon.policies.sources.composite import Composite, CompositePart, columns, joint_spec
 from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
@@ -52,7 +52,7 @@ class Steady:
         return np.full((len(observations), 2), self.throttle, np.float32), memory + np.float32(1.0)
 
 
-def steady(*parts: Part) -> Composite:
+def steady(*parts: CompositePart) -> Composite:
     """Parts of which the first gives 0.0, the next 0.1 and so on."""
     return Composite(TRACK, parts, [Steady(0.1 * index) for index in range(len(parts))], BLIND)
 
@@ -77,7 +77,7 @@ def drives(composite: Composite, ticks: NDArray[np.float64]) -> NDArray[np.int64
 
 
 def relay(first: str, second: str, until_m: float) -> Policy:
-    parts = [Part(policy=first, until_m=until_m), Part(policy=second)]
+    parts = [CompositePart(policy=first, until_m=until_m), CompositePart(policy=second)]
     policies = [load_policy(name, CIRCUIT, CAR) for name in (first, second)]
     spec = joint_spec([first, second], [policy.observation_spec for policy in policies])
     return Composite(TRACK, parts, policies, spec)
@@ -123,7 +123,9 @@ def test_the_first_part_drives_until_its_distance_from_the_start_and_never_again
 ) -> None:
     gone = np.concatenate([[0.0], np.cumsum(steps)])
     furthest = np.maximum.accumulate(gone)
-    turns = drives(steady(Part(policy="a", until_m=until), Part(policy="b")), start + gone[:, None])[:, 0]
+    turns = drives(
+        steady(CompositePart(policy="a", until_m=until), CompositePart(policy="b")), start + gone[:, None]
+    )[:, 0]
     clear = np.abs(furthest - until) > 0.05
     assert (turns[clear] == (furthest >= until)[clear]).all()
     assert (np.diff(turns) >= 0).all()
@@ -131,7 +133,10 @@ def test_the_first_part_drives_until_its_distance_from_the_start_and_never_again
 
 def test_sections_hand_over_at_their_ends_and_back_lap_after_lap() -> None:
     begin, end = TRACK.stretch("last chicane")
-    composite = steady(Part(policy="a", sections=("last chicane", TRACK.sections[0].name)), Part(policy="b"))
+    composite = steady(
+        CompositePart(policy="a", sections=("last chicane", TRACK.sections[0].name)),
+        CompositePart(policy="b"),
+    )
     first = TRACK.sections[0]
     places = [begin - 1, begin + 1, end - 1, end + 1, first.start_m + 1, first.end_m - 1, first.end_m + 1]
     laps = np.array(places)[:, None] + TRACK.length * np.arange(3)
@@ -141,9 +146,9 @@ def test_sections_hand_over_at_their_ends_and_back_lap_after_lap() -> None:
 def test_conditions_of_a_part_hold_together_and_parts_are_asked_in_turn() -> None:
     begin, end = TRACK.stretch("last chicane")
     composite = steady(
-        Part(policy="a", until_m=end - begin + TRACK.length / 2, sections=("last chicane",)),
-        Part(policy="b", until_m=begin),
-        Part(policy="c"),
+        CompositePart(policy="a", until_m=end - begin + TRACK.length / 2, sections=("last chicane",)),
+        CompositePart(policy="b", until_m=begin),
+        CompositePart(policy="c"),
     )
     way = np.array([0.0, begin / 2, begin + 1, end + 1])
     assert drives(composite, way[:, None])[:, 0].tolist() == [1, 1, 2, 2]
@@ -152,7 +157,7 @@ def test_conditions_of_a_part_hold_together_and_parts_are_asked_in_turn() -> Non
 
 
 def test_every_part_watches_all_the_time() -> None:
-    composite = steady(Part(policy="a", until_m=50.0), Part(policy="b"))
+    composite = steady(CompositePart(policy="a", until_m=50.0), CompositePart(policy="b"))
     memory = composite.initial_memory(3)
     for distance in (0.0, 40.0, 80.0):
         _, memory = composite.act(seen_from(np.full(3, distance)), memory)

@@ -15,7 +15,7 @@ import torch
 from nathlon.api.train import train
 from nathlon.arena.on_ray.cluster import joined
 from nathlon.policies.qrsac.networks import Perceptron
-from nathlon.policies.training.ablation import Run, configurations, train_in_turn
+from nathlon.policies.training.ablation import AblationRun, configurations, train_in_turn
 from nathlon.policies.training.config import TrainingConfig, read_config
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.on_ray import runs
@@ -248,9 +248,9 @@ def test_a_cluster_needs_to_know_how_many_workers(cluster: Cluster, tmp_path: Pa
 RUNS = tuple(configurations(CONFIG.model_copy(update={"workers": 0}), ["n-step-1"]).items())
 
 
-def run_of(folder: Path, which: int = 0, **changes: object) -> Run:
+def run_of(folder: Path, which: int = 0, **changes: object) -> AblationRun:
     name, config = RUNS[which]
-    return Run(name, 1, folder / name, config.model_copy(update=changes))
+    return AblationRun(name, 1, folder / name, config.model_copy(update=changes))
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -284,7 +284,7 @@ def test_whole_runs_come_to_what_they_come_to_here(
     def stop(status: Status) -> None:
         raise KeyboardInterrupt
 
-    def on_status(run: Run, status: Status) -> None:
+    def on_status(run: AblationRun, status: Status) -> None:
         told.add(str(run))
         if run.variant == "base" and run.updates and not lost:
             lost.append(run.updates)
@@ -326,7 +326,7 @@ def test_how_a_run_ends_is_told(member: None, tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(runs, "RunActor", Ending)
     config = run_of(tmp_path).config
     for seed in (1, 2):
-        run = Run("base", seed, tmp_path / str(seed), config)
+        run = AblationRun("base", seed, tmp_path / str(seed), config)
         if seed == 1:
             assert list(train_on_cluster([run], lambda *_: None)) == ["training diverged"]
         else:

@@ -10,21 +10,21 @@ from playwright.sync_api import Browser
 
 from nathlon.arena.decision import Decision
 from nathlon.reports.gate_page import MARGINS, WIDTH, place, write_gate_page
-from nathlon.results.gate import Finding, Gated, GateReport, junit, markdown
+from nathlon.results.gate import Gated, GateFinding, GateReport, junit, markdown
 
-PASSED = Finding(
+PASSED = GateFinding(
     measure="points", unit="a race", margin=2.0, difference=-0.5, low=-1.5, high=0.5, units=32, most=96,
     verdict=Decision.PASS,
 )  # fmt: skip
-FAILED = Finding(
+FAILED = GateFinding(
     measure="lap time", unit="in %", margin=0.5, difference=-1.2, low=-1.3, high=-1.1, units=8, most=64,
     verdict=Decision.FAIL,
 )  # fmt: skip
-OPEN = Finding(measure="chicane", unit="in points", margin=50.0, difference=-20.0, units=64, most=64)
-ASIDE = Finding(measure="contacts", unit="a km", margin=0.05, set_aside="nothing of the kind is measured")
+OPEN = GateFinding(measure="chicane", unit="in points", margin=50.0, difference=-20.0, units=64, most=64)
+ASIDE = GateFinding(measure="contacts", unit="a km", margin=0.05, set_aside="nothing of the kind is measured")
 
 
-def report(*candidates: tuple[str, Decision, tuple[Finding, ...]]) -> GateReport:
+def report(*candidates: tuple[str, Decision, tuple[GateFinding, ...]]) -> GateReport:
     return GateReport(
         champion="champ|ion",
         champion_id="c",
@@ -52,7 +52,7 @@ UNSURE = ("unsure", Decision.CANNOT_TELL, (PASSED, OPEN))
 @pytest.mark.parametrize(
     ("candidates", "code"), [([GOOD], 0), ([GOOD, UNSURE], 4), ([UNSURE, BAD], 1), ([GOOD, BAD], 1)]
 )
-def test_exit_codes(candidates: list[tuple[str, Decision, tuple[Finding, ...]]], code: int) -> None:
+def test_exit_codes(candidates: list[tuple[str, Decision, tuple[GateFinding, ...]]], code: int) -> None:
     assert report(*candidates).exit_code == code
 
 

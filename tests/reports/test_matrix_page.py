@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from playwright.sync_api import Browser
 
 from nathlon.reports.matrix_page import write_matrix_page
-from nathlon.results.matrix import CellReport, Finding, LevelReport, MatrixReport, Measured
+from nathlon.results.matrix import CellReport, LevelReport, MatrixFinding, MatrixMeasure, MatrixReport
 from tests.support.opened_page import overhear, picture
 
 
-def finding(worse: float | None, verdict: str) -> Finding:
+def finding(worse: float | None, verdict: Any) -> MatrixFinding:
     bounds = (None, None) if worse is None else (worse - 0.01, worse + 0.01)
-    return Finding(worse=worse, low=bounds[0], high=bounds[1], policy=48.0, baseline=50.0, verdict=verdict)  # type: ignore[arg-type]
+    return MatrixFinding(
+        worse=worse, low=bounds[0], high=bounds[1], policy=48.0, baseline=50.0, verdict=verdict
+    )
 
 
-def level(delay_s: float, *findings: Finding) -> LevelReport:
+def level(delay_s: float, *findings: MatrixFinding) -> LevelReport:
     return LevelReport(dimension="delay_s", level=delay_s, findings=findings)
 
 
@@ -40,8 +43,8 @@ def report(circuits: int = 3, cars: int = 3) -> MatrixReport:
         policy="new", policy_id="n", baseline="old", baseline_id="o", world="racing", seed=1,
         false_discovery_rate=0.05, screening_runs=4, runs=8 * len(cells), wall_s=60.0, versions={},
         measures=(
-            Measured(name="pace", unit="m/s", relative=True, less_is_better=False, margin=0.005),
-            Measured(name="off_course", unit="s", relative=False, less_is_better=True, margin=0.5),
+            MatrixMeasure(name="pace", unit="m/s", relative=True, less_is_better=False, margin=0.005),
+            MatrixMeasure(name="off_course", unit="s", relative=False, less_is_better=True, margin=0.5),
         ),
         set_aside=("porto-sereno with gt3: cannot",), cells=tuple(cells),
         levels=(

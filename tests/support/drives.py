@@ -15,10 +15,10 @@ import numpy as np
 
 from nathlon.lab.drive.aids import Aids
 from nathlon.lab.drive.blind import BlindTest
-from nathlon.lab.drive.choice import Choice, Offer, Opponent, Plan, plan
+from nathlon.lab.drive.choice import Choice, DrivePlan, Offer, Opponent, plan
 from nathlon.lab.drive.clock import Clock
 from nathlon.lab.drive.desk import INPUT, Desk
-from nathlon.lab.drive.heat import Driven, Heat
+from nathlon.lab.drive.heat import DrivenHeat, Heat
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer, serve_drives
 from nathlon.selection.publish.output import OutputFolder
@@ -70,11 +70,11 @@ class Hurry:
         self.now_s += seconds
 
 
-def drive(made: Plan, seed: int = 1) -> tuple[Driven, list[bytes]]:
+def drive(made: DrivePlan, seed: int = 1) -> tuple[DrivenHeat, list[bytes]]:
     """A race to its end, and its frames: inputs are drawn for a while, then the person stops for good."""
     rng, desk = np.random.default_rng(seed), Desk()
     frames: list[bytes] = []
-    ended: list[Driven | None] = []
+    ended: list[DrivenHeat | None] = []
 
     def on_frame(frame: bytes) -> None:
         frames.append(frame)
@@ -92,7 +92,7 @@ def drive(made: Plan, seed: int = 1) -> tuple[Driven, list[bytes]]:
     return driven, frames
 
 
-def planned(**other: Any) -> Plan:
+def planned(**other: Any) -> DrivePlan:
     return plan(choice(**other), offer())
 
 

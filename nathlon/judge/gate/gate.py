@@ -19,16 +19,16 @@ from nathlon.judge.gate.questions import (
     BROKEN,
     NO_LAP,
     Errors,
-    Judged,
-    Question,
+    GateAnswer,
+    GateQuestion,
     at_fault_question,
     completion_question,
     lap_question,
     points_question,
     test_question,
 )
-from nathlon.judge.gate.series import Lost, Pair, Series, race_series, trial_series
-from nathlon.results.gate import Finding, Gated, GateReport
+from nathlon.judge.gate.series import Lost, RunPair, Series, race_series, trial_series
+from nathlon.results.gate import Gated, GateFinding, GateReport
 from nathlon.results.summary import versions, voided
 from nathlon.selection.battery import marking_matches
 from nathlon.selection.battery.measures import measured
@@ -57,14 +57,14 @@ class _Case:
         decided: by measure, what the units came to when they decided it.
     """
 
-    pair: Pair
-    asked: list[Question]
+    pair: RunPair
+    asked: list[GateQuestion]
     results: dict[int, pl.DataFrame] = field(default_factory=dict)
     failed: bool = False
-    decided: dict[str, Judged] = field(default_factory=dict)
+    decided: dict[str, GateAnswer] = field(default_factory=dict)
 
     @property
-    def open(self) -> list[Question]:
+    def open(self) -> list[GateQuestion]:
         """What is not decided yet; nothing once the candidate has failed."""
         if self.fails:
             return []
@@ -104,7 +104,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
     tests = _tests(run, champion, config.gate)
     cases = [
         _Case(pair, _questions(run, pair, config, tests))
-        for pair in (Pair(candidate, champion) for candidate in candidates)
+        for pair in (RunPair(candidate, champion) for candidate in candidates)
     ]
     if not cases[0].asked:
         raise InputError("section gate asks nothing here, expected points, tests, or lap with a time trial")
@@ -163,7 +163,7 @@ def _judge(case: _Case, settings: GateSettings) -> None:
     case.failed = case.faults(case.pair.candidate) > settings.max_faults
 
 
-def _judged(case: _Case, question: Question, settings: GateSettings) -> Judged | None:
+def _judged(case: _Case, question: GateQuestion, settings: GateSettings) -> GateAnswer | None:
     results = case.results.get(id(question.series))
     return None if results is None else question.answer(results, settings.breakdowns or 0.0)
 
@@ -186,7 +186,7 @@ def _gated(case: _Case, settings: GateSettings) -> Gated:
     )
 
 
-def _faults(case: _Case, settings: GateSettings) -> Finding:
+def _faults(case: _Case, settings: GateSettings) -> GateFinding:
     """The runs that ended by the candidate's fault; of most it has to be known how they ended."""
     candidate, champion = case.pair
     endings, faults = case.endings(candidate), case.faults(candidate)
@@ -197,7 +197,7 @@ def _faults(case: _Case, settings: GateSettings) -> Finding:
         notes.append(f"{void} more runs are void")
     if theirs := case.faults(champion):
         notes.append(f"{theirs} of {len(case.endings(champion))} runs of the champion ended by its own fault")
-    return Finding(
+    return GateFinding(
         measure="faults",
         unit="in all",
         margin=None,
@@ -209,8 +209,8 @@ def _faults(case: _Case, settings: GateSettings) -> Finding:
     )
 
 
-def _finding(case: _Case, question: Question, settings: GateSettings) -> Finding:
-    plain = Finding(
+def _finding(case: _Case, question: GateQuestion, settings: GateSettings) -> GateFinding:
+    plain = GateFinding(
         measure=question.name, unit=question.unit, margin=question.margin, most=question.series.most
     )
     judged = case.decided.get(question.name) or _judged(case, question, settings)
@@ -224,7 +224,7 @@ def _finding(case: _Case, question: Question, settings: GateSettings) -> Finding
     return plain.model_copy(update=told)
 
 
-def _open(case: _Case, judged: Judged) -> str:
+def _open(case: _Case, judged: GateAnswer) -> str:
     """Why there was no more to tell by; empty where its note says so already."""
     if case.fails:
         return "left open, as the candidate fails"
@@ -234,13 +234,13 @@ def _open(case: _Case, judged: Judged) -> str:
 
 
 def _questions(
-    run: Run, pair: Pair, config: Config, tests: Mapping[str, tuple[Skill, Marks]]
-) -> list[Question]:
+    run: Run, pair: RunPair, config: Config, tests: Mapping[str, tuple[Skill, Marks]]
+) -> list[GateQuestion]:
     """All that can be asked of a candidate."""
     settings, world = config.gate, home(pair.champion)
     errors = Errors(settings.alpha, settings.beta, settings.block, settings.breakdowns)
     races_from, trials_from = np.random.SeedSequence([*run.seeds_from, SEED]).spawn(2)
-    asked: list[Question] = []
+    asked: list[GateQuestion] = []
     event = config.tournament.held(config.circuit, config.car, config.world)
     if event.race and not (settings.points is None and settings.at_fault_per_km is None):
         fields = [entered_there(run.pool, pair, race.circuit, race.car) for race in event.race]

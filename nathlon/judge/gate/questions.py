@@ -19,8 +19,8 @@ from nathlon.arena.decision import Decision
 from nathlon.arena.match import TESTED
 from nathlon.arena.tested import BREAKDOWNS, RACE, entrant_rows
 from nathlon.arena.voids import is_void
-from nathlon.judge.gate.series import Pair, Series
-from nathlon.selection.battery.measures import Measure
+from nathlon.judge.gate.series import RunPair, Series
+from nathlon.selection.battery.measures import SkillMeasure
 from nathlon.selection.battery.skill import Marks, Skill
 from nathlon.tournament.completion import Completed, Completion, clean_sweep
 from nathlon.tournament.evidence import Evidence, appearances
@@ -34,7 +34,7 @@ NO_LAP = BROKEN | pl.col("best_lap_s").is_null()
 """Likewise of a time trial, which wants a lap."""
 
 
-class Judged(NamedTuple):
+class GateAnswer(NamedTuple):
     """What the units of a question so far come to.
 
     Attributes:
@@ -60,7 +60,7 @@ class Judged(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Question:
+class GateQuestion:
     """One measure.
 
     Attributes:
@@ -74,9 +74,9 @@ class Question:
     unit: str
     margin: float
     series: Series
-    judge: Callable[[pl.DataFrame], Judged | None]
+    judge: Callable[[pl.DataFrame], GateAnswer | None]
 
-    def answer(self, results: pl.DataFrame, spare: float) -> Judged | None:
+    def answer(self, results: pl.DataFrame, spare: float) -> GateAnswer | None:
         """What the results come to, void units among them; None where nothing is measured.
 
         Void units may hide what the candidate would have lost. So it does not pass where it may have voided
@@ -89,7 +89,9 @@ class Question:
         said, lost = self.judge(results), self.series.lost(results)
         final = lost.hides_for_good(spare, self.series.most)
         if lost.not_judged or (said is None and lost.units and lost.void == lost.units):
-            nothing = Judged(Decision.CANNOT_TELL, None, None, None, 0, lost.sentence(spare), void=lost.void)
+            nothing = GateAnswer(
+                Decision.CANNOT_TELL, None, None, None, 0, lost.sentence(spare), void=lost.void
+            )
             return nothing._replace(final=final)
         if said is None or not lost.void:
             return said
@@ -125,23 +127,23 @@ class Errors:
         return NonInferiority(margin, self.alpha, self.beta, looks, min(FIRST_LOOK, most), sweep)
 
 
-def mean_judged(test: NonInferiority, sample: Sample, note: str = "") -> Judged:
+def mean_judged(test: NonInferiority, sample: Sample, note: str = "") -> GateAnswer:
     """What a mean of differences comes to."""
     low, high = test.interval(sample)
     verdict = test.verdict(sample)
     needed = test.needed(sample) if verdict == Decision.CANNOT_TELL else None
-    return Judged(verdict, sample.mean, low, high, round(sample.units), note, needed)
+    return GateAnswer(verdict, sample.mean, low, high, round(sample.units), note, needed)
 
 
 def points_question(
-    margin: float, series: Series, pair: Pair, weights: Mapping[str, float], errors: Errors
-) -> Question:
+    margin: float, series: Series, pair: RunPair, weights: Mapping[str, float], errors: Errors
+) -> GateQuestion:
     """Team points a race. In other worlds they are scores, which may fall without end."""
     endless = not pair.champion.circuit
     test = errors.of_mean(margin, series.most, errors.sweep if endless else 0)
     least = least_deviation(margin) if endless else 0.0
 
-    def judge(results: pl.DataFrame) -> Judged | None:
+    def judge(results: pl.DataFrame) -> GateAnswer | None:
         evidence = Evidence(results, weights)
         if evidence.seen.is_empty():
             return None
@@ -152,10 +154,10 @@ def points_question(
         deviation = max(sqrt(float(variance[0] * units)), least)
         return mean_judged(test, Sample(float(units), sign * float(mean), deviation))
 
-    return Question("points", "a race", margin, series, judge)
+    return GateQuestion("points", "a race", margin, series, judge)
 
 
-def at_fault_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Question:
+def at_fault_question(margin: float, series: Series, pair: RunPair, errors: Errors) -> GateQuestion:
     """Contacts that the stewards lay to the one and to the other, a car and kilometre.
 
     Counting alone makes a candidate's units vary that is worse by the margin: by no less is reckoned, or a
@@ -163,7 +165,7 @@ def at_fault_question(margin: float, series: Series, pair: Pair, errors: Errors)
     """
     test = errors.of_mean(margin, series.most, 0)
 
-    def judge(results: pl.DataFrame) -> Judged | None:
+    def judge(results: pl.DataFrame) -> GateAnswer | None:
         if results["contacts_at_fault"].null_count() == results.height:
             return None
         seen = appearances(results).filter(pl.col("km") > 0)
@@ -178,12 +180,12 @@ def at_fault_question(margin: float, series: Series, pair: Pair, errors: Errors)
         km = float(by_unit["km"].mean())  # type: ignore[arg-type]  # there are some
         return mean_judged(test, Sample.of(by_unit["difference"].to_numpy(), sqrt(margin / km)))
 
-    return Question("contacts at fault", "a km", margin, series, judge)
+    return GateQuestion("contacts at fault", "a km", margin, series, judge)
 
 
 def completion_question(
-    name: str, rate: float, series: Series, pair: Pair, broken: pl.Expr, errors: Errors
-) -> Question:
+    name: str, rate: float, series: Series, pair: RunPair, broken: pl.Expr, errors: Errors
+) -> GateQuestion:
     """In how many of its runs the candidate breaks down, and whether more often than the champion.
 
     A run that it has voided, and the champion has not, may be one more: it counts as a breakdown for what is
@@ -195,7 +197,7 @@ def completion_question(
     """
     test = Completion(rate, errors.alpha, errors.beta)
 
-    def judge(results: pl.DataFrame) -> Judged | None:
+    def judge(results: pl.DataFrame) -> GateAnswer | None:
         ours, theirs = (_runs(results, entrant.id, broken.alias("broken")) for entrant in pair)
         both = ours.join(theirs, on="seed", suffix="_theirs")
         doubtful = both.filter(pl.col("void"), ~pl.col("void_theirs")).height
@@ -211,7 +213,7 @@ def completion_question(
         if verdict == Decision.PASS and test.verdict(feared) != Decision.PASS:
             verdict = Decision.CANNOT_TELL
         out = test.ruled_out(feared)
-        return Judged(
+        return GateAnswer(
             verdict,
             -100.0 * seen.broken / seen.runs,
             None if out is None else -100.0 * out,
@@ -220,7 +222,7 @@ def completion_question(
             completion_note(seen, doubtful, verdict, test, out),
         )
 
-    return Question(name, "in % of runs", 100.0 * rate, series, judge)
+    return GateQuestion(name, "in % of runs", 100.0 * rate, series, judge)
 
 
 def completion_note(
@@ -254,7 +256,7 @@ def completion_note(
     return f"{told} before {test.needed(broken)} runs without a further breakdown"
 
 
-def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Question:
+def lap_question(margin: float, series: Series, pair: RunPair, errors: Errors) -> GateQuestion:
     """How much shorter the candidate's best lap is than the champion's from the same start.
 
     Only runs that both completed are compared: how often they do not is a question of its own.
@@ -264,7 +266,7 @@ def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Q
     """
     test = errors.of_mean(100.0 * margin, series.most, errors.sweep)
 
-    def judge(results: pl.DataFrame) -> Judged | None:
+    def judge(results: pl.DataFrame) -> GateAnswer | None:
         ours, theirs = (_runs(results, one.id, pl.col("best_lap_s"), NO_LAP.alias("broken")) for one in pair)
         both = ours.join(theirs, on="seed", suffix="_theirs").filter(~pl.col("void"), ~pl.col("void_theirs"))
         whole = both.filter(~pl.col("broken"), ~pl.col("broken_theirs"))
@@ -278,7 +280,7 @@ def lap_question(margin: float, series: Series, pair: Pair, errors: Errors) -> Q
             f"{left} of {both.height} runs are not compared: one of the two broke down" if left else "",
         )
 
-    return Question("lap time", "in % of the champion's", test.margin, series, judge)
+    return GateQuestion("lap time", "in % of the champion's", test.margin, series, judge)
 
 
 def _runs(results: pl.DataFrame, entrant: str, *columns: pl.Expr) -> pl.DataFrame:
@@ -296,12 +298,18 @@ def _tested(results: pl.DataFrame, entrant: str) -> list[str]:
 
 
 def test_question(
-    margin: float, series: Series, pair: Pair, skill: Skill, how: Measure, marks: Marks, errors: Errors
-) -> Question:
+    margin: float,
+    series: Series,
+    pair: RunPair,
+    skill: Skill,
+    how: SkillMeasure,
+    marks: Marks,
+    errors: Errors,
+) -> GateQuestion:
     """Points in a skill test, in the same runs; a run without a mark has none."""
     test = errors.of_mean(margin, series.most, errors.sweep)
 
-    def judge(results: pl.DataFrame) -> Judged | None:
+    def judge(results: pl.DataFrame) -> GateAnswer | None:
         gained: dict[str, dict[int, float]] = {entrant.id: {} for entrant in pair}
         for match in results.partition_by("match", maintain_order=True):
             tested = match.filter(pl.col("team") == TESTED)["entrant"][0]
@@ -315,4 +323,4 @@ def test_question(
         gains = np.array([ours[seed] - theirs[seed] for seed in both])
         return mean_judged(test, Sample.of(gains, least_deviation(margin)))
 
-    return Question(skill.name, "in points", margin, series, judge)
+    return GateQuestion(skill.name, "in points", margin, series, judge)

@@ -16,7 +16,7 @@ from nathlon.selection.run import GATE
 from nathlon.selection.trials import against
 
 
-class Pair(NamedTuple):
+class RunPair(NamedTuple):
     """A candidate and whose place it would take."""
 
     candidate: Entrant
@@ -86,7 +86,7 @@ def race_series(fixtures: Sequence[Fixture], most: int) -> Series:
 
 def trial_series(
     scenario: str,
-    pair: Pair,
+    pair: RunPair,
     opponents: Sequence[str],
     slots: Sequence[int],
     seeds: Sequence[int],
@@ -112,7 +112,7 @@ def _lost_races(results: pl.DataFrame) -> Lost:
     return Lost("pairs", units.height, void, void, not_judged_by_meetings(results))
 
 
-def _lost_trials(results: pl.DataFrame, pair: Pair) -> Lost:
+def _lost_trials(results: pl.DataFrame, pair: RunPair) -> Lost:
     tested = results.with_columns(void=is_void()).filter(pl.col("team") == TESTED)
     ours, theirs = (
         tested.filter(pl.col("entrant") == one.id).group_by("seed").agg(pl.col("void").any()) for one in pair

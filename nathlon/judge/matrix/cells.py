@@ -20,14 +20,14 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.track import load_track
 
 
-class Pair(NamedTuple):
+class CellPair(NamedTuple):
     """Who is looked at, and beside whom."""
 
     policy: Entrant
     baseline: Entrant
 
 
-class Setting(NamedTuple):
+class CellSetting(NamedTuple):
     """What the cells of several starting places have in common.
 
     A compound is empty where it is the scenario's own.
@@ -55,12 +55,12 @@ class Setting(NamedTuple):
 class Cell(NamedTuple):
     """One starting place in a setting."""
 
-    setting: Setting
+    setting: CellSetting
     place: int
 
 
 @dataclass(frozen=True)
-class Plan:
+class MatrixPlan:
     """What a matrix consists of.
 
     Attributes:
@@ -70,18 +70,18 @@ class Plan:
     """
 
     cells: list[Cell]
-    pairs: Mapping[tuple[str, str], Pair]
+    pairs: Mapping[tuple[str, str], CellPair]
     set_aside: list[str]
 
-    def settings(self) -> dict[Setting, list[int]]:
+    def settings(self) -> dict[CellSetting, list[int]]:
         """The starting places by setting."""
-        places: dict[Setting, list[int]] = {}
+        places: dict[CellSetting, list[int]] = {}
         for cell in self.cells:
             places.setdefault(cell.setting, []).append(cell.place)
         return places
 
 
-def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> Plan:
+def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> MatrixPlan:
     """All cells that can be driven, and why the others cannot.
 
     Raises:
@@ -89,7 +89,7 @@ def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> Plan:
     """
     asked, ours = config.matrix, bool(config.circuit)
     set_aside: list[str] = []
-    pairs: dict[tuple[str, str], Pair] = {}
+    pairs: dict[tuple[str, str], CellPair] = {}
     cells: list[Cell] = []
     if not ours and {"circuits", "cars", "compounds", "delays_s"} & asked.model_fields_set:
         set_aside.append(f"circuits, cars, compounds, delays: world {config.world!r} has none")
@@ -108,7 +108,7 @@ def plan_cells(pool: Pool, policy: str, baseline: str, config: Config) -> Plan:
             cells += _cells(world, setting, asked.places, set_aside)
     if not cells:
         raise InputError(f"nothing can be driven: {'; '.join(set_aside)}")
-    return Plan(cells, pairs, set_aside)
+    return MatrixPlan(cells, pairs, set_aside)
 
 
 def _places(config: Config) -> Sequence[tuple[str, str]]:
@@ -126,7 +126,9 @@ def _check_place(circuit: str, car: str) -> None:
             raise InputError(f"section matrix: {name}: {error}") from None
 
 
-def _entered(pool: Pool, policy: str, baseline: str, circuit: str, car: str, world: str) -> Pair | InputError:
+def _entered(
+    pool: Pool, policy: str, baseline: str, circuit: str, car: str, world: str
+) -> CellPair | InputError:
     """Who drives on a circuit with a car, or why nobody does.
 
     Raises:
@@ -139,17 +141,17 @@ def _entered(pool: Pool, policy: str, baseline: str, circuit: str, car: str, wor
     both = only_once([entrant for entrant in (first, second) if isinstance(entrant, Entrant)])
     if len(both) < 2:
         raise InputError(f"{policy}: is the baseline, expected another policy")
-    return Pair(*both)
+    return CellPair(*both)
 
 
-def _settings(circuit: str, car: str, asked: MatrixSettings, ours: bool) -> Iterator[Setting]:
+def _settings(circuit: str, car: str, asked: MatrixSettings, ours: bool) -> Iterator[CellSetting]:
     compounds = (asked.compounds or ("",)) if ours else ("",)
     delays = asked.delays_s if ours else (0.0,)
     for scenario, compound, delay in product(asked.scenarios, compounds, delays):
-        yield Setting(circuit, car, scenario, compound, delay)
+        yield CellSetting(circuit, car, scenario, compound, delay)
 
 
-def _cells(world: World, setting: Setting, places: Sequence[int], set_aside: list[str]) -> list[Cell]:
+def _cells(world: World, setting: CellSetting, places: Sequence[int], set_aside: list[str]) -> list[Cell]:
     """The cells of a setting; what it has no room for is told to `set_aside`.
 
     Raises:

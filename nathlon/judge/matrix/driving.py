@@ -15,8 +15,8 @@ from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.tested import BREAKDOWNS, entrant_rows
 from nathlon.arena.voids import MOST
 from nathlon.arena.world_registry import home
-from nathlon.judge.matrix.cells import Cell, Plan, Setting
-from nathlon.selection.battery.measures import Measure, Row, measured
+from nathlon.judge.matrix.cells import Cell, CellSetting, MatrixPlan
+from nathlon.selection.battery.measures import Row, SkillMeasure, measured
 from nathlon.selection.run import MATRIX, Run
 from nathlon.selection.trials import against, draw_seeds
 from nathlon.tournament.completion import Completed
@@ -29,7 +29,7 @@ SEED = 3_305_117
 """Beside the configuration's, so that a matrix shares no start with a selection."""
 
 
-class Driven(NamedTuple):
+class DrivenCell(NamedTuple):
     """A run of both in a cell.
 
     Attributes:
@@ -74,8 +74,8 @@ class Driving:
         void: by cell, those that are.
     """
 
-    measures: Mapping[str, Measure]
-    runs: dict[Cell, tuple[list[Driven], list[Driven]]] = field(default_factory=dict)
+    measures: Mapping[str, SkillMeasure]
+    runs: dict[Cell, tuple[list[DrivenCell], list[DrivenCell]]] = field(default_factory=dict)
     void: dict[Cell, Void] = field(default_factory=dict)
 
     def differences(
@@ -123,7 +123,7 @@ def _mean(marks: Sequence[float | None]) -> float | None:
     return float(np.mean(known)) if known else None
 
 
-def worse(how: Measure, marks: tuple[float | None, float | None]) -> float:
+def worse(how: SkillMeasure, marks: tuple[float | None, float | None]) -> float:
     """By how much the first mark is worse than the second, in their unit; NaN where one is missing."""
     policy, baseline = marks
     if policy is None or baseline is None:
@@ -131,7 +131,7 @@ def worse(how: Measure, marks: tuple[float | None, float | None]) -> float:
     return policy - baseline if how.kind == "time" else baseline - policy
 
 
-def begin(plan: Plan, measures: Iterable[str]) -> Driving:
+def begin(plan: MatrixPlan, measures: Iterable[str]) -> Driving:
     """Nothing driven yet.
 
     Raises:
@@ -147,9 +147,9 @@ def begin(plan: Plan, measures: Iterable[str]) -> Driving:
 
 def drive(
     run: Run,
-    plan: Plan,
+    plan: MatrixPlan,
     driving: Driving,
-    places: Mapping[Setting, Sequence[int]],
+    places: Mapping[CellSetting, Sequence[int]],
     phase: int,
     runs: slice,
     opponents: Sequence[str],
@@ -165,7 +165,7 @@ def drive(
         runs: which of each cell.
         opponents: who start from the other places; the world's baseline where there are none.
     """
-    made: list[tuple[Setting, Sequence[int], tuple[Match, Match]]] = []
+    made: list[tuple[CellSetting, Sequence[int], tuple[Match, Match]]] = []
     for setting, here in places.items():
         pair = plan.pairs[setting.circuit, setting.car]
         rivals = opponents or (home(pair.policy).baseline,)
@@ -189,17 +189,17 @@ def drive(
                 continue
             (policy_marks, policy_broke), (baseline_marks, baseline_broke) = policy[race], baseline[race]
             marks = {name: (policy_marks[name], baseline_marks[name]) for name in driving.measures}
-            driving.runs[cell][phase].append(Driven(both, race, marks, (policy_broke, baseline_broke)))
+            driving.runs[cell][phase].append(DrivenCell(both, race, marks, (policy_broke, baseline_broke)))
 
 
-def _seeds(run: Run, setting: Setting, place: int, phase: int, runs: slice) -> list[int]:
+def _seeds(run: Run, setting: CellSetting, place: int, phase: int, runs: slice) -> list[int]:
     """The starts of a cell, which depend on nothing else in the matrix."""
     stream = np.random.SeedSequence([*run.seeds_from, SEED], spawn_key=(setting.number, place, phase))
     return draw_seeds(stream, runs.stop)[runs]
 
 
 def _marks(
-    results: pl.DataFrame, measures: Mapping[str, Measure]
+    results: pl.DataFrame, measures: Mapping[str, SkillMeasure]
 ) -> dict[int, tuple[dict[str, float | None], bool]]:
     """By race, the marks of the entrant tested and whether it broke down; void races are left out.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.statistics import Floats
-from nathlon.judge.matrix.cells import Cell, Plan, Setting
+from nathlon.judge.matrix.cells import Cell, CellSetting, MatrixPlan
 from nathlon.judge.matrix.driving import CONFIRMATION, SCREENING, Driving, begin, drive
 from nathlon.judge.matrix.evidence import (
     LOOKS_WORSE,
@@ -29,7 +29,7 @@ from nathlon.judge.matrix.evidence import (
     shrink,
     variances_of_means,
 )
-from nathlon.results.matrix import CellReport, Finding, LevelReport, MatrixReport, Measured, Said
+from nathlon.results.matrix import CellReport, LevelReport, MatrixFinding, MatrixMeasure, MatrixReport, Said
 from nathlon.results.summary import versions
 from nathlon.selection.config import Config
 from nathlon.selection.matrix_settings import MatrixSettings
@@ -38,7 +38,7 @@ from nathlon.sim.errors import InputError
 from nathlon.tournament.completion import breaks_more
 
 DIMENSIONS = ("circuit", "car", "scenario", "compound", "delay_s", "place")
-"""Of a cell, in the order of `Setting` with the place after it."""
+"""Of a cell, in the order of `CellSetting` with the place after it."""
 COVERED = 1.96
 """Standard deviations on either side of an estimate: 95 %."""
 
@@ -63,7 +63,7 @@ class Matrix:
         given_up: which of them do not look it any more.
     """
 
-    plan: Plan
+    plan: MatrixPlan
     driving: Driving
     margins: dict[str, float]
     suspects: list[Suspect] = field(default_factory=list)
@@ -71,7 +71,7 @@ class Matrix:
     given_up: set[Suspect] = field(default_factory=set)
 
 
-def run_matrix(run: Run, plan: Plan, config: Config) -> tuple[MatrixReport, Matrix]:
+def run_matrix(run: Run, plan: MatrixPlan, config: Config) -> tuple[MatrixReport, Matrix]:
     """Find the cells in which the policy is worse than the baseline by more than the margins.
 
     A false discovery rate holds over all of them: looks at the fresh runs of the suspects share it out, and
@@ -102,7 +102,7 @@ def run_matrix(run: Run, plan: Plan, config: Config) -> tuple[MatrixReport, Matr
     return _report(run, matrix, config, time.perf_counter() - began), matrix
 
 
-def _is_measured(plan: Plan, driving: Driving, measure: str) -> bool:
+def _is_measured(plan: MatrixPlan, driving: Driving, measure: str) -> bool:
     return bool(np.isfinite(driving.differences(plan.cells, measure)).any())
 
 
@@ -157,7 +157,7 @@ def _confirm(run: Run, matrix: Matrix, asked: MatrixSettings) -> None:
     before = 0
     cells = matrix.plan.cells
     for end in ends:
-        places: dict[Setting, list[int]] = {}
+        places: dict[CellSetting, list[int]] = {}
         undecided = {one.cell for one in matrix.suspects if one not in matrix.worse | matrix.given_up}
         for cell in (cells[number] for number in sorted(undecided)):
             places.setdefault(cell.setting, []).append(cell.place)
@@ -189,7 +189,7 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
     pair = next(iter(matrix.plan.pairs.values()))
     driven = matrix.driving.runs.values()
     measures = tuple(
-        Measured(
+        MatrixMeasure(
             name=name, unit=how.unit, relative=how.relative, less_is_better=how.kind == "time", margin=margin
         )
         for name, margin in matrix.margins.items()
@@ -232,7 +232,7 @@ def _cell_reports(matrix: Matrix) -> Iterator[CellReport]:
             known = bool(np.isfinite(mean))
             policy, baseline = matrix.driving.marks(cell, name) if known else (None, None)
             findings.append(
-                Finding(
+                MatrixFinding(
                     worse=mean if known else None,
                     low=mean - COVERED * error if known else None,
                     high=mean + COVERED * error if known else None,
@@ -292,10 +292,10 @@ def _level_reports(matrix: Matrix, rate: float) -> tuple[LevelReport, ...]:
     )
 
 
-def _level_finding(mean: Mean, is_worse: bool) -> Finding:
+def _level_finding(mean: Mean, is_worse: bool) -> MatrixFinding:
     if not mean.freedom:
-        return Finding(worse=None, low=None, high=None, policy=None, baseline=None, verdict="no sign")
-    return Finding(
+        return MatrixFinding(worse=None, low=None, high=None, policy=None, baseline=None, verdict="no sign")
+    return MatrixFinding(
         worse=mean.mean,
         low=mean.mean - COVERED * mean.error,
         high=mean.mean + COVERED * mean.error,

@@ -10,8 +10,8 @@ import numpy as np
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import TESTED
 from nathlon.arena.recording import write_recording
-from nathlon.judge.matrix.cells import Cell, Setting
-from nathlon.judge.matrix.driving import Driven, worse
+from nathlon.judge.matrix.cells import Cell, CellSetting
+from nathlon.judge.matrix.driving import DrivenCell, worse
 from nathlon.judge.matrix.matrix import Matrix
 from nathlon.reports.twin_page import write_twin_page
 from nathlon.results.matrix import CellReport, MatrixReport
@@ -48,7 +48,7 @@ def record_worst(
     return report.model_copy(update={"cells": tuple(cells)})
 
 
-def _worst_run(report: MatrixReport, cell: CellReport, matrix: Matrix) -> Driven:
+def _worst_run(report: MatrixReport, cell: CellReport, matrix: Matrix) -> DrivenCell:
     """The run of a cell in which the policy was worst, in the measure in which the cell is."""
     margins = [
         finding.worse / max(measure.margin, 1e-9) if finding.verdict == "worse" and finding.worse else -np.inf
@@ -56,18 +56,18 @@ def _worst_run(report: MatrixReport, cell: CellReport, matrix: Matrix) -> Driven
     ]
     name = report.measures[int(np.argmax(margins))].name
     how = matrix.driving.measures[name]
-    setting = Setting(cell.circuit, cell.car, cell.scenario, cell.compound, cell.delay_s)
+    setting = CellSetting(cell.circuit, cell.car, cell.scenario, cell.compound, cell.delay_s)
     screening, fresh = matrix.driving.runs[Cell(setting, cell.place)]
     return max([*screening, *fresh], key=lambda one: np.nan_to_num(worse(how, one.marks[name]), nan=-np.inf))
 
 
-def _tested(one: Driven) -> int:
+def _tested(one: DrivenCell) -> int:
     """The car of a run that is the policy's in one match and the baseline's in the other."""
     seats = one.matches[0].races[one.race].seats
     return next(car for car, seat in enumerate(seats) if seat.team == TESTED)
 
 
-def _record(run: Run, report: MatrixReport, driven: list[Driven]) -> dict[tuple[str, int], Side]:
+def _record(run: Run, report: MatrixReport, driven: list[DrivenCell]) -> dict[tuple[str, int], Side]:
     """Races by match and index, with what the drivers saw, as far as they can be run again."""
     names = {report.policy_id: report.policy, report.baseline_id: report.baseline}
     wanted = {

@@ -15,7 +15,7 @@ from nathlon.sim.names import printable
 
 
 @dataclass(frozen=True)
-class Attempt:
+class TrainingRun:
     """A training run of a recipe.
 
     Attributes:
@@ -75,7 +75,7 @@ def attempts(
     circuit: str,
     car: str,
     world: str,
-) -> list[Attempt]:
+) -> list[TrainingRun]:
     """The training runs in folders of recipes, with these files.
 
     Checkpoints in one folder that state one seed are of one run; those that state none are told apart by
@@ -91,14 +91,14 @@ def attempts(
         for source in (entrant.source, *entrant.also)
     }
     return [
-        Attempt(name, run, tuple(checkpoints))
+        TrainingRun(name, run, tuple(checkpoints))
         for name, paths in files.items()
         for run, checkpoints in _runs(folders[name], paths, entered)
     ]
 
 
 def same_files(
-    runs: Sequence[Attempt], files: Mapping[str, Sequence[Path]], references: Iterable[Entrant]
+    runs: Sequence[TrainingRun], files: Mapping[str, Sequence[Path]], references: Iterable[Entrant]
 ) -> list[str]:
     """What of some training runs does not count for being the same as something else, in sentences.
 

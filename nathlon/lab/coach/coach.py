@@ -10,24 +10,33 @@ import numpy as np
 
 from nathlon.arena.race_log import RaceLog
 from nathlon.lab.coach.craft import craft_of, traffic
-from nathlon.lab.coach.diagnosis import MIN_LOSS_S, Compared, causes_of
-from nathlon.lab.coach.driving import HANDS, Driven, Jolt, Plan, Rider
+from nathlon.lab.coach.diagnosis import MIN_LOSS_S, ComparedParts, causes_of
+from nathlon.lab.coach.driving import HANDS, DrivenTrial, Jolt, Rider, TrialPlan
 from nathlon.lab.coach.edits import Edit, edits_of, full_throttle
 from nathlon.lab.coach.lap import STEP_M, Lap, laps_of
-from nathlon.lab.coach.parts import Part, marks, parts_of
-from nathlon.lab.coach.proof import LEAST_GAIN_S, STARTS, TRUE_S, Proved, Trial, Window, try_edits, window_of
+from nathlon.lab.coach.parts import CoursePart, marks, parts_of
+from nathlon.lab.coach.proof import (
+    LEAST_GAIN_S,
+    STARTS,
+    TRUE_S,
+    ProofTrial,
+    ProofWindow,
+    Proved,
+    try_edits,
+    window_of,
+)
 from nathlon.lab.coach.reference import Reference
 from nathlon.reports.cars import labels
 from nathlon.results.coach import (
     Advice,
-    Attempt,
     Cause,
+    CoachedAttempt,
+    CoachedPace,
+    CoachedSection,
     CoachFacts,
     Consistency,
     DrivenLap,
-    Pace,
     Raced,
-    Section,
     StartState,
 )
 from nathlon.sim.errors import InputError
@@ -51,13 +60,13 @@ class _Ways(NamedTuple):
         near: instead of a trial, where another car is near.
     """
 
-    window: Window
+    window: ProofWindow
     edits: list[Edit]
-    near: Trial | None
+    near: ProofTrial | None
 
 
 @dataclass(frozen=True, eq=False)
-class Coached:
+class CoachedRace:
     """What the coach has found.
 
     Attributes:
@@ -69,7 +78,7 @@ class Coached:
     facts: CoachFacts
     lap: Lap
     other: Lap
-    drives: tuple[tuple[Driven, Driven], ...]
+    drives: tuple[tuple[DrivenTrial, DrivenTrial], ...]
 
 
 class Coach:
@@ -98,12 +107,12 @@ class Coach:
         self.pace = self._pace()
         self._compared = [self._compare(part) for part in self._parts]
 
-    def work(self, on_drives: OnDrives) -> Coached:
+    def work(self, on_drives: OnDrives) -> CoachedRace:
         """Find out all there is, and prove the advice."""
         rider = Rider(self._log, self._lap)
         bends = {each.part.number: self._ways(each) for each in self._compared if each.improvable}
         drives = np.cumsum([0, *(len(STARTS) * len(ways.edits) for ways in bends.values())]).tolist()
-        trials: dict[int, Trial] = {}
+        trials: dict[int, ProofTrial] = {}
         on_drives(0, drives[-1])
         for (number, ways), done in zip(bends.items(), drives[1:], strict=True):
             trials[number] = ways.near or try_edits(rider, self._lap, ways.window, ways.edits)
@@ -138,7 +147,7 @@ class Coach:
                 for one in trial.best[1:]
             ),
             attempts=tuple(
-                Attempt(
+                CoachedAttempt(
                     section=self._parts[number].name,
                     tried=trial.tried,
                     gained=len(trial.best),
@@ -149,48 +158,48 @@ class Coach:
             together_s=self._together(rider, [one for _, one in advice]),
             starts=tuple(self._starts()),
         )
-        return Coached(
+        return CoachedRace(
             facts, self._lap, self._reference.lap, tuple((one.again, one.edited) for _, one in advice)
         )
 
-    def _compare(self, part: Part) -> Compared:
+    def _compare(self, part: CoursePart) -> ComparedParts:
         if not part.bend:
-            return Compared(self._lap, self._reference.lap, part, None)
+            return ComparedParts(self._lap, self._reference.lap, part, None)
         after = self._parts[part.number + 1].end_m if part.number + 1 < len(self._parts) else part.end_m
         does, shows = (marks(lap, part.start_m, part, after) for lap in (self._lap, self._reference.lap))
-        return Compared(self._lap, self._reference.lap, part, (does, shows), self.pace is not None)
+        return ComparedParts(self._lap, self._reference.lap, part, (does, shows), self.pace is not None)
 
-    def _ways(self, compared: Compared) -> _Ways:
+    def _ways(self, compared: ComparedParts) -> _Ways:
         """What is to be tried in a part: nothing where another car is near."""
         part, lap = compared.part, self._lap
         window = window_of(self._parts, part, self._length_m)
         began, ended = (lap.start_s + lap.time_s[lap.at(at)] for at in (window.start_m, window.end_m))
         near = traffic(self._log, self._car, began, ended)
         if near is not None:
-            return _Ways(window, [], Trial(window, 0, (), f"{near[1]} is near"))
+            return _Ways(window, [], ProofTrial(window, 0, (), f"{near[1]} is near"))
         if compared.marks is None:
             return _Ways(window, list(full_throttle(part, lap)), None)
         return _Ways(window, list(edits_of(part, lap, compared.other, *compared.marks)), None)
 
-    def sections(self) -> tuple[Section, ...]:
+    def sections(self) -> tuple[CoachedSection, ...]:
         """The parts of the lap, with what is lost in each and why."""
         return tuple(self._section(each) for each in self._compared)
 
-    def _pace(self) -> Pace | None:
+    def _pace(self) -> CoachedPace | None:
         own, other = self._lap.speed, self._reference.lap.speed
         places = min(len(own), len(other))
         ratio = own[:places] / np.maximum(other[:places], 1.0)
         slower = float((ratio < SLOWER).mean())
         if self._lap.standing or slower < EVERYWHERE:
             return None
-        return Pace(speed_share=round(float(np.median(ratio)), 3), slower_share=round(slower, 3))
+        return CoachedPace(speed_share=round(float(np.median(ratio)), 3), slower_share=round(slower, 3))
 
-    def _section(self, compared: Compared) -> Section:
+    def _section(self, compared: ComparedParts) -> CoachedSection:
         part, own, other = compared.part, compared.own, compared.other
         middle = compared.middle_m
         spans = [lap.between(part.start_m, part.end_m) for lap in self._flying]
         causes = [*causes_of(compared), *self._others(compared)]
-        return Section(
+        return CoachedSection(
             name=part.name,
             kind=part.kind,
             start_m=part.start_m,
@@ -204,7 +213,7 @@ class Coach:
             causes=tuple(causes),
         )
 
-    def _others(self, compared: Compared) -> list[Cause]:
+    def _others(self, compared: ComparedParts) -> list[Cause]:
         """What other cars and the stewards have to do with a part."""
         part, lap, names = compared.part, self._lap, labels(self._log)
         from_s, until_s = (lap.start_s + float(lap.time_s[lap.at(at)]) for at in (part.start_m, part.end_m))
@@ -250,7 +259,7 @@ class Coach:
             least_steady_s=round(float(spread[worst]), 3),
         )
 
-    def _advice(self, part: Part, trial: Trial, proved: Proved) -> Advice:
+    def _advice(self, part: CoursePart, trial: ProofTrial, proved: Proved) -> Advice:
         compared, lap, edit = self._compared[part.number], self._lap, proved.edit
         does = compared.marks[0] if compared.marks else None
         amount, unit, at_m = edit.amount, "m", (does and does.brake_m) or part.start_m
@@ -289,7 +298,7 @@ class Coach:
         """What all advice gains at once over the lap, s; None where it does not, or cannot be driven."""
         if len(proved) < 2 or self._lap.standing:
             return None
-        own, length = Plan.of(self._lap), self._length_m
+        own, length = TrialPlan.of(self._lap), self._length_m
         plan = own.with_changes(tuple(one.edit.plan for one in proved))
         for hands in HANDS:
             again, edited = rider.drive([(own, Jolt()), (plan, Jolt())], 0.0, length, hands)
@@ -333,7 +342,7 @@ def _driven_lap(lap: Lap) -> DrivenLap:
     )
 
 
-def _faster(proved: Proved, part: Part, apex_m: float) -> tuple[float, float]:
+def _faster(proved: Proved, part: CoursePart, apex_m: float) -> tuple[float, float]:
     """By how many m/s a part is driven faster at its slowest place, or else where it is most, and where."""
     at = np.array([apex_m, *np.arange(part.start_m, part.end_m, STEP_M)])
     before, after = (np.interp(at, drive.places, drive.speed) for drive in (proved.again, proved.edited))
@@ -344,7 +353,7 @@ def _faster(proved: Proved, part: Part, apex_m: float) -> tuple[float, float]:
     return float(gained[most]), float(at[most])
 
 
-def _moved(proved: Proved, part: Part) -> tuple[float, float]:
+def _moved(proved: Proved, part: CoursePart) -> tuple[float, float]:
     """By how many metres to the left a line is moved at most in a part, and where."""
     at = np.arange(part.start_m, part.end_m, STEP_M)
     before, after = (np.interp(at, drive.places, drive.lateral) for drive in (proved.again, proved.edited))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nathlon.arena.passes import passes
 from nathlon.arena.race_log import Incident, RaceLog, lap_length, origin, progress
 from nathlon.reports.cars import labels
-from nathlon.results.coach import Contact, Craft, Defence, Fault, Mishap, Passing
+from nathlon.results.coach import CoachedContact, Craft, Defence, Fault, Mishap, Passing
 
 NEAR_M = 30.0
 """A car within so much along the road, ahead or beside, is traffic."""
@@ -47,11 +47,11 @@ def craft_of(log: RaceLog, car: int) -> Craft:
     )
 
 
-def _contact(log: RaceLog, car: int, incident: Incident) -> Contact:
+def _contact(log: RaceLog, car: int, incident: Incident) -> CoachedContact:
     others = [one for one in incident.cars if one != car] or [car]
     fault: Fault = "nobody" if incident.fault < 0 else "own" if incident.fault == car else "other"
     row = int(np.clip(np.searchsorted(log.time_s, incident.time_s), 0, len(log.time_s) - 1))
-    return Contact(
+    return CoachedContact(
         at_s=round(incident.time_s, 1),
         car=labels(log)[others[0]],
         closing_m_s=round(incident.closing_m_s, 1),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nathlon.lab.coach.lap import STEP_M, Lap
-from nathlon.lab.coach.parts import FULL, Marks, Part, smooth
+from nathlon.lab.coach.parts import FULL, CoursePart, PartMarks, smooth
 from nathlon.lab.coach.shares import shares, turn
 from nathlon.results.coach import Cause, CauseKind
 
@@ -41,7 +41,7 @@ MIN_LOSS_S = 0.02
 """What is less needs no cause."""
 
 
-class Compared(NamedTuple):
+class ComparedParts(NamedTuple):
     """A part of the coached lap beside the same part of the other one.
 
     Attributes:
@@ -53,8 +53,8 @@ class Compared(NamedTuple):
 
     own: Lap
     other: Lap
-    part: Part
-    marks: tuple[Marks, Marks] | None
+    part: CoursePart
+    marks: tuple[PartMarks, PartMarks] | None
     everywhere: bool = False
 
     def lost(self, start_m: float, end_m: float) -> float:
@@ -114,7 +114,7 @@ class Compared(NamedTuple):
         )
 
 
-def causes_of(compared: Compared) -> list[Cause]:
+def causes_of(compared: ComparedParts) -> list[Cause]:
     """Why time is lost in a part, as far as one lap alone tells; others cars and stewards apart.
 
     Those come first that explain most of the loss, see `nathlon.lab.coach.shares`; a mishap comes before
@@ -132,7 +132,7 @@ def causes_of(compared: Compared) -> list[Cause]:
     return [*brought, *mishaps, *(cause for cause in found if cause not in brought)]
 
 
-def _in_bend(compared: Compared, does: Marks, shows: Marks) -> Iterator[Cause]:
+def _in_bend(compared: ComparedParts, does: PartMarks, shows: PartMarks) -> Iterator[Cause]:
     own, other, part = compared.own, compared.other, compared.part
     middle = compared.middle_m
     lost = shares(own, other, part.start_m, shows.apex_m, part.end_m)
@@ -181,7 +181,7 @@ def _in_bend(compared: Compared, does: Marks, shows: Marks) -> Iterator[Cause]:
         yield from _traction(compared, middle, after)
 
 
-def _too_fast(compared: Compared, slowest_m: float) -> float | None:
+def _too_fast(compared: ComparedParts, slowest_m: float) -> float | None:
     """Where a driver is faster on the way into a bend, but slower on the way out of it; None if it is not."""
     own, other, part = compared.own, compared.other, compared.part
     inside = slice(own.at(part.start_m), own.at(slowest_m))
@@ -192,7 +192,7 @@ def _too_fast(compared: Compared, slowest_m: float) -> float | None:
     return (inside.start + at) * STEP_M if faster[at] > SLOWER_M_S else None
 
 
-def _slower(compared: Compared) -> Iterator[Cause]:
+def _slower(compared: ComparedParts) -> Iterator[Cause]:
     """Where a part that has no other cause is slowest beside the other lap."""
     own, other, part = compared.own, compared.other, compared.part
     inside = slice(own.at(part.start_m), own.at(part.end_m) + 1)
@@ -203,7 +203,7 @@ def _slower(compared: Compared) -> Iterator[Cause]:
         yield compared.cause("speed", at * STEP_M, *speeds, "km/h", lost.carried)
 
 
-def _line(compared: Compared, lost_s: float) -> Iterator[Cause]:
+def _line(compared: ComparedParts, lost_s: float) -> Iterator[Cause]:
     """A line that costs time: one that does not is another line and no cause."""
     own, other, part = compared.own, compared.other, compared.part
     inside = slice(own.at(part.start_m), own.at(part.end_m) + 1)
@@ -215,7 +215,7 @@ def _line(compared: Compared, lost_s: float) -> Iterator[Cause]:
         yield compared.cause("line", place * STEP_M, *sides, "m left", lost_s)
 
 
-def _traction(compared: Compared, middle_m: float, lost_s: float) -> Iterator[Cause]:
+def _traction(compared: ComparedParts, middle_m: float, lost_s: float) -> Iterator[Cause]:
     """Where both push on the way out and the car gains less speed."""
     own, other = compared.own, compared.other
     inside = slice(own.at(middle_m), own.at(compared.part.end_m) + 1)
@@ -230,7 +230,7 @@ def _traction(compared: Compared, middle_m: float, lost_s: float) -> Iterator[Ca
         yield compared.cause("traction", first, float(gained[0]), float(gained[1]), "m/s²", lost_s)
 
 
-def _on_straight(compared: Compared) -> Iterator[Cause]:
+def _on_straight(compared: ComparedParts) -> Iterator[Cause]:
     own, other, part = compared.own, compared.other, compared.part
     first = own.at(part.start_m)
     inside = slice(first, own.at(part.end_m) + 1)
@@ -248,7 +248,7 @@ def _on_straight(compared: Compared) -> Iterator[Cause]:
         yield compared.cause("lifting", lifted * STEP_M, *shown, "%", lost.after)
 
 
-def _mishaps(compared: Compared) -> Iterator[Cause]:
+def _mishaps(compared: ComparedParts) -> Iterator[Cause]:
     own, part = compared.own, compared.part
     inside = slice(own.at(part.start_m), own.at(part.end_m))
     flags: tuple[tuple[CauseKind, np.ndarray], ...] = (

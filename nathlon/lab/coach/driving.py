@@ -60,7 +60,7 @@ HANDS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class TrialPlan:
     """What a rider wants at each place of a lap; arrays as those of a `Lap`."""
 
     pedal: Trace
@@ -71,17 +71,17 @@ class Plan:
     yaw_rate: Trace
 
     @classmethod
-    def of(cls, lap: Lap) -> Plan:
+    def of(cls, lap: Lap) -> TrialPlan:
         """What was done in a lap."""
         return cls(lap.pedal, lap.steering, lap.speed, lap.lateral, lap.heading, lap.yaw_rate)
 
-    def with_traces(self, **traces: Trace) -> Plan:
+    def with_traces(self, **traces: Trace) -> TrialPlan:
         """The same with some traces replaced."""
         return replace(self, **traces)
 
-    def with_changes(self, others: Sequence[Plan]) -> Plan:
+    def with_changes(self, others: Sequence[TrialPlan]) -> TrialPlan:
         """The same with what other plans have otherwise, all of it added up."""
-        return Plan(
+        return TrialPlan(
             **{
                 name: getattr(self, name)
                 + sum(getattr(other, name) - getattr(self, name) for other in others)
@@ -97,7 +97,7 @@ class Jolt(NamedTuple):
     lateral: float = 0.0
 
 
-class Driven(NamedTuple):
+class DrivenTrial(NamedTuple):
     """A part of a lap that was driven again.
 
     Attributes:
@@ -146,8 +146,8 @@ class Rider:
         )
 
     def drive(
-        self, runs: Sequence[tuple[Plan, Jolt]], start_m: float, end_m: float, hands: Hands = HANDS[0]
-    ) -> list[Driven]:
+        self, runs: Sequence[tuple[TrialPlan, Jolt]], start_m: float, end_m: float, hands: Hands = HANDS[0]
+    ) -> list[DrivenTrial]:
         """Drive a part of the lap, each run by itself, from how the car was recorded at its start.
 
         Args:
@@ -159,7 +159,8 @@ class Rider:
         for race, (_, jolt) in enumerate(runs):
             self._place(world, race, self._lap.at(start_m), jolt)
         wanted = {
-            name: np.stack([getattr(plan, name) for plan, _ in runs]) for name in Plan.__dataclass_fields__
+            name: np.stack([getattr(plan, name) for plan, _ in runs])
+            for name in TrialPlan.__dataclass_fields__
         }
         cars, grip = world.state[:, 0], _Grip(self._car, hands)
         ticks = round(LONGEST * self._lap.between(start_m, end_m) / DYNAMICS_DT)
@@ -201,8 +202,8 @@ class Rider:
         car["carried_x"], car["carried_y"] = lap.acceleration[index], lap.side_acceleration[index]
 
     @staticmethod
-    def _driven(columns: dict[str, Trace], time: Trace, cars: NDArray[np.void], race: int) -> Driven:
-        return Driven(
+    def _driven(columns: dict[str, Trace], time: Trace, cars: NDArray[np.void], race: int) -> DrivenTrial:
+        return DrivenTrial(
             np.maximum.accumulate(columns["progress"][:, race]),
             time,
             columns["velocity_x"][:, race],

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nathlon.lab.coach.driving import Plan
+from nathlon.lab.coach.driving import TrialPlan
 from nathlon.lab.coach.lap import STEP_M, Lap, Trace
-from nathlon.lab.coach.parts import Marks, Part
+from nathlon.lab.coach.parts import CoursePart, PartMarks
 from nathlon.results.coach import AdviceKind
 
 LATER_M = (2.0, 4.0, 7.0, 11.0, 16.0, 22.0, 32.0, 48.0, 70.0)
@@ -39,10 +39,10 @@ class Edit:
 
     kind: AdviceKind
     amount: float
-    plan: Plan
+    plan: TrialPlan
 
 
-def edits_of(part: Part, own: Lap, other: Lap, does: Marks, shows: Marks) -> Iterator[Edit]:
+def edits_of(part: CoursePart, own: Lap, other: Lap, does: PartMarks, shows: PartMarks) -> Iterator[Edit]:
     """The edits that are tried in a bend.
 
     Args:
@@ -51,7 +51,7 @@ def edits_of(part: Part, own: Lap, other: Lap, does: Marks, shows: Marks) -> Ite
         other: the lap that it is compared with.
         does, shows: what each does in the bend.
     """
-    plan = Plan.of(own)
+    plan = TrialPlan.of(own)
     ends_m = does.full_m if does.full_m is not None else part.end_m
     if does.brake_m is not None:
         begin = does.brake_m
@@ -72,12 +72,12 @@ def edits_of(part: Part, own: Lap, other: Lap, does: Marks, shows: Marks) -> Ite
             yield Edit("throttle_earlier", metres, _full_at(plan, does.apex_m, does.full_m, metres))
     leaves_m = max(ends_m, shows.full_m or part.end_m)
     for share in CLOSER:
-        yield Edit("line", share, _towards(plan, Plan.of(other), part.start_m, leaves_m, share))
+        yield Edit("line", share, _towards(plan, TrialPlan.of(other), part.start_m, leaves_m, share))
 
 
-def full_throttle(part: Part, own: Lap) -> Iterator[Edit]:
+def full_throttle(part: CoursePart, own: Lap) -> Iterator[Edit]:
     """The edits that are tried on a straight: the throttle is full until somewhere before its end."""
-    plan = Plan.of(own)
+    plan = TrialPlan.of(own)
     at = _places(plan)
     for metres in LIFTS_M:
         inside = (at >= part.start_m) & (at <= part.end_m - metres)
@@ -87,11 +87,11 @@ def full_throttle(part: Part, own: Lap) -> Iterator[Edit]:
             yield Edit("full_throttle", share, plan.with_traces(pedal=plan.pedal + more))
 
 
-def _places(plan: Plan) -> Trace:
+def _places(plan: TrialPlan) -> Trace:
     return np.arange(len(plan.pedal)).astype(np.float64) * STEP_M
 
 
-def _brake_at(plan: Plan, before_m: float, begin_m: float, apex_m: float) -> Plan:
+def _brake_at(plan: TrialPlan, before_m: float, begin_m: float, apex_m: float) -> TrialPlan:
     """Brake from another place on, so much harder or softer that the speed at the apex is the same."""
     at = _places(plan)
     harder = (apex_m - before_m) / (apex_m - begin_m)
@@ -105,7 +105,7 @@ def _brake_at(plan: Plan, before_m: float, begin_m: float, apex_m: float) -> Pla
     return plan.with_traces(pedal=pedal, speed=speed)
 
 
-def _faster(plan: Plan, enters_m: float, apex_m: float, leaves_m: float, share: float) -> Plan:
+def _faster(plan: TrialPlan, enters_m: float, apex_m: float, leaves_m: float, share: float) -> TrialPlan:
     """Raise the speed by a share at the apex, by less towards both ends."""
     at = _places(plan)
     bump = np.interp(
@@ -114,7 +114,7 @@ def _faster(plan: Plan, enters_m: float, apex_m: float, leaves_m: float, share: 
     return plan.with_traces(speed=plan.speed * (1.0 + share * bump))
 
 
-def _full_at(plan: Plan, apex_m: float, full_m: float, metres: float) -> Plan:
+def _full_at(plan: TrialPlan, apex_m: float, full_m: float, metres: float) -> TrialPlan:
     """Be at full throttle some metres earlier, and press it so much faster."""
     at = _places(plan)
     earlier = full_m - metres
@@ -124,7 +124,7 @@ def _full_at(plan: Plan, apex_m: float, full_m: float, metres: float) -> Plan:
     return plan.with_traces(pedal=pedal, speed=np.interp(as_at, at, plan.speed))
 
 
-def _towards(plan: Plan, other: Plan, start_m: float, leaves_m: float, share: float) -> Plan:
+def _towards(plan: TrialPlan, other: TrialPlan, start_m: float, leaves_m: float, share: float) -> TrialPlan:
     """Drive a part of the lap on the way of another lap, as it does, or between the two."""
     at = _places(plan)
     weight = np.interp(
@@ -132,6 +132,6 @@ def _towards(plan: Plan, other: Plan, start_m: float, leaves_m: float, share: fl
     )
     traces = {
         name: (1.0 - weight) * getattr(plan, name) + weight * getattr(other, name)
-        for name in Plan.__dataclass_fields__
+        for name in TrialPlan.__dataclass_fields__
     }
     return plan.with_traces(**traces)

@@ -27,7 +27,7 @@ STRAIGHT = "straight"
 
 
 @dataclass(frozen=True)
-class Part:
+class CoursePart:
     """A part of the lap; metres from the line.
 
     Attributes:
@@ -50,7 +50,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Marks:
+class PartMarks:
     """What a driver does in a bend, and where, m from the line.
 
     Attributes:
@@ -66,7 +66,7 @@ class Marks:
     least_m_s: float
 
 
-def parts_of(sections: tuple[Stretch, ...], laps: tuple[Lap, Lap]) -> list[Part]:
+def parts_of(sections: tuple[Stretch, ...], laps: tuple[Lap, Lap]) -> list[CoursePart]:
     """The parts of a lap, which follow each other without a gap.
 
     A gap before a section is its approach, and the end of a straight from where either lap brakes for the
@@ -79,7 +79,7 @@ def parts_of(sections: tuple[Stretch, ...], laps: tuple[Lap, Lap]) -> list[Part]
     length = (len(laps[0].time_s) - 1) * STEP_M
     known = sorted(sections, key=lambda section: section.start_m)
     if not known:
-        return [Part("the lap", "corner", 0.0, length, 0)]
+        return [CoursePart("the lap", "corner", 0.0, length, 0)]
     starts = [0.0]
     for before, section in pairwise(known):
         begin = before.end_m
@@ -93,12 +93,12 @@ def parts_of(sections: tuple[Stretch, ...], laps: tuple[Lap, Lap]) -> list[Part]
         starts.append(begin)
     ends = [*starts[1:], length]
     return [
-        Part(section.name, section.kind, round(start, 1), round(end, 1), number)
+        CoursePart(section.name, section.kind, round(start, 1), round(end, 1), number)
         for number, (section, start, end) in enumerate(zip(known, starts, ends, strict=True))
     ]
 
 
-def marks(lap: Lap, from_m: float, section: Stretch | Part, until_m: float | None = None) -> Marks:
+def marks(lap: Lap, from_m: float, section: Stretch | CoursePart, until_m: float | None = None) -> PartMarks:
     """What a driver does for a bend.
 
     Args:
@@ -113,7 +113,7 @@ def marks(lap: Lap, from_m: float, section: Stretch | Part, until_m: float | Non
     brake = _braking(pedal, first, apex)
     end = last if until_m is None else lap.at(until_m)
     full = _full(pedal, apex, end)
-    return Marks(
+    return PartMarks(
         None if brake is None else brake * STEP_M,
         apex * STEP_M,
         None if full is None else full * STEP_M,

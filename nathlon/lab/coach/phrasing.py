@@ -47,7 +47,7 @@ LISTED = re.compile(r"; |, | and ")
 WORD = re.compile(r"[^\W_]+(?:[-'’][^\W_]+)*")
 
 
-class Attempt(BaseModel):
+class Phrasing(BaseModel):
     """What a model said, and why it was refused; empty if it was not."""
 
     reply: str
@@ -64,7 +64,7 @@ class Phrased(NamedTuple):
     """
 
     text: str | None
-    attempts: tuple[Attempt, ...]
+    attempts: tuple[Phrasing, ...]
     unasked: str = ""
 
 
@@ -77,13 +77,13 @@ def phrase(facts: CoachFacts, notes: str, endpoint: Endpoint) -> Phrased:
         endpoint: the model.
     """
     messages: list[Message] = [{"role": "system", "content": TASK}, {"role": "user", "content": notes}]
-    attempts: list[Attempt] = []
+    attempts: list[Phrasing] = []
     for _ in range(ATTEMPTS):
         try:
             reply = endpoint.say(messages).strip()
         except InputError as error:
             return Phrased(None, tuple(attempts), str(error))
-        attempts.append(Attempt(reply=reply, refused=unfounded(facts, notes, reply)))
+        attempts.append(Phrasing(reply=reply, refused=unfounded(facts, notes, reply)))
         if not attempts[-1].refused:
             return Phrased(reply + "\n", tuple(attempts))
         why = "Not in the notes: " + "; ".join(attempts[-1].refused) + ". Write it again without."

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nathlon.lab.coach.driving import HANDS, Driven, Hands, Jolt, Plan, Rider
+from nathlon.lab.coach.driving import HANDS, DrivenTrial, Hands, Jolt, Rider, TrialPlan
 from nathlon.lab.coach.edits import Edit
 from nathlon.lab.coach.lap import Lap
-from nathlon.lab.coach.parts import Part
+from nathlon.lab.coach.parts import CoursePart
 
 STARTS = (Jolt(), Jolt(speed=0.3), Jolt(speed=-0.3), Jolt(lateral=0.15), Jolt(lateral=-0.15))
 """As recorded, and a little off: what gains by the luck of one number is no advice."""
@@ -25,7 +25,7 @@ LEAST_GAIN_S = 0.02
 
 
 @dataclass(frozen=True)
-class Window:
+class ProofWindow:
     """What is driven for a part, m from the line.
 
     Attributes:
@@ -59,12 +59,12 @@ class Proved:
     again_s: float
     edited_s: float
     starts: int
-    again: Driven
-    edited: Driven
+    again: DrivenTrial
+    edited: DrivenTrial
 
 
 @dataclass(frozen=True)
-class Trial:
+class ProofTrial:
     """What came of all edits of a part.
 
     Attributes:
@@ -74,34 +74,34 @@ class Trial:
         untrue: why nothing could be proved; empty where it could.
     """
 
-    window: Window
+    window: ProofWindow
     tried: int
     best: tuple[Proved, ...]
     untrue: str = ""
 
 
-def window_of(parts: Sequence[Part], part: Part, length_m: float) -> Window:
+def window_of(parts: Sequence[CoursePart], part: CoursePart, length_m: float) -> ProofWindow:
     """What is driven for a bend: from before it to the end of the straight or the bend that follows."""
     last = part.number + 1 == len(parts)
-    return Window(
+    return ProofWindow(
         max(part.start_m - RUN_UP_M, 0.0), part.end_m, length_m if last else parts[part.number + 1].end_m
     )
 
 
-def try_edits(rider: Rider, lap: Lap, window: Window, edits: Sequence[Edit]) -> Trial:
+def try_edits(rider: Rider, lap: Lap, window: ProofWindow, edits: Sequence[Edit]) -> ProofTrial:
     """Drive a window with each edit and without, and keep what gains.
 
     An edit gains if from every start it is faster than without it from the same one, and from the recorded
     start faster than the recording; and if it stays on course.
     """
-    own, span = Plan.of(lap), (window.start_m, window.end_m)
+    own, span = TrialPlan.of(lap), (window.start_m, window.end_m)
     recorded_s = lap.between(*span)
     hands, again = _repeat(rider, own, span, recorded_s)
     off_s = abs(again[0].until(window.end_m) - recorded_s)
     if not all(drive.clean and drive.places[-1] >= window.end_m for drive in again):
-        return Trial(window, len(edits), (), "driven again it does not stay on course")
+        return ProofTrial(window, len(edits), (), "driven again it does not stay on course")
     if off_s > TRUE_S:
-        return Trial(window, len(edits), (), f"driven again it takes {off_s:.2f} s more or less")
+        return ProofTrial(window, len(edits), (), f"driven again it takes {off_s:.2f} s more or less")
     driven = rider.drive([(edit.plan, jolt) for edit in edits for jolt in STARTS], *span, hands)
     rows = [driven[first : first + len(STARTS)] for first in range(0, len(driven), len(STARTS))]
     found = [_proved(edit, window, recorded_s, again, row) for edit, row in zip(edits, rows, strict=True)]
@@ -109,14 +109,14 @@ def try_edits(rider: Rider, lap: Lap, window: Window, edits: Sequence[Edit]) -> 
     for one in found:
         if one is not None and (one.edit.kind not in best or one.gain_s > best[one.edit.kind].gain_s):
             best[one.edit.kind] = one
-    return Trial(window, len(edits), tuple(sorted(best.values(), key=lambda one: -one.gain_s)))
+    return ProofTrial(window, len(edits), tuple(sorted(best.values(), key=lambda one: -one.gain_s)))
 
 
 def _repeat(
-    rider: Rider, own: Plan, span: tuple[float, float], recorded_s: float
-) -> tuple[Hands, list[Driven]]:
+    rider: Rider, own: TrialPlan, span: tuple[float, float], recorded_s: float
+) -> tuple[Hands, list[DrivenTrial]]:
     """The first hands that repeat a window well, else those that do best, and how they do from all starts."""
-    found: list[tuple[tuple[int, float], Hands, list[Driven]]] = []
+    found: list[tuple[tuple[int, float], Hands, list[DrivenTrial]]] = []
     for hands in HANDS:
         drives = rider.drive([(own, jolt) for jolt in STARTS], *span, hands)
         astray = sum(not drive.clean or drive.places[-1] < span[1] for drive in drives)
@@ -128,7 +128,11 @@ def _repeat(
 
 
 def _proved(
-    edit: Edit, window: Window, recorded_s: float, again: Sequence[Driven], row: Sequence[Driven]
+    edit: Edit,
+    window: ProofWindow,
+    recorded_s: float,
+    again: Sequence[DrivenTrial],
+    row: Sequence[DrivenTrial],
 ) -> Proved | None:
     before, after = (np.array([drive.until(window.end_m) for drive in drives]) for drives in (again, row))
     again_s, edited_s = float(before[0]), float(after[0])

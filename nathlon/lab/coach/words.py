@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from nathlon.results.coach import Advice, Cause, CoachFacts, Mishap, Section
+from nathlon.results.coach import Advice, Cause, CoachedSection, CoachFacts, Mishap
 
 NAMED = 3
 """Sections that are named first."""
@@ -31,7 +31,7 @@ def tell(facts: CoachFacts) -> str:
     return "\n\n".join(paragraphs) + "\n"
 
 
-def told_causes(section: Section) -> str:
+def told_causes(section: CoachedSection) -> str:
     """Why time was lost in a section, in one phrase; empty where nothing is known."""
     return ", ".join(_cause(cause) for cause in section.causes)
 
@@ -84,7 +84,7 @@ def told_mishaps(mishaps: Sequence[Mishap]) -> list[str]:
     return told
 
 
-def told_gain(advice: Advice, sections: Sequence[Section]) -> str:
+def told_gain(advice: Advice, sections: Sequence[CoachedSection]) -> str:
     """What an advice gained when it was driven again."""
     after = sections[min(advice.number + 1, len(sections) - 1)].name
     return (

@@ -17,15 +17,15 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from nathlon.arena.store import Store
 from nathlon.arena.world_finding import RACING
-from nathlon.lab.drive.choice import Choice, Offer, Opponent, Plan, entered, plan
+from nathlon.lab.drive.choice import Choice, DrivePlan, Offer, Opponent, entered, plan
 from nathlon.lab.drive.difficulty import CHOSEN
-from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.heat import DrivenHeat
 from nathlon.lab.drive.keeping import Kept, nearest
 from nathlon.policies.temper import FAIR
 from nathlon.selection.committee.decision import Decision
 from nathlon.selection.committee.drives import ballot, cast_drives, check_may_drive, note_drive, opinions
 from nathlon.selection.committee.event_log import EventLog
-from nathlon.selection.committee.events import Answers, Drove, Moment, Scores
+from nathlon.selection.committee.events import Answers, Drove, EventMoment, Scores
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import as_named, printable
@@ -106,7 +106,7 @@ class BlindTest:
         ]
         self.offer = Offer(tuple(opponents), (circuit,), (car,))
         self._folder, self.output = folder, OutputFolder(folder / DRIVES)
-        self._unanswered: tuple[Driven, Kept] | None = None
+        self._unanswered: tuple[DrivenHeat, Kept] | None = None
 
     @contextmanager
     def _asked(self) -> Iterator[tuple[EventLog, Decision]]:
@@ -142,7 +142,7 @@ class BlindTest:
             check_may_drive(decision, self._member)
         return choice.model_copy(update={"name": self._member})
 
-    def plan(self, choice: Choice) -> Plan:
+    def plan(self, choice: Choice) -> DrivePlan:
         """The race, with the finalists under their letters: so they are recorded, and named by stewards.
 
         Raises:
@@ -160,7 +160,7 @@ class BlindTest:
     def _by_entrant(self) -> dict[str, str]:
         return {entrant: letter for letter, entrant in self._letters.items()}
 
-    def ended(self, driven: Driven, kept: Kept) -> None:
+    def ended(self, driven: DrivenHeat, kept: Kept) -> None:
         """Note a race that is to be asked about."""
         self._unanswered = driven, kept
 
@@ -180,7 +180,7 @@ class BlindTest:
         ]
         return {"letters": list(self._raced(driven.plan)), "marks": marks, "longest": LONGEST_TEXT}
 
-    def _raced(self, made: Plan) -> dict[str, str]:
+    def _raced(self, made: DrivePlan) -> dict[str, str]:
         """Letters of those in a race, with their ids."""
         names = sorted(entrant.name for entrant in made.entrants[:-1])
         return {letter: self._letters[letter] for letter in names}
@@ -212,7 +212,7 @@ class BlindTest:
             text=printable(answers.text.strip()),
             recording=kept.recording.relative_to(self._folder).as_posix(),
             moments=tuple(
-                Moment(**mark._asdict() | {"nearest": self._entrant_near(driven.plan, mark.nearest)})
+                EventMoment(**mark._asdict() | {"nearest": self._entrant_near(driven.plan, mark.nearest)})
                 for mark in driven.marks
             ),
         )
@@ -220,7 +220,7 @@ class BlindTest:
             note_drive(event_log, decision, drove)
         self._unanswered = None
 
-    def _entrant_near(self, made: Plan, car: int | None) -> str | None:
+    def _entrant_near(self, made: DrivePlan, car: int | None) -> str | None:
         return None if car is None else self._letters[made.grid[car]]
 
     def cast(self) -> None:

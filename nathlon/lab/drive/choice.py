@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic import Field as Bounds
+from pydantic import HeatField as Bounds
 
 from nathlon.arena.entrance import home
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once
@@ -16,7 +16,7 @@ from nathlon.arena.job import Opening
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.lab.drive.aids import Aids
-from nathlon.lab.drive.difficulty import CHOSEN, Difficulty, Field, tempered
+from nathlon.lab.drive.difficulty import CHOSEN, Difficulty, HeatField, tempered
 from nathlon.lab.drive.forecast import Setting
 from nathlon.policies.apart import PolicyApart, is_guest
 from nathlon.policies.load import load_policy
@@ -194,7 +194,7 @@ def shipped(kind: str) -> list[str]:
     return sorted(path.stem for path in (DATA / f"{kind}s").iterdir())
 
 
-class Plan(NamedTuple):
+class DrivePlan(NamedTuple):
     """A race to be driven.
 
     Attributes:
@@ -209,7 +209,7 @@ class Plan(NamedTuple):
     match: Match
     entrants: tuple[Entrant, ...]
     policies: tuple[Policy, ...]
-    field: Field | None = None
+    field: HeatField | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -229,7 +229,7 @@ def check_place(choice: Choice, offer: Offer) -> None:
             raise InputError(f"the choice: {field} {name!r} is unknown, expected one of {', '.join(known)}")
 
 
-def plan(choice: Choice, offer: Offer, field: Field | None = None) -> Plan:
+def plan(choice: Choice, offer: Offer, field: HeatField | None = None) -> DrivePlan:
     """The race of a choice.
 
     Args:
@@ -265,7 +265,7 @@ def plan(choice: Choice, offer: Offer, field: Field | None = None) -> Plan:
         _ready(entrant.source, circuit, car, choice.seed + index)
         for index, entrant in enumerate(entrants[:human])
     )
-    return Plan(choice, match, entrants, policies, field)
+    return DrivePlan(choice, match, entrants, policies, field)
 
 
 def entered(sources: Sequence[str], circuit: str, car: str) -> list[Entrant]:

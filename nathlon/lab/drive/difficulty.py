@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from nathlon.lab.drive.forecast import Forecast, Setting, drive, foretell
+from nathlon.lab.drive.forecast import HeatForecast, Setting, drive, foretell
 from nathlon.lab.drive.form import PACES, Form, form
 from nathlon.policies.sources import DRIVER, driver_settings
 from nathlon.policies.temper import FAIR, TemperName
@@ -31,7 +31,7 @@ TRIALS = 4
 """Races against each of them."""
 
 
-class Field(NamedTuple):
+class HeatField(NamedTuple):
     """The opponents of a race, and what is expected of it.
 
     Attributes:
@@ -42,12 +42,12 @@ class Field(NamedTuple):
 
     sources: tuple[str, ...]
     words: str
-    forecast: Forecast | None
+    forecast: HeatForecast | None
 
 
 def field(
     difficulty: Difficulty, temper: TemperName, setting: Setting, store: Path | str, name: str
-) -> Field:
+) -> HeatField:
     """The opponents of a difficulty, other than those that somebody has chosen.
 
     Args:
@@ -74,7 +74,7 @@ def field(
         paces = spread(*LEVELS[difficulty], setting.cars - 1)
     sources = drivers(paces, temper)
     forecast = None if shown is None else foretell(setting, sources, shown)
-    return Field(sources, words(paces, temper, shown, forecast), forecast)
+    return HeatField(sources, words(paces, temper, shown, forecast), forecast)
 
 
 def spread(low: float, high: float, cars: int) -> list[float]:
@@ -119,7 +119,7 @@ def _around(middle: float, cars: int) -> list[float]:
     return spread(low, high, cars)
 
 
-def words(paces: Sequence[float], temper: str, shown: Form | None, forecast: Forecast | None) -> str:
+def words(paces: Sequence[float], temper: str, shown: Form | None, forecast: HeatForecast | None) -> str:
     """What a person is told of their opponents and of themselves."""
     fast, slow = max(paces), min(paces)
     between = f"{fast:.1%}" if len(paces) == 1 else f"{slow:.1%} to {fast:.1%}"

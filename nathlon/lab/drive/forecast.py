@@ -29,7 +29,7 @@ LAP_S = 150.0
 """For reckoning with that."""
 
 
-class Forecast(NamedTuple):
+class HeatForecast(NamedTuple):
     """What is expected of a race.
 
     Attributes:
@@ -70,7 +70,7 @@ class Setting(NamedTuple):
         return max(1, min(self.laps, int(CAR_SECONDS / (RACES * self.cars * LAP_S))))
 
 
-def foretell(setting: Setting, opponents: Sequence[str], form: Form) -> Forecast:
+def foretell(setting: Setting, opponents: Sequence[str], form: Form) -> HeatForecast:
     """What is expected of a person among some built-in drivers.
 
     Args:
@@ -82,7 +82,7 @@ def foretell(setting: Setting, opponents: Sequence[str], form: Form) -> Forecast
     low, high = np.quantile(rows["place"].to_numpy(), (0.1, 0.9), method="nearest").tolist()
     finished = rows["race_time_s"].drop_nulls()
     whole = setting.driven_laps == setting.laps and len(finished) > RACES // 2
-    return Forecast(
+    return HeatForecast(
         pace=form.pace,
         cars=setting.cars,
         place=float(np.mean(rows["place"].to_numpy())),

@@ -15,7 +15,7 @@ from nathlon.arena.incidents import Alarm, IncidentWatch
 from nathlon.arena.race_log import Incident, RaceLog
 from nathlon.arena.recorder import record_races
 from nathlon.lab.drive.aids import AidedCar, Aids
-from nathlon.lab.drive.choice import Plan
+from nathlon.lab.drive.choice import DrivePlan
 from nathlon.lab.drive.clock import Clock
 from nathlon.lab.drive.desk import Desk
 from nathlon.lab.drive.frames import COUNTDOWN, OVER, PAUSED, RACING, frame
@@ -36,7 +36,7 @@ LOOK_S = 0.05
 """Between two pictures of a race that stands still."""
 
 
-class Driven(NamedTuple):
+class DrivenHeat(NamedTuple):
     """A race that was driven to its end.
 
     Attributes:
@@ -47,7 +47,7 @@ class Driven(NamedTuple):
         marks: moments that the person marked.
     """
 
-    plan: Plan
+    plan: DrivePlan
     controls: NDArray[np.float32]
     results: pl.DataFrame
     log: RaceLog
@@ -79,12 +79,12 @@ class Heat:
 
     def __init__(
         self,
-        plan: Plan,
+        plan: DrivePlan,
         desk: Desk,
         on_frame: Callable[[bytes], None],
         on_incident: Callable[[Incident], None],
         on_mark: Callable[[Mark], None],
-        on_end: Callable[[Driven | None], None],
+        on_end: Callable[[DrivenHeat | None], None],
         clock: Clock,
     ) -> None:
         self.plan, self.clock = plan, clock
@@ -141,7 +141,7 @@ class Heat:
 
     def run(self) -> None:
         """Drive the race on this thread, to its end."""
-        driven: Driven | None = None
+        driven: DrivenHeat | None = None
         try:
             driven = self._drive()
         except _Left:
@@ -153,12 +153,12 @@ class Heat:
             guest.close()
         self._on_end(driven)
 
-    def _drive(self) -> Driven:
+    def _drive(self) -> DrivenHeat:
         plan = self.plan
         person = Person(self._hands, plan.choice.name)
         recorded = record_races(plan.match, [*plan.policies, person], [0], plan.names, observer=self._observe)
         controls = np.array(self._controls, np.float32).reshape(-1, 2)
-        return Driven(plan, controls, recorded.results, recorded.logs[0], tuple(self._marks))
+        return DrivenHeat(plan, controls, recorded.results, recorded.logs[0], tuple(self._marks))
 
     def _hands(self, step: int) -> tuple[float, float]:
         """What the person does now, as the race runner asks; see `nathlon.policies.sources.human`."""

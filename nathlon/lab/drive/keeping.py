@@ -12,8 +12,8 @@ import polars as pl
 from nathlon.arena.entrant import entrants_table
 from nathlon.arena.recording import recording_name, write_recording
 from nathlon.arena.store import Store
-from nathlon.lab.drive.choice import UNDER_WAY, Plan
-from nathlon.lab.drive.heat import Driven
+from nathlon.lab.drive.choice import UNDER_WAY, DrivePlan
+from nathlon.lab.drive.heat import DrivenHeat
 from nathlon.lab.drive.mark import Mark
 from nathlon.policies.policy_file import content_id
 from nathlon.policies.sources import HUMAN
@@ -36,7 +36,7 @@ class Kept(NamedTuple):
     results: pl.DataFrame
 
 
-def keep(driven: Driven, output: OutputFolder) -> Kept:
+def keep(driven: DrivenHeat, output: OutputFolder) -> Kept:
     """Keep a race, so that it can be run again from its inputs as any other of a store.
 
     Raises:
@@ -71,12 +71,12 @@ def keep(driven: Driven, output: OutputFolder) -> Kept:
     return Kept(recording, inputs, results)
 
 
-def nearest(plan: Plan, mark: Mark) -> str | None:
+def nearest(plan: DrivePlan, mark: Mark) -> str | None:
     """Name of whoever drove the car nearest to the person's at a marked moment."""
     return None if mark.nearest is None else plan.grid[mark.nearest]
 
 
-def _write_inputs(driven: Driven, folder: Path) -> Path:
+def _write_inputs(driven: DrivenHeat, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     choice = driven.plan.choice
     names = (folder / f"{file_stem(choice.name)}-{drive}.json" for drive in count(1))

@@ -14,11 +14,11 @@ from typing import Any
 from nathlon.arena.race_log import Incident
 from nathlon.lab.drive.aids import Aids
 from nathlon.lab.drive.blind import BlindTest
-from nathlon.lab.drive.choice import MOST_LAPS, Choice, Offer, Plan, check_place, plan
+from nathlon.lab.drive.choice import MOST_LAPS, Choice, DrivePlan, Offer, check_place, plan
 from nathlon.lab.drive.clock import Clock
 from nathlon.lab.drive.desk import Desk
 from nathlon.lab.drive.difficulty import CHOSEN, LEVELS, field
-from nathlon.lab.drive.heat import COUNTDOWN_S, Driven, Heat
+from nathlon.lab.drive.heat import COUNTDOWN_S, DrivenHeat, Heat
 from nathlon.lab.drive.keeping import Kept, keep, nearest
 from nathlon.lab.drive.mark import Mark
 from nathlon.lab.drive.scenery import scenery
@@ -195,7 +195,7 @@ class Room:
         if self._letters is None:
             self._pause()
 
-    def _planned(self, choice: Choice) -> Plan:
+    def _planned(self, choice: Choice) -> DrivePlan:
         if self._blind is not None:
             return self._blind.plan(choice)
         if choice.difficulty == CHOSEN:
@@ -224,10 +224,10 @@ class Room:
             }
         )
 
-    def _on_mark(self, made: Plan, mark: Mark) -> None:
+    def _on_mark(self, made: DrivePlan, mark: Mark) -> None:
         self._tell({"type": "marked", **mark._asdict(), "nearest": nearest(made, mark)})
 
-    def _on_end(self, driven: Driven | None) -> None:
+    def _on_end(self, driven: DrivenHeat | None) -> None:
         """On the race's thread: it has ended."""
         kept: Kept | None = None
         fault = "The race has failed; the terminal says why."
@@ -238,7 +238,7 @@ class Room:
                 fault = str(error)
         self._on_loop(partial(self._close, driven), (kept, fault))
 
-    def _close(self, driven: Driven | None, end: tuple[Kept | None, str]) -> None:
+    def _close(self, driven: DrivenHeat | None, end: tuple[Kept | None, str]) -> None:
         kept, fault = end
         heat, self.heat = self.heat, None
         if kept is not None and driven is not None:
@@ -257,7 +257,7 @@ class Room:
         if self._letters is not None:
             self._letters.say(words)
 
-    def _result(self, driven: Driven, kept: Kept) -> Words:
+    def _result(self, driven: DrivenHeat, kept: Kept) -> Words:
         result = {"rows": _rows(driven, kept), "car": driven.plan.choice.seat - 1}
         if self._blind is not None:
             return result | {"questions": self._blind.questions}
@@ -294,7 +294,7 @@ class Room:
         }
 
 
-def _race(made: Plan) -> Words:
+def _race(made: DrivePlan) -> Words:
     choice = made.choice
     shades = [
         COLOURS[0] if place == choice.seat - 1 else COLOURS[1 + seat.entrant % (len(COLOURS) - 1)]
@@ -311,7 +311,7 @@ def _race(made: Plan) -> Words:
     }
 
 
-def _rows(driven: Driven, kept: Kept) -> list[Words]:
+def _rows(driven: DrivenHeat, kept: Kept) -> list[Words]:
     grid = driven.plan.grid
     columns = ("place", "car", "ending", "race_time_s", "best_lap_s", "penalties", "contacts")
     rows = kept.results.sort("place").select(columns).to_dicts()

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from nathlon.lab.drive.page import drive_page
 from nathlon.lab.drive.room import Room
-from nathlon.lab.drive.wheel import LARGEST_FRAME, Wheel
+from nathlon.lab.drive.wheel import LARGEST_FRAME, WheelSocket
 from nathlon.lab.web.one_page import OnePage
 
 SWITCH_S = 0.0005
@@ -26,7 +26,7 @@ class DriveServer(OnePage):
     def __init__(self, room: Room) -> None:
         super().__init__(
             lambda address, token: drive_page(address.socket, address.socket, token),
-            Wheel(room).hold,
+            WheelSocket(room).hold,
             LARGEST_FRAME,
         )
 

@@ -17,7 +17,7 @@ MOST_FRAMES = 240
 TAKEN_OVER = 4000
 
 
-class Wheel:
+class WheelSocket:
     """Lets one connection at a time drive in a room."""
 
     def __init__(self, room: Room) -> None:

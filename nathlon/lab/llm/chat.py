@@ -25,7 +25,7 @@ MOST_BYTES = 1 << 20
 GREETING = "Answer with the word yes."
 
 
-class Part(TypedDict, total=False):
+class MessagePart(TypedDict, total=False):
     """A piece of a message: a text, or a picture by its address."""
 
     type: Required[str]
@@ -37,7 +37,7 @@ class Message(TypedDict):
     """One of a conversation."""
 
     role: str
-    content: str | list[Part]
+    content: str | list[MessagePart]
 
 
 class _Said(BaseModel):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nathlon.lab.llm.chat import Endpoint, Message, Part
+from nathlon.lab.llm.chat import Endpoint, Message, MessagePart
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
@@ -107,14 +107,14 @@ def _without_pictures(message: Message) -> dict[str, object]:
     return {"role": message["role"], "content": [_named(part) for part in content]}
 
 
-def _named(part: Part) -> dict[str, object]:
+def _named(part: MessagePart) -> dict[str, object]:
     if "image_url" not in part:
         return dict(part)
     _, _, encoded = part["image_url"]["url"].partition("base64,")
     return {"type": part["type"], "sha256": hashlib.sha256(base64.b64decode(encoded)).hexdigest()}
 
 
-def picture(png: bytes) -> Part:
+def picture(png: bytes) -> MessagePart:
     """A picture as a part of a message.
 
     Args:

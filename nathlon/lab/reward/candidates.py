@@ -61,7 +61,7 @@ class Candidate(Proposal):
         return f"{self.factor:.6g} * ({self.formula})"
 
 
-class Outcome(Section):
+class CandidateOutcome(Section):
     """What a trained candidate does.
 
     Attributes:
@@ -97,7 +97,7 @@ class Brief(NamedTuple):
     number: int
     attempt: int
     wanted: int
-    outcomes: tuple[Outcome, ...] = ()
+    outcomes: tuple[CandidateOutcome, ...] = ()
     remarks: tuple[str, ...] = ()
     refused: tuple[tuple[str, str], ...] = ()
 

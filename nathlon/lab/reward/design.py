@@ -11,16 +11,16 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from nathlon.lab.reward.alignment import Alignment, Preference, align
-from nathlon.lab.reward.candidates import Brief, Candidate, Outcome, Proposal, Proposer
+from nathlon.lab.reward.candidates import Brief, Candidate, CandidateOutcome, Proposal, Proposer
 from nathlon.lab.reward.clips import Clips, Studio
-from nathlon.lab.reward.judging import Judge, Pair, Question
+from nathlon.lab.reward.judging import ClipPair, ClipQuestion, Judge
 from nathlon.lab.reward.library import DRIVER, library
 from nathlon.lab.reward.measures import mean, measure
 from nathlon.lab.reward.papers import (
     CANDIDATES,
     JUDGED,
     OUTCOMES,
-    Judged,
+    JudgedClips,
     ranked,
     read_paper,
     write_paper,
@@ -43,7 +43,7 @@ FINALLY = "final"
 MOST_REMARKS = 20
 
 _SETTINGS = TypeAdapter(DesignSettings)
-_OUTCOME = TypeAdapter(Outcome)
+_OUTCOME = TypeAdapter(CandidateOutcome)
 
 
 class Design:
@@ -77,8 +77,8 @@ class Design:
         self.clips: dict[str, Clips] = {}
         self.preferences: list[Preference] = []
         self.rounds: list[tuple[Candidate, ...]] = []
-        self.outcomes: list[tuple[Outcome, ...]] = []
-        self.final: Outcome | None = None
+        self.outcomes: list[tuple[CandidateOutcome, ...]] = []
+        self.final: CandidateOutcome | None = None
 
     @property
     def updates(self) -> int:
@@ -117,7 +117,7 @@ class Design:
         on_round()
 
     @property
-    def best(self) -> tuple[Outcome, ...]:
+    def best(self) -> tuple[CandidateOutcome, ...]:
         """Of the last round, the best so far among them, the best first."""
         return self.outcomes[-1] if self.outcomes else ()
 
@@ -132,9 +132,9 @@ class Design:
         pairs = some_pairs(self.clips, settings.preferences, np.random.default_rng([settings.seed, 3]))
         self._ask(LIBRARY, self.folder / LIBRARY / PREFERRED, pairs, judge)
 
-    def _ask(self, label: str, path: Path, pairs: list[Pair], judge: Judge) -> None:
+    def _ask(self, label: str, path: Path, pairs: list[ClipPair], judge: Judge) -> None:
         """Have pairs judged that have not been, and take in all preferences."""
-        judged = read_paper(path, JUDGED) if path.exists() else Judged()
+        judged = read_paper(path, JUDGED) if path.exists() else JudgedClips()
         got = list(judged.preferences)
         if not judged.over:
             known = {(one.first, one.second, one.start) for one in got}
@@ -144,13 +144,14 @@ class Design:
             def on_preference(one: Preference) -> None:
                 got.append(one)
                 if self.settings.judge != "rule":
-                    write_paper(path, JUDGED, Judged(preferences=tuple(got)))
+                    write_paper(path, JUDGED, JudgedClips(preferences=tuple(got)))
 
             if left:
                 judge.judge(
-                    Question(label, self.settings.task, self.clips, self.clips[DRIVER], left), on_preference
+                    ClipQuestion(label, self.settings.task, self.clips, self.clips[DRIVER], left),
+                    on_preference,
                 )
-            write_paper(path, JUDGED, Judged(over=True, preferences=tuple(got)))
+            write_paper(path, JUDGED, JudgedClips(over=True, preferences=tuple(got)))
         self.preferences += got
 
     def _place(self, number: int) -> Path:
@@ -269,8 +270,8 @@ class Design:
         self.clips[name] = tried.clips
         return tried
 
-    def _outcome(self, candidate: Candidate, strength: float, tried: Tried) -> Outcome:
-        return Outcome(
+    def _outcome(self, candidate: Candidate, strength: float, tried: Tried) -> CandidateOutcome:
+        return CandidateOutcome(
             candidate=candidate,
             strength=strength,
             measured=mean(measure(tried.clips, self.clips[DRIVER], self.studio.step_s)),

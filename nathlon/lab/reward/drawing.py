@@ -9,7 +9,7 @@ from typing import Any
 
 from nathlon.arena.recorder import outline, stretches
 from nathlon.lab.reward.alignment import Preference
-from nathlon.lab.reward.candidates import Candidate, Outcome
+from nathlon.lab.reward.candidates import Candidate, CandidateOutcome
 from nathlon.lab.reward.clips import OTHERS
 from nathlon.lab.reward.design import FINAL, FINALLY, LIBRARY, PREFERRED, Design
 from nathlon.lab.reward.library import DRIVER
@@ -88,7 +88,7 @@ def _candidate(one: Candidate) -> Shown:
     )
 
 
-def _outcome(one: Outcome, curve: tuple[CurvePoint, ...], carried: bool = False) -> Shown:
+def _outcome(one: CandidateOutcome, curve: tuple[CurvePoint, ...], carried: bool = False) -> Shown:
     return _candidate(one.candidate)._replace(
         curve=curve, strength=one.strength, measured=one.measured, lap_s=one.lap_s, carried=carried
     )

@@ -22,7 +22,7 @@ LONGEST_REMARK = 500
 ATTEMPTS = 2
 
 
-class Pair(NamedTuple):
+class ClipPair(NamedTuple):
     """Two clips from the same start, by driver."""
 
     first: str
@@ -30,7 +30,7 @@ class Pair(NamedTuple):
     start: int
 
 
-class Question(NamedTuple):
+class ClipQuestion(NamedTuple):
     """What judges are asked.
 
     Attributes:
@@ -45,13 +45,13 @@ class Question(NamedTuple):
     task: str
     clips: Mapping[str, Clips]
     driver: Clips
-    pairs: Sequence[Pair]
+    pairs: Sequence[ClipPair]
 
 
 class Judge(Protocol):
     """Compares clips."""
 
-    def judge(self, question: Question, on_preference: Callable[[Preference], None]) -> None:
+    def judge(self, question: ClipQuestion, on_preference: Callable[[Preference], None]) -> None:
         """Compare pairs, all of them unless people have had enough.
 
         Args:
@@ -63,7 +63,7 @@ class Judge(Protocol):
         """
 
 
-class Rule:
+class JudgingRule:
     """Judges by what is measured; it does not read the task.
 
     Args:
@@ -77,7 +77,7 @@ class Rule:
     def __init__(self, text: str, step_s: float) -> None:
         self._rule, self._step_s = read_rule(text), step_s
 
-    def judge(self, question: Question, on_preference: Callable[[Preference], None]) -> None:
+    def judge(self, question: ClipQuestion, on_preference: Callable[[Preference], None]) -> None:
         """Compare all pairs."""
         measured: dict[str, list[Measured]] = {}
         for pair in question.pairs:
@@ -99,7 +99,7 @@ red. Answer with JSON only: \
 {{"better": "A", "B" or "same", "why": "one sentence"}}."""
 
 
-class Onlooker:
+class JudgingOnlooker:
     """A language model that looks at pictures of clips.
 
     Args:
@@ -110,14 +110,14 @@ class Onlooker:
     def __init__(self, transcripts: Transcripts, studio: Studio) -> None:
         self._transcripts, self._painter, self._step_s = transcripts, Painter(studio), studio.step_s
 
-    def judge(self, question: Question, on_preference: Callable[[Preference], None]) -> None:
+    def judge(self, question: ClipQuestion, on_preference: Callable[[Preference], None]) -> None:
         """Compare all pairs; an answer that says nothing counts as neither."""
         for pair in question.pairs:
             label = f"{question.label}-judge-{pair.first}-{pair.second}-{pair.start}"
             label = "".join(letter if letter.isalnum() or letter in "-." else "_" for letter in label)
             on_preference(self._judge(label, question, pair))
 
-    def _judge(self, label: str, question: Question, pair: Pair) -> Preference:
+    def _judge(self, label: str, question: ClipQuestion, pair: ClipPair) -> Preference:
         # Models favour one side: who is A changes from pair to pair, always in the same way.
         turned = bool(np.random.default_rng(list(label.encode())).integers(2))
         names = (pair.second, pair.first) if turned else (pair.first, pair.second)

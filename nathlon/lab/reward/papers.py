@@ -9,7 +9,7 @@ from typing import TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from nathlon.lab.reward.alignment import Preference
-from nathlon.lab.reward.candidates import Candidate, Outcome
+from nathlon.lab.reward.candidates import Candidate, CandidateOutcome
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
@@ -19,7 +19,7 @@ KindT = TypeVar("KindT")
 LARGEST_MIB = 16
 
 
-class Judged(Section):
+class JudgedClips(Section):
     """Preferences so far.
 
     Attributes:
@@ -32,8 +32,8 @@ class Judged(Section):
 
 
 CANDIDATES = TypeAdapter(tuple[Candidate, ...])
-JUDGED = TypeAdapter(Judged)
-OUTCOMES = TypeAdapter(tuple[Outcome, ...])
+JUDGED = TypeAdapter(JudgedClips)
+OUTCOMES = TypeAdapter(tuple[CandidateOutcome, ...])
 
 
 def read_paper(path: Path, kind: TypeAdapter[KindT]) -> KindT:
@@ -57,6 +57,6 @@ def write_paper(path: Path, kind: TypeAdapter[KindT], value: KindT) -> None:
         partial.write_bytes(kind.dump_json(value, indent=1) + b"\n")
 
 
-def ranked(outcomes: Sequence[Outcome]) -> tuple[Outcome, ...]:
+def ranked(outcomes: Sequence[CandidateOutcome]) -> tuple[CandidateOutcome, ...]:
     """The strongest first."""
     return tuple(sorted(outcomes, key=lambda one: -one.strength))

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from nathlon.arena.recorder import outline, stretches
 from nathlon.lab.reward.alignment import Preference
 from nathlon.lab.reward.clips import OTHERS, Studio
-from nathlon.lab.reward.judging import LONGEST_REMARK, Pair, Question
+from nathlon.lab.reward.judging import LONGEST_REMARK, ClipPair, ClipQuestion
 from nathlon.lab.web.connection import TOO_MUCH, Connection, Rate
 from nathlon.lab.web.one_page import OnePage
 from nathlon.reports.player import player_script, player_style
@@ -69,7 +69,7 @@ class People:
             lambda url: warn(f"Compare the clips at {url}  Ctrl-C stops, and all is kept.")
         )
 
-    def judge(self, question: Question, on_preference: Callable[[Preference], None]) -> None:
+    def judge(self, question: ClipQuestion, on_preference: Callable[[Preference], None]) -> None:
         """Serve the page until all pairs are judged, or somebody has had enough.
 
         Raises:
@@ -77,7 +77,7 @@ class People:
         """
         asyncio.run(self._serve(question, on_preference))
 
-    async def _serve(self, question: Question, on_preference: Callable[[Preference], None]) -> None:
+    async def _serve(self, question: ClipQuestion, on_preference: Callable[[Preference], None]) -> None:
         desk = PairDesk(self._studio, question, on_preference)
         async with desk.open_at(self._port):
             self._on_open(desk.url)
@@ -92,7 +92,7 @@ class PairDesk(OnePage):
     """
 
     def __init__(
-        self, studio: Studio, question: Question, on_preference: Callable[[Preference], None]
+        self, studio: Studio, question: ClipQuestion, on_preference: Callable[[Preference], None]
     ) -> None:
         """For the arguments see `People`."""
         super().__init__(
@@ -137,7 +137,7 @@ class PairDesk(OnePage):
         return True
 
 
-def pairs_page(studio: Studio, question: Question, socket: str, token: str) -> str:
+def pairs_page(studio: Studio, question: ClipQuestion, socket: str, token: str) -> str:
     """The page: drivers are A and B in it, whoever they are.
 
     Args:
@@ -165,7 +165,7 @@ def pairs_page(studio: Studio, question: Question, socket: str, token: str) -> s
     )
 
 
-def _shown(question: Question, pair: Pair) -> list[dict[str, Any]]:
+def _shown(question: ClipQuestion, pair: ClipPair) -> list[dict[str, Any]]:
     """Both races of a pair, without a name by which a driver could be known."""
     races = []
     for letter, name in zip("AB", (pair.first, pair.second), strict=True):

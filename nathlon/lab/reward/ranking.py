@@ -9,7 +9,7 @@ import numpy as np
 
 from nathlon.lab.reward.alignment import Preference
 from nathlon.lab.reward.clips import Clips
-from nathlon.lab.reward.judging import Pair
+from nathlon.lab.reward.judging import ClipPair
 from nathlon.tournament.bradley_terry import bradley_terry
 from nathlon.tournament.ratings import PRIOR
 
@@ -33,15 +33,15 @@ def strengths(names: Sequence[str], preferences: Iterable[Preference]) -> dict[s
     return dict(zip(names, bradley_terry(wins).tolist(), strict=True))
 
 
-def some_pairs(clips: Mapping[str, Clips], count: int, rng: np.random.Generator) -> list[Pair]:
+def some_pairs(clips: Mapping[str, Clips], count: int, rng: np.random.Generator) -> list[ClipPair]:
     """So many pairs of clips of the library, each from the same start, no pair twice."""
     starts = min(len(one.driven) for one in clips.values())
-    everything = [Pair(*pair, start) for start in range(starts) for pair in combinations(clips, 2)]
+    everything = [ClipPair(*pair, start) for start in range(starts) for pair in combinations(clips, 2)]
     drawn = rng.permutation(len(everything))[:count]
     return [everything[index] for index in drawn]
 
 
-def all_pairs(names: Sequence[str], starts: int, each: int, rng: np.random.Generator) -> list[Pair]:
+def all_pairs(names: Sequence[str], starts: int, each: int, rng: np.random.Generator) -> list[ClipPair]:
     """All pairs of some who drive, each from some of the starts that are drawn.
 
     Args:
@@ -54,5 +54,5 @@ def all_pairs(names: Sequence[str], starts: int, each: int, rng: np.random.Gener
     for pair in combinations(names, 2):
         for start in sorted(rng.permutation(starts)[:each].tolist()):
             first, second = pair if rng.random() < 0.5 else pair[::-1]
-            pairs.append(Pair(first, second, start))
+            pairs.append(ClipPair(first, second, start))
     return pairs

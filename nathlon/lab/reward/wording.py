@@ -7,7 +7,7 @@ from typing import Any
 
 from nathlon.lab.llm.chat import Message
 from nathlon.lab.llm.transcripts import Transcripts
-from nathlon.lab.reward.candidates import Brief, Outcome, Proposal
+from nathlon.lab.reward.candidates import Brief, CandidateOutcome, Proposal
 from nathlon.sim.expressions.functions import FUNCTIONS
 from nathlon.sim.expressions.text import LONGEST
 from nathlon.sim.instruments import QUANTITIES
@@ -73,7 +73,7 @@ def messages(brief: Brief) -> list[Message]:
     ]
 
 
-def _outcome(one: Outcome) -> str:
+def _outcome(one: CandidateOutcome) -> str:
     lap = "no lap completed" if one.lap_s is None else f"lap {one.lap_s:.1f} s"
     seen = one.measured
     return (

@@ -17,7 +17,7 @@ from nathlon.lab.drive.blind import BlindTest
 from nathlon.lab.drive.clock import Clock
 from nathlon.lab.drive.room import Letterbox, Room
 from nathlon.lab.drive.server import quick_switching
-from nathlon.lab.drive.wheel import Wheel, deliver
+from nathlon.lab.drive.wheel import WheelSocket, deliver
 from nathlon.lab.serve.files import Files
 from nathlon.lab.serve.record import Record
 from nathlon.lab.serve.tokens import Tokens
@@ -47,7 +47,7 @@ FULL = 4002
 
 
 @dataclass(eq=False)
-class Window:
+class OpenPage:
     """A page that a member has open.
 
     Attributes:
@@ -84,8 +84,8 @@ class MeetingServer:
         self._record, self._store, self._tokens = record, store, tokens
         self._clerk = ThreadPoolExecutor(1)
         self._new_clock = new_clock
-        self._windows: set[Window] = set()
-        self._wheels: dict[tuple[str, str, str | None], Wheel] = {}
+        self._windows: set[OpenPage] = set()
+        self._wheels: dict[tuple[str, str, str | None], WheelSocket] = {}
         self._preparing = asyncio.Lock()
 
     @asynccontextmanager
@@ -122,7 +122,7 @@ class MeetingServer:
         if sum(window.member == member for window in self._windows) >= MOST_WINDOWS:
             await connection.close(FULL, f"more than {MOST_WINDOWS} windows")
             return
-        window = Window(member)
+        window = OpenPage(member)
         self._windows.add(window)
         window.letters.say({"type": "welcome", "you": member})
         sending = asyncio.create_task(deliver(connection, window.letters))
@@ -142,7 +142,7 @@ class MeetingServer:
             sending.cancel()
             self._windows.discard(window)
 
-    async def _hear(self, window: Window, message: str | bytes) -> None:
+    async def _hear(self, window: OpenPage, message: str | bytes) -> None:
         """Do what a page asks.
 
         Raises:
@@ -161,7 +161,7 @@ class MeetingServer:
         window.letters.say({"type": "done", "what": wish.type})
         await self._show(self._windows)
 
-    async def _show(self, windows: Iterable[Window]) -> None:
+    async def _show(self, windows: Iterable[OpenPage]) -> None:
         """Tell windows how what they look at stands, if they have not been told so."""
         told: dict[str | None, str] = {}
         for window in list(windows):
@@ -196,7 +196,7 @@ class MeetingServer:
             return
         await wheel.hold(connection)
 
-    async def _wheel(self, member: str, run: str) -> Wheel:
+    async def _wheel(self, member: str, run: str) -> WheelSocket:
         """Where a member drives a run's finalists; it stays while the question is the same."""
         folder = await self._folder(run)
         if folder is None:
@@ -205,7 +205,7 @@ class MeetingServer:
         key = member, run, decision
         if key not in self._wheels:
             test = await asyncio.to_thread(BlindTest, folder, self._store, member)
-            self._wheels[key] = Wheel(Room(test.offer, test.output, self._new_clock, test))
+            self._wheels[key] = WheelSocket(Room(test.offer, test.output, self._new_clock, test))
         return self._wheels[key]
 
     async def leave(self) -> None:

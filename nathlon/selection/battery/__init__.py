@@ -21,7 +21,7 @@ from nathlon.arena.voids import not_judged_by_tests
 from nathlon.arena.world import World
 from nathlon.arena.world_registry import home
 from nathlon.policies.sources import DRIVER
-from nathlon.selection.battery.measures import Measure, measured
+from nathlon.selection.battery.measures import SkillMeasure, measured
 from nathlon.selection.battery.ranking import MARKS, rank_battery, skills
 from nathlon.selection.battery.skill import Marks, Skill, load_skills, standing_tests
 from nathlon.selection.run import Answer, Run
@@ -128,7 +128,7 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside)
 
 
-def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: Measure) -> pl.DataFrame:
+def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: SkillMeasure) -> pl.DataFrame:
     """MARKS of a test, from the RESULTS of every entrant's match."""
     return pl.concat(
         skill.table(entrant, skill.runs_of(frame, how), marks, how.unit) for entrant, frame in frames.items()

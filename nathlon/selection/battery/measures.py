@@ -19,7 +19,7 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Measure:
+class SkillMeasure:
     """A way to measure a run.
 
     Attributes:
@@ -100,19 +100,19 @@ def _own(name: str) -> Callable[[Row, Sequence[Row]], float | None]:
     return mark
 
 
-MEASURES: dict[str, Measure] = {
-    "time": Measure("time", "s", True, _time),
-    "best_lap": Measure("time", "s", True, _best_lap),
-    "lap_loss": Measure("time", "s", False, _lap_loss),
-    "lead": Measure("distance", "s", False, _lead),
-    "distance": Measure("distance", "m", True, _distance),
-    "pace": Measure("distance", "m/s", True, _pace),
-    "stopped": Measure("time", "of runs", False, _stopped),
-    "place": Measure("time", "places", False, _place),
-    "at_fault": Measure("time", "contacts", False, _at_fault),
-    "contacts": Measure("time", "contacts", False, _contacts),
-    "off_course": Measure("time", "s", False, _off_course),
-    "score": Measure("distance", "1", False, _score),
+MEASURES: dict[str, SkillMeasure] = {
+    "time": SkillMeasure("time", "s", True, _time),
+    "best_lap": SkillMeasure("time", "s", True, _best_lap),
+    "lap_loss": SkillMeasure("time", "s", False, _lap_loss),
+    "lead": SkillMeasure("distance", "s", False, _lead),
+    "distance": SkillMeasure("distance", "m", True, _distance),
+    "pace": SkillMeasure("distance", "m/s", True, _pace),
+    "stopped": SkillMeasure("time", "of runs", False, _stopped),
+    "place": SkillMeasure("time", "places", False, _place),
+    "at_fault": SkillMeasure("time", "contacts", False, _at_fault),
+    "contacts": SkillMeasure("time", "contacts", False, _contacts),
+    "off_course": SkillMeasure("time", "s", False, _off_course),
+    "score": SkillMeasure("distance", "1", False, _score),
 }
 """All measures: time to the finish; the best lap; how much the mean lap lies above the best; the lead
 over the best opponent at the finish; the way driven until the run ended; the mean speed along the road;
@@ -120,7 +120,7 @@ whether the run ended early, stuck or by the policy's fault; the finishing place
 lay to the entrant, and all that it had; time off course; the score that another world gives."""
 
 
-def measured(name: str, world: World) -> Measure:
+def measured(name: str, world: World) -> SkillMeasure:
     """The measure of a name: one of MEASURES, or `own.NAME` of those that a world declares.
 
     Raises:
@@ -132,4 +132,4 @@ def measured(name: str, world: World) -> Measure:
         raise KeyError(name)
     declared = world.measures[name.removeprefix(OWN)]
     kind: Kind = "time" if declared.goal == "min" else "distance"
-    return Measure(kind, declared.unit, False, _own(name.removeprefix(OWN)))
+    return SkillMeasure(kind, declared.unit, False, _own(name.removeprefix(OWN)))

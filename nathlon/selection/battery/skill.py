@@ -20,7 +20,7 @@ from nathlon.arena.world import KNOWN, World
 from nathlon.arena.world_finding import RACING
 from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources import DRIVER
-from nathlon.selection.battery.measures import MEASURES, OWN, Measure, measured
+from nathlon.selection.battery.measures import MEASURES, OWN, SkillMeasure, measured
 from nathlon.selection.battery.ranking import MARKS
 from nathlon.selection.battery.scoring import BASE_POINTS, Kind, Scoring
 from nathlon.sim.data_file import Name, Section, find_data, read_toml
@@ -156,7 +156,7 @@ class Skill(Section):
         """The entrant's starting place in a run."""
         return self.slots[run % len(self.slots)]
 
-    def runs_of(self, results: pl.DataFrame, how: Measure) -> Runs:
+    def runs_of(self, results: pl.DataFrame, how: SkillMeasure) -> Runs:
         """The marks of an entrant's runs, from the RESULTS of its match; void races are left out."""
         runs: Runs = []
         entrant = {row["race"]: row for row in entrant_rows(results).iter_rows(named=True)}
@@ -174,7 +174,7 @@ class Skill(Section):
             runs.append((run, mark))
         return runs
 
-    def marks(self, driver: Runs, how: Measure) -> Marks | None:
+    def marks(self, driver: Runs, how: SkillMeasure) -> Marks | None:
         """The marks with which the driver's runs average 500 points; None where too many of them fail.
 
         Where the scoring gives the mark that is worth 500 points, it is that one.

@@ -14,7 +14,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.selection.committee.ballots import Ballot
 from nathlon.selection.committee.decision import Decision
 from nathlon.selection.committee.event_log import EventLog
-from nathlon.selection.committee.events import THE_RUN, Closed, Compared, Opened, Reopened, Voted
+from nathlon.selection.committee.events import THE_RUN, Closed, Comparison, Opened, Reopened, Voted
 from nathlon.selection.committee.rules import SOURCES, CommitteeSettings, Question, gather
 from nathlon.sim.errors import InputError
 
@@ -110,7 +110,7 @@ def compare(
             f"{decision.opened.candidates[better]} is compared with itself, expected two entrants"
         )
     event_log.add(
-        Compared(
+        Comparison(
             decision=decision.name,
             member=member,
             better=better,

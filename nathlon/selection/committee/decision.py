@@ -12,7 +12,7 @@ from nathlon.results.summary import CandidateStanding, Decided
 from nathlon.selection.committee.ballots import Ballot, Preferences, agreement, order, support
 from nathlon.selection.committee.events import (
     Closed,
-    Compared,
+    Comparison,
     Drove,
     Entry,
     Opened,
@@ -64,7 +64,7 @@ class Decision:
         match entry.event:
             case Voted(decision=self.name, member=member):
                 self.said[member] = [entry]
-            case Compared(decision=self.name, member=member):
+            case Comparison(decision=self.name, member=member):
                 self.said.setdefault(member, []).append(entry)
             case Drove(decision=self.name):
                 self.drives.append(entry)
@@ -104,7 +104,7 @@ class Decision:
             match entry.event:
                 case Voted(approve=approve, rank=rank):
                     stated = Ballot(approve, rank).preferences(candidates)
-                case Compared(better=better, worse=worse):
+                case Comparison(better=better, worse=worse):
                     first, second = candidates.index(better), candidates.index(worse)
                     stated[first, second], stated[second, first] = 1, -1
         return stated

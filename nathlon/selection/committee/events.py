@@ -60,7 +60,7 @@ class Voted(Section):
     evidence: str
 
 
-class Compared(Section):
+class Comparison(Section):
     """An answer to "A or B?"; of those two it replaces what the member's ballot says."""
 
     event: Literal["compared"] = "compared"
@@ -99,7 +99,7 @@ class Answers(Scores):
     letter: str
 
 
-class Moment(Section):
+class EventMoment(Section):
     """A moment that the driver marked.
 
     Attributes:
@@ -130,7 +130,7 @@ class Drove(Section):
     better: str | None
     text: str
     recording: str
-    moments: tuple[Moment, ...]
+    moments: tuple[EventMoment, ...]
 
 
 class Standing(Section):
@@ -197,7 +197,7 @@ class Reopened(Section):
     reason: str
 
 
-Event = Annotated[Opened | Voted | Compared | Drove | Closed | Reopened, Field(discriminator="event")]
+Event = Annotated[Opened | Voted | Comparison | Drove | Closed | Reopened, Field(discriminator="event")]
 EVENT: TypeAdapter[Event] = TypeAdapter(Event)
 """Reads one from the plain values of a log entry."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from nathlon.selection.committee.events import Compared, Drove, Entry, Opened, Reopened, Voted
+from nathlon.selection.committee.events import Comparison, Drove, Entry, Opened, Reopened, Voted
 
 
 def names_in(entries: Iterable[Entry]) -> dict[str, str]:
@@ -32,7 +32,7 @@ def sentence(entry: Entry, names: Mapping[str, str]) -> str:
             fit = ", ".join(names[entrant] for entrant in approve) or "nobody"
             order = " > ".join(names[entrant] for entrant in rank)
             return f"{member} approves {fit}{f', ranks {order}' if order else ''}: {reason}"
-        case Compared(member=member, better=better, worse=worse, reason=reason):
+        case Comparison(member=member, better=better, worse=worse, reason=reason):
             return f"{member} prefers {names[better]} to {names[worse]}: {reason}"
         case Drove(member=member, answers=answers):
             # By their letters: whoever still drives may read this.

@@ -79,7 +79,7 @@ class FilterSettings(Section):
         return rounds
 
 
-class Plan:
+class FilterPlan:
     """The matches of each round; all entrants have the same seeds in it, and slots go on in turn."""
 
     def __init__(self, settings: FilterSettings, world: World, seeds: np.random.SeedSequence) -> None:
@@ -133,7 +133,7 @@ def run_filter(run: Run, entrants: Sequence[Entrant], settings: FilterSettings) 
     world = home(entrants[0])
     _check(settings, world)
     check_opponents(run.pool, settings.opponents, entrants[0], "field pareto.opponents")
-    plan = Plan(settings, world, run.seeds("pareto"))
+    plan = FilterPlan(settings, world, run.seeds("pareto"))
     results = [pl.DataFrame(schema=RESULTS), run.results("pareto", plan.time_trials(entrants, 0))]
     racing = list(entrants)
     if settings.time_trial is not None:

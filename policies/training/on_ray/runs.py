@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from nathlon.policies.training.ablation import OnStatus, Run
+from nathlon.policies.training.ablation import AblationRun, OnStatus
 from nathlon.policies.training.on_ray.run_actor import Report, RunActor, Start
 from nathlon.policies.training.on_ray.travel import needed, pack
 from nathlon.policies.training.on_ray.workers import WAIT_S, WARN_S
@@ -40,14 +40,14 @@ class _Trainee:
         losses: actors lost in a row before a checkpoint came.
     """
 
-    run: Run
+    run: AblationRun
     actor: Any
     end: Any
     report: Any
     losses: int
 
 
-def train_on_cluster(runs: Iterable[Run], on_status: OnStatus) -> Iterator[str]:
+def train_on_cluster(runs: Iterable[AblationRun], on_status: OnStatus) -> Iterator[str]:
     """Train runs on the cluster that this process has joined, one on each free processor; see `Train`.
 
     Raises:
@@ -60,7 +60,7 @@ def train_on_cluster(runs: Iterable[Run], on_status: OnStatus) -> Iterator[str]:
 class _Training:
     """Runs and the actors that train them; to be used in a `with` statement."""
 
-    def __init__(self, runs: Iterable[Run]) -> None:
+    def __init__(self, runs: Iterable[AblationRun]) -> None:
         """Ask for an actor for each run; they begin as processors become free."""
         self._trainees = [self._start(run) for run in runs]
         self._asked, self._reported, self._warned = time.monotonic(), False, False
@@ -121,7 +121,7 @@ class _Training:
         if report.status:
             on_status(trainee.run, report.status)
 
-    def _start(self, run: Run, losses: int = 0) -> _Trainee:
+    def _start(self, run: AblationRun, losses: int = 0) -> _Trainee:
         import ray
 
         run.claim()
