@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-import threading
-from multiprocessing.connection import Connection
 from typing import Any
 
+from nathlon.policies.child_host import messages, pipe_to_parent
 from nathlon.policies.isolation import Globals
 from nathlon.policies.load import load_policy
 from nathlon.policies.memory_limit import memory_limit
 from nathlon.policies.policy import Policy
 from nathlon.sim.errors import InputError
-from nathlon.sim.wire import pack, unpack
+from nathlon.sim.wire import pack
 
 
 def main() -> None:
     """Open the policy that is asked for, and answer for it until nobody asks any more."""
-    # Ctrl-C is for the process that asks.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    pipe = Connection(int(sys.argv[1]))
+    pipe = pipe_to_parent()
+    asked = messages(pipe)
     Globals.seeded(0).restore()
-    wanted, _ = unpack(pipe.recv_bytes())
+    wanted, _ = next(asked)
     sys.path[:] = wanted["path"]
     try:
         with memory_limit():
@@ -33,12 +28,8 @@ def main() -> None:
         pipe.send_bytes(pack({"refused": str(error)}))
         return
     pipe.send_bytes(pack({"observation_spec": policy.observation_spec.to_dict()}))
-    while True:
-        try:
-            asked = unpack(pipe.recv_bytes())
-        except EOFError:
-            return
-        pipe.send_bytes(_answer(policy, *asked))
+    for message, arrays in asked:
+        pipe.send_bytes(_answer(policy, message, arrays))
 
 
 def _answer(policy: Policy, message: dict[str, Any], arrays: dict[str, Any]) -> bytes:
@@ -54,11 +45,6 @@ def _answer(policy: Policy, message: dict[str, Any], arrays: dict[str, Any]) -> 
     # It is foreign code: whatever it raises, the user wants to know whose it is.
     except Exception as error:
         return pack({"raised": f"{type(error).__name__} ({error})"})
-
-
-def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
-    os._exit(1)
 
 
 if __name__ == "__main__":

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-import threading
 from dataclasses import asdict
-from multiprocessing.connection import Connection
 from typing import Any
 
 from nathlon.arena.worlds.repeats import play_here
-from nathlon.sim.wire import pack, unpack
+from nathlon.policies.child_host import messages, pipe_to_parent
+from nathlon.sim.wire import pack
 
 
 def main() -> None:
     """Play what is asked for until nobody asks any more."""
-    # Ctrl-C is for the process that asks.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    pipe = Connection(int(sys.argv[1]))
-    while True:
-        try:
-            wanted, _ = unpack(pipe.recv_bytes())
-        except EOFError:
-            return
+    pipe = pipe_to_parent()
+    for wanted, _ in messages(pipe):
         sys.path[:] = wanted["path"]
         try:
             played = play_here(wanted["world"], wanted["scenario"])
@@ -33,11 +23,6 @@ def main() -> None:
         except Exception as error:
             answer = {"raised": f"{type(error).__name__} ({error})"}
         pipe.send_bytes(pack(answer))
-
-
-def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
-    os._exit(1)
 
 
 if __name__ == "__main__":
