@@ -34,6 +34,7 @@ from typing import Any
 from scipy.stats import binomtest
 
 import nathlon
+from benchmarks.ladders import ladder
 from benchmarks.planted_faults import FAULTS, PACE, Fault, driven, planted
 from benchmarks.result import write_result
 from benchmarks.time_trial import drive_alone
@@ -45,7 +46,6 @@ from nathlon.lab.coach.lap import laps_of as laps_driven
 from nathlon.lab.coach.parts import CoursePart, parts_of
 from nathlon.lab.coach.reference import Reference
 from nathlon.lab.drive.finalists import champions
-from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.driver import Driver
 from nathlon.policies.training.coached import read_coach
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
@@ -82,7 +82,7 @@ def laps(folder: Path) -> dict[str, list[dict[str, Any]]]:
         assert circuit is not None
         assert car is not None
         rows = found[circuit] = []
-        for path in sorted((BUNDLED / circuit).glob("*.safetensors"))[::EVERY]:
+        for path in ladder(circuit)[::EVERY]:
             began = time.monotonic()
             try:
                 facts = coach_lap(str(path), circuit, car, folder / path.stem).facts

@@ -17,6 +17,8 @@ from matplotlib.axes import Axes
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.ladder import circuits
+from benchmarks.ladders import ladder
 from benchmarks.time_trial import drive_alone, limits
 from nathlon.arena.entrant import enter
 from nathlon.policies.bundled import BUNDLED
@@ -45,7 +47,12 @@ def bundled_runs() -> Runs:
     """
     runs: Runs = {}
     for curve in sorted((BUNDLED / "curves").glob("*.csv")):
-        cards = [read_card(path) for path in sorted(BUNDLED.rglob(f"{curve.stem}-*.safetensors"))]
+        cards = [
+            read_card(path)
+            for circuit in circuits()
+            for path in ladder(circuit)
+            if path.name.startswith(f"{curve.stem}-")
+        ]
         if cards and cards[0].circuit != ANY:
             runs.setdefault((cards[0].circuit, cards[0].car), []).append((curve, cards))
     return runs

@@ -17,10 +17,10 @@ from typing import Any
 from rich.console import Console
 
 from benchmarks.ladder import circuits
+from benchmarks.ladders import folders
 from benchmarks.result import write_result
 from nathlon.api.selection import entered
 from nathlon.arena.pool import Pool
-from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.sources.finding import find
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
@@ -35,7 +35,7 @@ def measure(circuit: str, nights: int, folder: Path, workers: int) -> list[dict[
     told = []
     for seed in range(1, nights + 1):
         with Pool(workers) as pool:
-            field, config = entered(pool, find([BUNDLED / circuit]), Config(seed=seed))
+            field, config = entered(pool, find(folders(circuit)), Config(seed=seed))
             with (
                 stage_progress(True) as on_match,
                 single_run("selection", field.newcomers, config, store, pool, on_match) as run,

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
+from benchmarks.ladders import folders, ladder
 from nathlon.arena.entrance import enter_all, trained_on
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.world_registry import home
-from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.load import load_file
 from nathlon.selection.battery import marked, marking_matches, skill_matches
 from nathlon.selection.battery.measures import measured
@@ -128,7 +128,7 @@ class Ladder:
 def circuits() -> list[str]:
     """Those with bundled checkpoints of their own."""
     known = (folder.name for folder in (DATA / "circuits").iterdir())
-    return sorted(name for name in known if any((BUNDLED / name).glob("*.safetensors")))
+    return sorted(name for name in known if folders(name))
 
 
 @contextmanager
@@ -144,7 +144,7 @@ def selected(circuit: str, folder: Path, workers: int) -> Iterator[Ladder]:
         InputError: if the store cannot be used.
     """
     with Pool(workers) as pool, stage_progress(True) as on_match:
-        sources = sorted(map(str, (BUNDLED / circuit).glob("*.safetensors")))
+        sources = list(map(str, ladder(circuit)))
         circuit, car = trained_on(pool, sources)
         config = Config(circuit=circuit, car=car)
         entrants = enter_all(pool, sources, circuit, car)

@@ -8,7 +8,7 @@ import pytest
 from nathlon.arena import team_of_networks
 from nathlon.arena.team import Team
 from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
-from nathlon.policies.bundled import BUNDLED as BUNDLED_FOLDER
+from nathlon.policies.bundled import generalist
 from nathlon.policies.checkpoint import Card, NetworkPolicy, load_checkpoint
 from nathlon.policies.mlp import FEW
 from nathlon.policies.policy import Policy
@@ -39,8 +39,8 @@ def test_networks_of_one_shape_with_few_cars_are_joined() -> None:
 
 def test_others_stay_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those with many cars, with an encoder, or so large that they are to be watched."""
-    [encoded] = (BUNDLED_FOLDER / "generalist").glob("generalist-055k.safetensors")
-    teams = [team(FIRST, FEW + 1), team(LAST, FEW + 1), team(load_checkpoint(encoded)), team(FIRST)]
+    encoded = load_checkpoint(generalist())
+    teams = [team(FIRST, FEW + 1), team(LAST, FEW + 1), team(encoded), team(FIRST)]
     assert join_networks(teams)[:3] == teams[:3]
     monkeypatch.setattr(team_of_networks, "LARGE", 100_000)
     assert join_networks(teams) == teams
