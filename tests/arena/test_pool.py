@@ -272,9 +272,13 @@ def test_a_worker_that_sends_what_cannot_be_read_is_ended() -> None:
 def test_a_signal_ends_the_workers_too_and_leaves_no_folder(
     sent: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    script, temporary = tmp_path / "script.py", tmp_path / "t"
+    script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    temporary.mkdir()
+    with tempfile.TemporaryDirectory() as place:  # names of sockets are short
+        _end_by(sent, script, Path(place), monkeypatch)
+
+
+def _end_by(sent: signal.Signals, script: Path, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = os.environ | {
         "PYTHONPATH": str(Path(__file__).parent.parent.parent),
         "TMPDIR": str(temporary),
