@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from nathlon.reports.gate import MARKS, cells
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
-from nathlon.results.gate import MARKS, GateFinding, GateReport, cells
+from nathlon.results.gate import GateFinding, GateReport
 
 WIDTH = 320
 """Of the axis, px."""

@@ -15,8 +15,9 @@ from nathlon.arena.entrance import endings_of
 from nathlon.arena.pool import Pool
 from nathlon.judge.gate.gate import run_gate
 from nathlon.policies.sources.finding import Found
+from nathlon.reports.gate import write_gate
 from nathlon.reports.gate_page import write_gate_page
-from nathlon.results.gate import GateReport, write_gate
+from nathlon.results.gate import GateReport
 from nathlon.selection.config import Config
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import GATE, KERNELS

@@ -34,7 +34,7 @@ def gate(
 
     start_server()
     import nathlon
-    from nathlon.results.gate import cells
+    from nathlon.reports.gate import cells
 
     with stoppable(f"The same command goes on from {out / 'store.sqlite'}."):
         result = nathlon.gate(

@@ -23,10 +23,11 @@ from nathlon.judge.matrix.matrix import run_matrix
 from nathlon.judge.recipes.grouping import TrainingRun
 from nathlon.judge.recipes.scores import score
 from nathlon.judge.recipes.summary import summarise
+from nathlon.reports.gate import junit, markdown
 from nathlon.reports.gate_page import render_gate
 from nathlon.reports.matrix_page import render_matrix
 from nathlon.reports.recipes_page import headline
-from nathlon.results.gate import GateReport, junit, markdown
+from nathlon.results.gate import GateReport
 from nathlon.results.matrix import MatrixReport
 from nathlon.results.recipes import exit_code, void_units
 from nathlon.selection.config import Config, read_config

@@ -9,8 +9,9 @@ import pytest
 from playwright.sync_api import Browser
 
 from nathlon.arena.decision import Decision
+from nathlon.reports.gate import junit, markdown
 from nathlon.reports.gate_page import MARGINS, WIDTH, place, write_gate_page
-from nathlon.results.gate import Gated, GateFinding, GateReport, junit, markdown
+from nathlon.results.gate import Gated, GateFinding, GateReport
 
 PASSED = GateFinding(
     measure="points", unit="a race", margin=2.0, difference=-0.5, low=-1.5, high=0.5, units=32, most=96,
