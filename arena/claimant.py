@@ -10,7 +10,7 @@ from itertools import count
 from types import TracebackType
 from typing import NamedTuple
 
-from nathlon.arena.crew import Crew
+from nathlon.arena.executor import Executor
 from nathlon.arena.store import Store
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import HOST, has_ended, start_of
@@ -96,14 +96,14 @@ class Claimant:
         lease_s: how long a claim lasts unless it is renewed, s.
     """
 
-    def __init__(self, store: Store, crew: Crew, lease_s: float) -> None:
+    def __init__(self, store: Store, executor: Executor, lease_s: float) -> None:
         self.owner, self.lease_s = owner_name(), lease_s
-        self._store, self._crew = store, crew
+        self._store, self._executor = store, executor
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._renew, daemon=True)
 
     def __enter__(self) -> Claimant:
-        self._store.attend(self.owner, self._crew.workers, self.lease_s)
+        self._store.attend(self.owner, self._executor.workers, self.lease_s)
         self._thread.start()
         return self
 
@@ -122,7 +122,7 @@ class Claimant:
     def _renew(self) -> None:
         while not self._over.wait(self.lease_s / RENEWALS):
             try:
-                self._store.attend(self.owner, self._crew.workers, self.lease_s)
+                self._store.attend(self.owner, self._executor.workers, self.lease_s)
             except InputError as error:
                 # What it claimed may be another's by now, which costs time and no result.
                 log.warning("%s; claims could not be renewed", error)

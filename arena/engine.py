@@ -13,7 +13,7 @@ from contextlib import closing
 from typing import NamedTuple, Protocol
 
 from nathlon.arena.claimant import LEASE_S, Claimant
-from nathlon.arena.crew import Crew, Feed
+from nathlon.arena.executor import Executor, Feed
 from nathlon.arena.grouping import GROUPS_A_WORKER, fill, group, longest_first
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
@@ -44,10 +44,10 @@ class Ended(NamedTuple):
 
 
 class Records(Protocol):
-    """Runs matches once more to look at them: an engine, or a crew by itself."""
+    """Runs matches once more to look at them: an engine, or an executor by itself."""
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
-        """As of `Crew`."""
+        """As of `Executor`."""
         ...
 
 
@@ -70,7 +70,9 @@ class Engine(Records, Protocol):
         ...
 
 
-def race_into(store: Store, crew: Crew, feed: Feed) -> Generator[dict[str, InputError | None], None, None]:
+def race_into(
+    store: Store, executor: Executor, feed: Feed
+) -> Generator[dict[str, InputError | None], None, None]:
     """Run what a feed gives, and store together what ends within a moment.
 
     Yields:
@@ -78,7 +80,7 @@ def race_into(store: Store, crew: Crew, feed: Feed) -> Generator[dict[str, Input
     """
     ended: list[tuple[Match, Recorded | InputError]] = []
     due = 0.0
-    with closing(crew.race(feed)) as rounds:
+    with closing(executor.race(feed)) as rounds:
         for each in rounds:
             ended += each
             if ended and time.monotonic() >= due:
@@ -108,10 +110,12 @@ class Work:
         refused: why others cannot be run here, by key; some may be wanted by somebody else.
     """
 
-    def __init__(self, store: Store, crew: Crew, claimant: Claimant, matches: Sequence[Match]) -> None:
+    def __init__(
+        self, store: Store, executor: Executor, claimant: Claimant, matches: Sequence[Match]
+    ) -> None:
         self.left = {match.key: match for match in matches}
         self._wanted = frozenset(self.left)
-        self._store, self._crew, self._claimant = store, crew, claimant
+        self._store, self._executor, self._claimant = store, executor, claimant
         self.refused: dict[str, InputError] = {}
         self._next_look = 0.0
 
@@ -140,7 +144,7 @@ class Work:
                 raise error
 
     def _run(self, feed: Feed) -> Generator[Ended, None, None]:
-        with closing(race_into(self._store, self._crew, feed)) as rounds:
+        with closing(race_into(self._store, self._executor, feed)) as rounds:
             for ended in rounds:
                 ours = [key for key, error in ended.items() if self.left.pop(key, None) and not error]
                 for key, error in ended.items():
@@ -164,21 +168,21 @@ class Work:
 
 
 class LocalEngine:
-    """A crew's processes, which share matches by claims with others that want the same ones."""
+    """An executor's processes, which share matches by claims with others that want the same ones."""
 
-    def __init__(self, store: Store, crew: Crew, lease_s: float = LEASE_S) -> None:
+    def __init__(self, store: Store, executor: Executor, lease_s: float = LEASE_S) -> None:
         """An engine for a store; see `Claimant` for the lease."""
-        self._store, self._crew, self._lease_s = store, crew, lease_s
+        self._store, self._executor, self._lease_s = store, executor, lease_s
 
     @property
     def workers(self) -> int:
         """As of `Engine`."""
-        return self._crew.workers
+        return self._executor.workers
 
     def run(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
         """As of `Engine`."""
-        with Claimant(self._store, self._crew, self._lease_s) as claimant:
-            work = Work(self._store, self._crew, claimant, matches)
+        with Claimant(self._store, self._executor, self._lease_s) as claimant:
+            work = Work(self._store, self._executor, claimant, matches)
             ordered, ahead = longest_first(matches), deque[Match]()
 
             def prepare() -> None:
@@ -199,7 +203,7 @@ class LocalEngine:
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """As of `Engine`."""
-        return self._crew.record(wanted)
+        return self._executor.record(wanted)
 
 
 def share(left: int, idle: int, at_work: int, full: int) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 
 import polars as pl
 
-from nathlon.arena.crew import Crew, Round, once
+from nathlon.arena.executor import Executor, Round, once
 from nathlon.arena.grouping import group
 from nathlon.arena.job import Answer, Job, Loss, Opening, again
 from nathlon.arena.match import Match
@@ -35,7 +35,7 @@ def quietly(_done: int, _total: int) -> None:
     """Nobody wants to be told how far it is."""
 
 
-class Pool(Crew):
+class Pool(Executor):
     """Processes of this machine that open policies and run matches.
 
     To be used in a `with` statement: they start when needed and stay until it is closed. Results do not
@@ -119,7 +119,7 @@ class Pool(Crew):
             raise refused[0]
 
     def work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
-        """As of `Crew`."""
+        """As of `Executor`."""
         queue: deque[list[Job]] = deque()
         ended: Round = []
         try:

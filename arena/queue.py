@@ -9,11 +9,11 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from nathlon.arena.baggage import Arrivals, labels, send
 from nathlon.arena.claimant import Claimant
 from nathlon.arena.engine import FULL, POLL_S, plenty, share
 from nathlon.arena.grouping import fill, group, longest_first
 from nathlon.arena.match import Match
+from nathlon.arena.payload import Arrivals, labels, send
 from nathlon.arena.queue_entry import DamagedError, check_entry, digest_of
 from nathlon.arena.store import Queued, Store
 from nathlon.arena.world_registry import load_world
@@ -35,7 +35,7 @@ def post(store: Store, matches: Collection[Match]) -> set[str]:
 
     Args:
         store: that has the queue.
-        matches: whose policies can all leave this machine, see `nathlon.arena.baggage.labels`.
+        matches: whose policies can all leave this machine, see `nathlon.arena.payload.labels`.
 
     Returns:
         the digests of their surroundings.

@@ -6,11 +6,11 @@ import math
 import time
 from collections.abc import Generator, Sequence
 
-from nathlon.arena.baggage import labels
 from nathlon.arena.claimant import LEASE_S, Claimant
 from nathlon.arena.engine import Ended, LocalEngine, Work
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
+from nathlon.arena.payload import labels
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue import Taker, post
 from nathlon.arena.recorder import Recorded

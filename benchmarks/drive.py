@@ -31,9 +31,9 @@ from websockets.typing import Origin
 from benchmarks.result import write_result
 from benchmarks.scripted_drivers import KEYS, UNAIDED, WHEEL, built_in_driver_alone, drive_alone
 from nathlon.lab.drive.choice import Choice, Offer
-from nathlon.lab.drive.desk import INPUT
 from nathlon.lab.drive.finalists import champions
 from nathlon.lab.drive.frames import HEAD, RACING
+from nathlon.lab.drive.input_buffer import INPUT
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer, serve_drives
 from nathlon.selection.publish.output import OutputFolder

@@ -128,11 +128,11 @@ def _heard(room: Room, controls: Controls) -> None:
     """Wait until the server knows what is done."""
     until = time.monotonic() + PATIENCE_S
     while time.monotonic() < until:
-        now = room.desk.latest.controls
+        now = room.buffer.latest.controls
         if now.keys == controls.keys and math.dist(now[1:], controls[1:]) < HEARD:
             return
         time.sleep(0.001)
-    raise TimeoutError(f"the server has heard {room.desk.latest.controls}, expected {controls}")
+    raise TimeoutError(f"the server has heard {room.buffer.latest.controls}, expected {controls}")
 
 
 class _Keys:

@@ -1,1 +1,1 @@
-"""A Ray cluster as a crew: an actor on every node, around a pool of its own."""
+"""A Ray cluster as an executor: an actor on every node, around a pool of its own."""

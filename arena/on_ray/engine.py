@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 
-from nathlon.arena.baggage import labels
 from nathlon.arena.claimant import LEASE_S
 from nathlon.arena.engine import Ended, LocalEngine
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
 from nathlon.arena.on_ray.nodes import Nodes
+from nathlon.arena.payload import labels
 from nathlon.arena.pool import Pool
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.store import Store

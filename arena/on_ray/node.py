@@ -11,11 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from nathlon.arena.baggage import Arrivals, Parcel
-from nathlon.arena.crew import Round
 from nathlon.arena.entrance import check_world
+from nathlon.arena.executor import Round
 from nathlon.arena.job import Answer, Job, Racing
 from nathlon.arena.kernels import compile_kernels
+from nathlon.arena.payload import Arrivals, Payload
 from nathlon.arena.pool import Pool
 from nathlon.arena.processor import processor
 from nathlon.arena.queue import difference
@@ -32,7 +32,7 @@ class Load(NamedTuple):
 
     Attributes:
         groups: jobs by their numbers, which may run together. A policy's source is its label, see
-            `nathlon.arena.baggage.labels`.
+            `nathlon.arena.payload.labels`.
         files: that the node does not have yet, by the SHA-256 of their contents.
     """
 
@@ -77,8 +77,8 @@ class Node:
         """A node without processes yet; `name` is for messages."""
         keep_caches_here()
         self._pool = Pool(workers)
-        self._parcel = Parcel(name)
-        self._arrivals = Arrivals(self._parcel)
+        self._payload = Payload(name)
+        self._arrivals = Arrivals(self._payload)
         self._folder = scratch_folder()
         self._backlog: deque[list[Job]] = deque()
         self._numbers: dict[int, int] = {}
@@ -129,7 +129,7 @@ class Node:
     def _take(self, load: Load) -> list[NodeEnded]:
         """Put jobs into the backlog; those that end by that."""
         refused = []
-        self._parcel.contents = load.files
+        self._payload.contents = load.files
         for group in load.groups:
             jobs: list[Job] = []
             for number, racing in group.items():

@@ -1,4 +1,4 @@
-"""The crew of a Ray cluster: an actor a node, fed from here, and done without when its node is gone."""
+"""The executor of a Ray cluster: an actor a node, fed from here, and done without when its node is gone."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
-from nathlon.arena.baggage import Parcel, labels, send
-from nathlon.arena.crew import Crew, Round
+from nathlon.arena.executor import Executor, Round
 from nathlon.arena.grouping import group
 from nathlon.arena.job import Answer, Job, Racing
 from nathlon.arena.on_ray.cluster import Place, places
 from nathlon.arena.on_ray.node import Load, Node, NodeEnded
 from nathlon.arena.output_log import OutputLog
+from nathlon.arena.payload import Payload, labels, send
 from nathlon.arena.queue import Where, facts_of, where_of
 from nathlon.arena.recorder import Recorded
 from nathlon.sim.errors import InputError
@@ -61,7 +61,7 @@ class _Hand:
     ready: bool = False
 
 
-class Nodes(Crew):
+class Nodes(Executor):
     """The nodes of the Ray cluster that this process has joined; they may come and go.
 
     To be used in a `with` statement.
@@ -87,7 +87,7 @@ class Nodes(Crew):
             self._dismiss(hand)
 
     def work(self, feed: Callable[[int], Sequence[list[Job]]]) -> Generator[Round, None, None]:
-        """As of `Crew`, of jobs whose policies can leave this machine; see `nathlon.arena.baggage.labels`.
+        """As of `Executor`, of jobs whose policies can leave here; see `nathlon.arena.payload.labels`.
 
         Raises:
             InputError: if no node can do them.
@@ -172,11 +172,11 @@ class Nodes(Crew):
             self._go_on(hand)
 
     def _go_on(self, hand: _Hand) -> None:
-        parcel = Parcel(hand.place.name, there=hand.there)
-        send(parcel, [job.match for jobs in hand.held for job in jobs.values()])
+        payload = Payload(hand.place.name, there=hand.there)
+        send(payload, [job.match for jobs in hand.held for job in jobs.values()])
         groups = [{number: _packed(job) for number, job in jobs.items()} for jobs in hand.held]
-        hand.call = hand.actor.work.remote(Load(groups, parcel.contents))
-        hand.there |= parcel.contents.keys()
+        hand.call = hand.actor.work.remote(Load(groups, payload.contents))
+        hand.there |= payload.contents.keys()
         hand.held = []
 
     def _news(self, queue: deque[list[Racing]]) -> Iterator[tuple[Job, Answer]]:

@@ -13,7 +13,7 @@ from nathlon.sim.car import CarParameters
 from nathlon.sim.data_file import Section
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.contact import hit_wall
-from nathlon.sim.physics.tyre import Ground, four, worn_grip
+from nathlon.sim.physics.tyre import Ground, broadcast, worn_grip
 from nathlon.sim.simd import store
 from nathlon.sim.state import CarRecord
 from nathlon.sim.track import (
@@ -212,9 +212,9 @@ def stand_on(
         left = (worn_grip(wear[0]), worn_grip(wear[1]), worn_grip(wear[2]), worn_grip(wear[3]))
         store(ground.grip, 0, left)
     else:
-        store(ground.grip, 0, four(1.0))
-    store(ground.drag, 0, four(p.rolling_resistance))
-    store(ground.shake, 0, four(1.0))
+        store(ground.grip, 0, broadcast(1.0))
+    store(ground.drag, 0, broadcast(p.rolling_resistance))
+    store(ground.shake, 0, broadcast(1.0))
     reach = p.a * abs(sine) + p.half_front_track * abs(cosine) + 2.0 * abs(line[CURVATURE])
     if car.lateral + reach < line[LEFT] and car.lateral - reach > -line[RIGHT]:
         return 0

@@ -41,19 +41,19 @@ class Ground(NamedTuple):
 
 
 @lean_inlined
-def four(number: float) -> Four:
+def broadcast(number: float) -> Four:
     """The same number for each wheel."""
     return number, number, number, number
 
 
 @lean_inlined
-def highest(a: Four, b: Four) -> Four:
+def maximum(a: Four, b: Four) -> Four:
     """The higher of two numbers of each wheel."""
     return select(greater(b, a), b, a)
 
 
 @lean_inlined
-def lowest(a: Four, b: Four) -> Four:
+def minimum(a: Four, b: Four) -> Four:
     """The lower of two numbers of each wheel."""
     return select(greater(a, b), b, a)
 
@@ -89,7 +89,7 @@ def tyre_force(
         (N per unit of slip ratio, never negative), and the square of the largest longitudinal force
         (N^2) that friction leaves beside the lateral one.
     """
-    beyond = subtract(lowest(loads, four(3.0 * p.load_low + 6000.0)), p.load_low)
+    beyond = subtract(minimum(loads, broadcast(3.0 * p.load_low + 6000.0)), p.load_low)
     per_peak_x = divide(1.0, fma(p.peak_x_slope, beyond, p.peak_x))
     x = multiply(slip_ratio, per_peak_x)
     y = divide(slip_angle, fma(p.peak_y_slope, beyond, p.peak_y))
@@ -97,8 +97,8 @@ def tyre_force(
     most_x = multiply(multiply(fma(p.friction_x_slope, beyond, p.friction_x), grip), loads)
     most_y = multiply(multiply(fma(p.friction_y_slope, beyond, p.friction_y), grip), loads)
     share_y = multiply(y, shape)
-    left = fma(negate(share_y), share_y, four(1.0))
-    left = multiply(multiply(most_x, most_x), highest(left, four(0.0)))
+    left = fma(negate(share_y), share_y, broadcast(1.0))
+    left = multiply(multiply(most_x, most_x), maximum(left, broadcast(0.0)))
     stiffness = multiply(multiply(most_x, shape), per_peak_x)
     return multiply(stiffness, slip_ratio), multiply(most_y, share_y), stiffness, left
 

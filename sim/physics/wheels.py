@@ -12,7 +12,7 @@ from __future__ import annotations
 from nathlon.sim.car import CarParameters
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.body import small_sin_cos
-from nathlon.sim.physics.tyre import Four, Ground, four, highest, lowest, tyre_force
+from nathlon.sim.physics.tyre import Four, Ground, broadcast, maximum, minimum, tyre_force
 from nathlon.sim.simd import (
     absolute,
     add,
@@ -58,13 +58,15 @@ def within(force: Four, most_squared: Four, most: Four) -> Four:
 @lean_inlined
 def less_pull(torque: Four, pull: Four, radius: float) -> Four:
     """Torque less that of a tyre's pull; the product is rounded on the right and not on the left."""
-    return select(LEFT, fma(negate(four(radius)), pull, torque), subtract(torque, multiply(radius, pull)))
+    return select(
+        LEFT, fma(negate(broadcast(radius)), pull, torque), subtract(torque, multiply(radius, pull))
+    )
 
 
 @lean_inlined
 def brake_torque(spin: Four, limit: Four, rest: Four) -> Four:
     """Torque of brakes that can apply `limit` N m: against the spin, or holding a locked wheel."""
-    holding = negate(lowest(highest(rest, negate(limit)), limit))
+    holding = negate(minimum(maximum(rest, negate(limit)), limit))
     return select(greater(absolute(spin), LOCKED), copysign(limit, negate(spin)), holding)
 
 
@@ -102,11 +104,11 @@ def controlled(
         dt: s.
     """
     braking, driving = greater(brake, 0.0), greater(drive, 0.0)
-    slip = select(braking, four(-p.abs_slip), four(p.traction_slip))
-    limit = fma(fma(slip, highest(absolute(along), four(SLOWEST)), along), 1.0 / p.radius, negate(spin))
+    slip = select(braking, broadcast(-p.abs_slip), broadcast(p.traction_slip))
+    limit = fma(fma(slip, maximum(absolute(along), broadcast(SLOWEST)), along), 1.0 / p.radius, negate(spin))
     eased = add(change, divide(multiply(select(braking, brake, negate(drive)), dt), own))
-    slowing = select(greater(change, limit), change, lowest(limit, eased))
-    pulling = select(greater(limit, change), change, highest(limit, eased))
+    slowing = select(greater(change, limit), change, minimum(limit, eased))
+    pulling = select(greater(limit, change), change, maximum(limit, eased))
     change = select(braking, slowing, select(driving, pulling, change))
     # A brake stops a wheel, it does not turn it the other way.
     turned = greater(0.0, multiply(add(spin, change), spin))
@@ -145,30 +147,30 @@ def step_wheels(
     wide = by_axle(p.half_front_track, p.half_rear_track)
     side = multiply(r, wide)
     point_x = add(u, select(LEFT, negate(side), side))
-    point_y = fma(by_axle(p.a, -p.b), r, four(v))
+    point_y = fma(by_axle(p.a, -p.b), r, broadcast(v))
     along = fma(cosines, point_x, multiply(sines, point_y))
     across = fma(negate(sines), point_x, multiply(cosines, point_y))
     # The last step's acceleration foretells the road speed, but would set a car at rest swinging.
     gain_speed = multiply(cosines, dt * fused(v, r, car.acceleration_x))
-    after = add(along, select(greater(absolute(four(u)), SLOWEST), gain_speed, four(0.0)))
+    after = add(along, select(greater(absolute(broadcast(u)), SLOWEST), gain_speed, broadcast(0.0)))
 
     share = by_axle(p.drive_front, 1.0 - p.drive_front)
-    inertia = fma(share, 0.5 * engine_inertia, four(p.wheel_inertia))
+    inertia = fma(share, 0.5 * engine_inertia, broadcast(p.wheel_inertia))
     drive = multiply(share, 0.5 * torque)
     brake = by_axle(car.brake * p.brake_torque_front, car.brake * p.brake_torque_rear)
-    coupling = select(greater(share, 0.0), four(dt * p.differential), four(0.0))
+    coupling = select(greater(share, 0.0), broadcast(dt * p.differential), broadcast(0.0))
 
     spin = load(car.spin, 0)
     rolling = multiply(spin, p.radius)
     sliding = subtract(rolling, along)
-    per_reference = divide(1.0, highest(absolute(along), four(SLOWEST)))
+    per_reference = divide(1.0, maximum(absolute(along), broadcast(SLOWEST)))
     slip_ratio = multiply(sliding, per_reference)
     slip_angle = multiply(negate(across), per_reference)
     store(car.slip_ratio, 0, slip_ratio)
     store(car.slip_angle, 0, slip_angle)
     _, fy, stiffness, most_squared = tyre_force(slip_ratio, slip_angle, loads, load(ground.grip, 0), p)
     most = sqrt(most_squared)
-    per_speed = divide(stiffness, highest(absolute(after), four(SLOWEST)))
+    per_speed = divide(stiffness, maximum(absolute(after), broadcast(SLOWEST)))
     gain = multiply(per_speed, p.radius)
     fx = within(multiply(per_speed, subtract(rolling, after)), most_squared, most)
     applied = add(drive, brake_torque(spin, brake, less_pull(drive, fx, p.radius)))

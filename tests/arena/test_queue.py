@@ -23,11 +23,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nathlon.api import worker
-from nathlon.arena.baggage import labels
 from nathlon.arena.claimant import Claimant, at_work, owner_name
 from nathlon.arena.engine import LocalEngine, plenty, share
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.payload import labels
 from nathlon.arena.pool import Pool
 from nathlon.arena.processor import processor
 from nathlon.arena.queue import Taker, post

@@ -11,9 +11,9 @@ from onnx import TensorProto, helper, numpy_helper
 
 from nathlon.arena.race_log import Incident
 from nathlon.lab.drive.choice import Offer, Opponent, plan
-from nathlon.lab.drive.desk import Desk
 from nathlon.lab.drive.frames import HEAD
 from nathlon.lab.drive.heat import DrivenHeat, Heat
+from nathlon.lab.drive.input_buffer import InputBuffer
 from nathlon.policies.apart import PolicyApart
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -71,7 +71,7 @@ def test_an_opponent_that_hangs_is_said_and_the_race_goes_on_without_it() -> Non
     ended: list[DrivenHeat | None] = []
     frames: list[bytes] = []
     clock = Hurry().clock()
-    heat = Heat(made, Desk(), frames.append, said.append, lambda mark: None, ended.append, clock)
+    heat = Heat(made, InputBuffer(), frames.append, said.append, lambda mark: None, ended.append, clock)
     heat.run()
     [driven] = ended
     assert driven is not None

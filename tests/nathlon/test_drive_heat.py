@@ -17,9 +17,9 @@ from nathlon.arena.store import Store
 from nathlon.lab.drive.aids import Controls
 from nathlon.lab.drive.choice import Choice, Offer, Opponent, plan
 from nathlon.lab.drive.clock import FURTHEST_BEHIND_S
-from nathlon.lab.drive.desk import INPUT, Desk
 from nathlon.lab.drive.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
 from nathlon.lab.drive.heat import DrivenHeat
+from nathlon.lab.drive.input_buffer import INPUT, InputBuffer
 from nathlon.lab.drive.keeping import Kept, keep
 from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.publish.output import OutputFolder
@@ -170,14 +170,14 @@ def test_only_who_can_drive_there_is_offered_there() -> None:
 
 
 def test_late_inputs_never_take_the_place_of_later_ones() -> None:
-    desk = Desk()
-    desk.put(inputs(2, steering=0.5, throttle=3.0))
-    desk.put(inputs(1, steering=-0.5))
-    assert desk.latest.controls == Controls(False, 0.5, 1.0, 0.0)
+    buffer = InputBuffer()
+    buffer.put(inputs(2, steering=0.5, throttle=3.0))
+    buffer.put(inputs(1, steering=-0.5))
+    assert buffer.latest.controls == Controls(False, 0.5, 1.0, 0.0)
     for frame in (b"", inputs(3) + b"x", INPUT.pack(3, False, float("nan"), 0.0, 0.0)):
         with pytest.raises(ValueError, match="a frame of inputs"):
-            desk.put(frame)
-    assert desk.latest.number == 2
+            buffer.put(frame)
+    assert buffer.latest.number == 2
 
 
 def test_steps_are_due_by_absolute_deadlines() -> None:

@@ -13,9 +13,9 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from nathlon.lab.web import server
+from nathlon.lab.web.access import Access, answer, path_of
 from nathlon.lab.web.address import Address
 from nathlon.lab.web.connection import Connection, Gone
-from nathlon.lab.web.door import Door, answer, path_of
 from tests.support.sockets import PATIENCE_S
 
 MANY = 300
@@ -107,10 +107,10 @@ def on_site(check: Callable[[Site], Awaitable[None]]) -> None:
 
 @asynccontextmanager
 async def opened(asked: Asked) -> AsyncIterator[Address]:
-    doors: list[Door] = []
+    doors: list[Access] = []
 
-    def make(address: Address) -> Door:
-        doors.append(Door(address, 8, asked.answer, asked.talk))
+    def make(address: Address) -> Access:
+        doors.append(Access(address, 8, asked.answer, asked.talk))
         return doors[0]
 
     async with server.listen(Address("127.0.0.1", 0), make, 1 << 16, 0.2):

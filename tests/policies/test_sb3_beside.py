@@ -15,7 +15,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv, VecFrameStack, VecNormalize, VecTransposeImage
 
 from nathlon import GymnasiumWorld
-from nathlon.arena import baggage
+from nathlon.arena import payload
 from nathlon.policies.general import load_general
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.sources.normalisation import companions
@@ -224,7 +224,7 @@ def test_a_copy_keeps_what_lies_beside_it_and_stays_here(tmp_path: Path) -> None
     for name in ("first", "model"):
         _copy(run / "best_model.zip", tmp_path / "sent" / f"{name}.zip")
         assert policy_id(str(tmp_path / "sent" / f"{name}.zip")) == policy_id(str(run / "best_model.zip"))
-    assert baggage._label(str(run / "best_model.zip"), shared=True) is None
+    assert payload._label(str(run / "best_model.zip"), shared=True) is None
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ class Drive:
 
     def done(self) -> Any:
         """What the server has heard last."""
-        return self.room.desk.latest.controls
+        return self.room.buffer.latest.controls
 
     def close(self) -> None:
         assert faults(self.complaints) == []

@@ -17,8 +17,8 @@ from nathlon.lab.drive.aids import Aids
 from nathlon.lab.drive.blind import BlindTest
 from nathlon.lab.drive.choice import Choice, DrivePlan, Offer, Opponent, plan
 from nathlon.lab.drive.clock import Clock
-from nathlon.lab.drive.desk import INPUT, Desk
 from nathlon.lab.drive.heat import DrivenHeat, Heat
+from nathlon.lab.drive.input_buffer import INPUT, InputBuffer
 from nathlon.lab.drive.room import Room
 from nathlon.lab.drive.server import DriveServer, serve_drives
 from nathlon.selection.publish.output import OutputFolder
@@ -72,7 +72,7 @@ class Hurry:
 
 def drive(made: DrivePlan, seed: int = 1) -> tuple[DrivenHeat, list[bytes]]:
     """A race to its end, and its frames: inputs are drawn for a while, then the person stops for good."""
-    rng, desk = np.random.default_rng(seed), Desk()
+    rng, buffer = np.random.default_rng(seed), InputBuffer()
     frames: list[bytes] = []
     ended: list[DrivenHeat | None] = []
 
@@ -81,11 +81,13 @@ def drive(made: DrivePlan, seed: int = 1) -> tuple[DrivenHeat, list[bytes]]:
         if len(frames) == MARKED:
             heat.mark()
         if len(frames) > STOP:
-            desk.put(inputs(len(frames), brake=1.0))
+            buffer.put(inputs(len(frames), brake=1.0))
         elif len(frames) % 7 == 0:
-            desk.put(inputs(len(frames), rng.uniform(-0.2, 0.2), rng.uniform(0.4, 1.0)))
+            buffer.put(inputs(len(frames), rng.uniform(-0.2, 0.2), rng.uniform(0.4, 1.0)))
 
-    heat = Heat(made, desk, on_frame, lambda incident: None, lambda mark: None, ended.append, Hurry().clock())
+    heat = Heat(
+        made, buffer, on_frame, lambda incident: None, lambda mark: None, ended.append, Hurry().clock()
+    )
     heat.run()
     [driven] = ended
     assert driven is not None

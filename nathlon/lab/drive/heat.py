@@ -17,8 +17,8 @@ from nathlon.arena.recorder import record_races
 from nathlon.lab.drive.aids import AidedCar, Aids
 from nathlon.lab.drive.choice import DrivePlan
 from nathlon.lab.drive.clock import Clock
-from nathlon.lab.drive.desk import Desk
 from nathlon.lab.drive.frames import COUNTDOWN, OVER, PAUSED, RACING, frame
+from nathlon.lab.drive.input_buffer import InputBuffer
 from nathlon.lab.drive.mark import MOST_MARKS, Mark, mark
 from nathlon.policies.apart import PolicyApart
 from nathlon.policies.sources.human import Person
@@ -69,7 +69,7 @@ class Heat:
 
     Args:
         plan: the race.
-        desk: where the person's inputs arrive.
+        buffer: where the person's inputs arrive.
         on_frame: told how the race stands, as a binary frame; on the race's thread, as all of these.
         on_incident: told what the stewards note.
         on_mark: told what the person marks.
@@ -80,7 +80,7 @@ class Heat:
     def __init__(
         self,
         plan: DrivePlan,
-        desk: Desk,
+        buffer: InputBuffer,
         on_frame: Callable[[bytes], None],
         on_incident: Callable[[Incident], None],
         on_mark: Callable[[Mark], None],
@@ -88,7 +88,7 @@ class Heat:
         clock: Clock,
     ) -> None:
         self.plan, self.clock = plan, clock
-        self._desk, self._on_frame, self._on_incident, self._on_end = desk, on_frame, on_incident, on_end
+        self._buffer, self._on_frame, self._on_incident, self._on_end = buffer, on_frame, on_incident, on_end
         self._on_mark = on_mark
         self._car = plan.choice.seat - 1
         self._aided = AidedCar(load_car(plan.choice.car), plan.choice.aids)
@@ -163,7 +163,7 @@ class Heat:
     def _hands(self, step: int) -> tuple[float, float]:
         """What the person does now, as the race runner asks; see `nathlon.policies.sources.human`."""
         assert self.world is not None, "it is looked at before anybody acts"
-        noted = self._desk.latest
+        noted = self._buffer.latest
         self._number = noted.number
         done = self._aided.act(noted.controls, self.world.state[0, self._car])
         self._controls.append(done)

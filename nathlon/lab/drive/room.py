@@ -16,9 +16,9 @@ from nathlon.lab.drive.aids import Aids
 from nathlon.lab.drive.blind import BlindTest
 from nathlon.lab.drive.choice import MOST_LAPS, Choice, DrivePlan, Offer, check_place, plan
 from nathlon.lab.drive.clock import Clock
-from nathlon.lab.drive.desk import Desk
 from nathlon.lab.drive.difficulty import CHOSEN, LEVELS, field
 from nathlon.lab.drive.heat import COUNTDOWN_S, DrivenHeat, Heat
+from nathlon.lab.drive.input_buffer import InputBuffer
 from nathlon.lab.drive.keeping import Kept, keep, nearest
 from nathlon.lab.drive.mark import Mark
 from nathlon.lab.drive.scenery import scenery
@@ -35,7 +35,7 @@ COLOURS = ("#f2b134", "#6fb7ff", "#f06a6a", "#79d28a", "#c99cf0", "#f0956a", "#6
 """Of the person's car, and of the others by who drives them."""
 
 
-class Letterbox:
+class Mailbox:
     """What waits to be sent to the page: every message, and of the frames the latest."""
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class Room:
     """One person's drives, one after another. All methods belong to the event loop.
 
     Attributes:
-        desk: where inputs arrive.
+        buffer: where inputs arrive.
         heat: the present race; None before the first, and between them.
         kept: what was kept, in turn.
 
@@ -90,21 +90,21 @@ class Room:
         blind: BlindTest | None = None,
         on_kept: Callable[[Kept, int], None] | None = None,
     ) -> None:
-        self.desk = Desk()
+        self.buffer = InputBuffer()
         self.heat: Heat | None = None
         self.kept: list[Kept] = []
         self._offer, self._output, self._new_clock = offer, output, new_clock
         self._blind, self._on_kept = blind, on_kept
-        self._letters: Letterbox | None = None
+        self._letters: Mailbox | None = None
         self._told: list[Words] = []
         self._chosen: Choice | None = None
         self._loop = asyncio.get_running_loop()
 
-    def enter(self) -> Letterbox:
+    def enter(self) -> Mailbox:
         """A page has come, instead of any that was there; what it is to be told. A race waits for it."""
-        self.desk.clear()
+        self.buffer.clear()
         self._pause()
-        letters = self._letters = Letterbox()
+        letters = self._letters = Mailbox()
         try:
             letters.say(self._choices())
         except InputError as error:
@@ -116,11 +116,11 @@ class Room:
             letters.say({"type": "questions", **self._blind.questions})
         return letters
 
-    def go_away(self, letters: Letterbox) -> None:
+    def go_away(self, letters: Mailbox) -> None:
         """A page has gone: the race waits for it, unless another one has come."""
         if self._letters is letters:
             self._letters = None
-            self.desk.clear()
+            self.buffer.clear()
             self._pause()
 
     async def hear(self, words: Words) -> None:
@@ -181,7 +181,7 @@ class Room:
         self._tell({"type": "race", "scene": scene, **_race(made)})
         heat = Heat(
             made,
-            self.desk,
+            self.buffer,
             partial(self._on_loop, self._on_frame),
             partial(self._on_loop, self._on_incident),
             partial(self._on_loop, partial(self._on_mark, made)),

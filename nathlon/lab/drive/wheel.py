@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from contextlib import suppress
 
-from nathlon.lab.drive.room import Letterbox, Room, Words
+from nathlon.lab.drive.room import Mailbox, Room, Words
 from nathlon.lab.web.connection import TOO_MUCH, Connection, Gone, Rate
 from nathlon.policies.strict_json import parse_json
 from nathlon.sim.errors import InputError
@@ -41,7 +41,7 @@ class WheelSocket:
             if self._driver is connection:
                 self._driver = None
 
-    async def _listen(self, connection: Connection, letters: Letterbox) -> None:
+    async def _listen(self, connection: Connection, letters: Mailbox) -> None:
         rate = Rate(MOST_FRAMES)
         async for message in connection:
             if rate.exceeded():
@@ -49,7 +49,7 @@ class WheelSocket:
                 return
             try:
                 if isinstance(message, bytes):
-                    self.room.desk.put(message)
+                    self.room.buffer.put(message)
                 else:
                     await self.room.hear(_words(message))
             except InputError as error:
@@ -59,7 +59,7 @@ class WheelSocket:
                 return
 
 
-async def deliver(connection: Connection, letters: Letterbox) -> None:
+async def deliver(connection: Connection, letters: Mailbox) -> None:
     """Send what is to be sent, until the task is cancelled or the connection ends."""
     with suppress(Gone):
         while True:

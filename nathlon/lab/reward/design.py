@@ -16,16 +16,16 @@ from nathlon.lab.reward.clips import Clips, Studio
 from nathlon.lab.reward.judging import ClipPair, ClipQuestion, Judge
 from nathlon.lab.reward.library import DRIVER, library
 from nathlon.lab.reward.measures import mean, measure
-from nathlon.lab.reward.papers import (
+from nathlon.lab.reward.ranking import all_pairs, some_pairs, strengths
+from nathlon.lab.reward.records import (
     CANDIDATES,
     JUDGED,
     OUTCOMES,
     JudgedClips,
     ranked,
-    read_paper,
+    read_record,
     write_paper,
 )
-from nathlon.lab.reward.ranking import all_pairs, some_pairs, strengths
 from nathlon.lab.reward.settings import DesignSettings
 from nathlon.lab.reward.trying import Tried, look, train
 from nathlon.lab.reward.vetting import vet
@@ -69,7 +69,7 @@ class Design:
         self.folder, self.settings = folder, settings
         path = folder / SETTINGS
         if path.exists():
-            _compare(path, read_paper(path, _SETTINGS), settings)
+            _compare(path, read_record(path, _SETTINGS), settings)
         else:
             write_paper(path, _SETTINGS, settings)
         training = settings.training
@@ -134,7 +134,7 @@ class Design:
 
     def _ask(self, label: str, path: Path, pairs: list[ClipPair], judge: Judge) -> None:
         """Have pairs judged that have not been, and take in all preferences."""
-        judged = read_paper(path, JUDGED) if path.exists() else JudgedClips()
+        judged = read_record(path, JUDGED) if path.exists() else JudgedClips()
         got = list(judged.preferences)
         if not judged.over:
             known = {(one.first, one.second, one.start) for one in got}
@@ -162,7 +162,7 @@ class Design:
         if not path.exists():
             self._tell(self._done, f"round {number}: formulas")
             write_paper(path, CANDIDATES, self._chosen(self._candidates(number, proposer)))
-        self.rounds.append(read_paper(path, CANDIDATES))
+        self.rounds.append(read_record(path, CANDIDATES))
 
     def _candidates(self, number: int, proposer: Proposer) -> list[Candidate]:
         """As many as wanted that are fit, and those that were thrown out on the way."""
@@ -192,7 +192,7 @@ class Design:
             if self.outcomes
             else self.folder / LIBRARY / PREFERRED
         )
-        told = [one for one in read_paper(path, JUDGED).preferences if one.remark]
+        told = [one for one in read_record(path, JUDGED).preferences if one.remark]
         sides = {1: "{0} is better than {1}", -1: "{1} is better than {0}", 0: "{0} and {1} are alike"}
         return [
             f"{sides[one.better].format(one.first, one.second)}: {one.remark}" for one in told[-MOST_REMARKS:]
@@ -256,7 +256,7 @@ class Design:
         )
         path = self._place(number)
         self._ask(f"round-{number}", path / PREFERRED, pairs, judge)
-        judged = read_paper(path / PREFERRED, JUDGED).preferences
+        judged = read_record(path / PREFERRED, JUDGED).preferences
         strength = strengths(names, judged)
         candidates = {one.name: one for one in self.rounds[-1]}
         found = [self._outcome(candidates[name], strength[name], one) for name, one in tried.items()]

@@ -13,7 +13,7 @@ from nathlon.lab.reward.candidates import Candidate, CandidateOutcome
 from nathlon.lab.reward.clips import OTHERS
 from nathlon.lab.reward.design import FINAL, FINALLY, LIBRARY, PREFERRED, Design
 from nathlon.lab.reward.library import DRIVER
-from nathlon.lab.reward.papers import JUDGED, read_paper
+from nathlon.lab.reward.records import JUDGED, read_record
 from nathlon.lab.reward.trying import curve
 from nathlon.policies.checkpoint import read_checkpoint
 from nathlon.reports.race_data import circuit_data
@@ -44,7 +44,7 @@ def drawing(design: Design) -> RewardDrawing:
     return RewardDrawing(
         task=settings.task,
         facts=tuple(facts),
-        preferences=len(read_paper(design.folder / LIBRARY / PREFERRED, JUDGED).preferences),
+        preferences=len(read_record(design.folder / LIBRARY / PREFERRED, JUDGED).preferences),
         rounds=tuple(_round(design, number) for number in range(1, len(design.outcomes) + 1)),
         winner=_outcome(final, _curve(design.folder / FINAL)) if final else None,
         checkpoint=final.checkpoint if final else "",
@@ -64,7 +64,7 @@ def _round(design: Design, number: int) -> RoundShown:
         trained.append(_outcome(one, _curve(home), carried=not name.startswith(f"{number}.")))
     others = [_candidate(one) for one in candidates if not one.kept or one.failed]
     left = sorted((one for one in others if one.tac is not None), key=lambda one: -(one.tac or 0.0))
-    judged = read_paper(design.folder / f"round-{number}" / PREFERRED, JUDGED).preferences
+    judged = read_record(design.folder / f"round-{number}" / PREFERRED, JUDGED).preferences
     names = [one.name for one in trained]
     return RoundShown(
         number,

@@ -78,13 +78,13 @@ class People:
         asyncio.run(self._serve(question, on_preference))
 
     async def _serve(self, question: ClipQuestion, on_preference: Callable[[Preference], None]) -> None:
-        desk = PairDesk(self._studio, question, on_preference)
-        async with desk.open_at(self._port):
-            self._on_open(desk.url)
-            await desk.over.wait()
+        session = PairSession(self._studio, question, on_preference)
+        async with session.open_at(self._port):
+            self._on_open(session.url)
+            await session.over.wait()
 
 
-class PairDesk(OnePage):
+class PairSession(OnePage):
     """Serves the page of some pairs, each of which is judged once.
 
     Attributes:

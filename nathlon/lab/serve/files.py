@@ -19,8 +19,8 @@ from nathlon.lab.serve.live_report import live_report
 from nathlon.lab.serve.page import room_page
 from nathlon.lab.serve.record import RUNS
 from nathlon.lab.serve.tokens import Tokens
+from nathlon.lab.web.access import answer, headers, path_of
 from nathlon.lab.web.address import Address
-from nathlon.lab.web.door import answer, headers, path_of
 from nathlon.reports.player import render_player
 from nathlon.selection.publish.output import POLICY_LOG
 from nathlon.sim.errors import InputError

@@ -15,16 +15,16 @@ from urllib.parse import unquote
 
 from nathlon.lab.drive.blind import BlindTest
 from nathlon.lab.drive.clock import Clock
-from nathlon.lab.drive.room import Letterbox, Room
+from nathlon.lab.drive.room import Mailbox, Room
 from nathlon.lab.drive.server import quick_switching
 from nathlon.lab.drive.wheel import WheelSocket, deliver
 from nathlon.lab.serve.files import Files
 from nathlon.lab.serve.record import Record
 from nathlon.lab.serve.tokens import Tokens
 from nathlon.lab.serve.wishes import WISH, Look
+from nathlon.lab.web.access import Access
 from nathlon.lab.web.address import Address
 from nathlon.lab.web.connection import TOO_MUCH, Connection, Rate
-from nathlon.lab.web.door import Door
 from nathlon.lab.web.server import listen
 from nathlon.sim.errors import InputError
 
@@ -60,7 +60,7 @@ class OpenPage:
     member: str
     run: str | None = None
     shown: str = ""
-    letters: Letterbox = field(default_factory=Letterbox)
+    letters: Mailbox = field(default_factory=Mailbox)
     rate: Rate = field(default_factory=lambda: Rate(MOST_MESSAGES))
 
 
@@ -98,18 +98,18 @@ class MeetingServer:
         async with listen(address, self._furnish, LARGEST_MESSAGE, CLOSING_S, tls):
             yield
 
-    def _furnish(self, address: Address) -> Door:
+    def _furnish(self, address: Address) -> Access:
         self.address = address
         files = Files(address, self._store, self._tokens, self._folder, self._version)
-        self._door = Door(address, MOST_STRANGERS, files.answer, self._talk)
-        return self._door
+        self._access = Access(address, MOST_STRANGERS, files.answer, self._talk)
+        return self._access
 
     def url(self, member: str) -> str:
         """What a member opens. The token stands where browsers never send it."""
         return f"{self.address.origin}/#{self._tokens.by_member[member]}"
 
     async def _talk(self, connection: Connection) -> None:
-        member = await self._door.recognise(connection, self._tokens.member)
+        member = await self._access.recognise(connection, self._tokens.member)
         if member is None:
             return
         match connection.path:

@@ -10,9 +10,9 @@ from http import HTTPStatus
 from starlette.requests import Request
 from starlette.responses import Response
 
+from nathlon.lab.web.access import Access, answer, path_of
 from nathlon.lab.web.address import Address
 from nathlon.lab.web.connection import Connection
-from nathlon.lab.web.door import Door, answer, path_of
 from nathlon.lab.web.server import listen
 from nathlon.reports.web_viewer import LOOPBACK
 
@@ -52,20 +52,20 @@ class OnePage:
         async with listen(Address(LOOPBACK, port), self._furnish, self._largest, CLOSING_S):
             yield
 
-    def _furnish(self, address: Address) -> Door:
-        self._door = Door(address, MOST_STRANGERS, self._answer, self._talk)
+    def _furnish(self, address: Address) -> Access:
+        self._access = Access(address, MOST_STRANGERS, self._answer, self._talk)
         self._page = self._make_page(address, self.token).encode()
-        return self._door
+        return self._access
 
     @property
     def port(self) -> int:
         """On which it listens."""
-        return self._door.address.port
+        return self._access.address.port
 
     @property
     def url(self) -> str:
         """Of the page."""
-        return f"{self._door.address.origin}/"
+        return f"{self._access.address.origin}/"
 
     async def _answer(self, request: Request) -> Response:
         if path_of(request) != [""]:
@@ -73,7 +73,7 @@ class OnePage:
         return answer(HTTPStatus.OK, self._page)
 
     async def _talk(self, connection: Connection) -> None:
-        if await self._door.recognise(connection, self._own):
+        if await self._access.recognise(connection, self._own):
             await self._hold(connection)
 
     def _own(self, token: str) -> bool | None:

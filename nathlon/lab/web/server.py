@@ -21,8 +21,8 @@ from uvicorn.server import ServerState
 from websockets.exceptions import InvalidState
 from websockets.http11 import Request as Opening
 
+from nathlon.lab.web.access import Access
 from nathlon.lab.web.address import Address
-from nathlon.lab.web.door import Door
 from nathlon.sim.errors import InputError
 
 ASKING_S = 10.0
@@ -154,16 +154,16 @@ class _Socket(WebSocketsSansIOProtocol):
 @asynccontextmanager
 async def listen(
     address: Address,
-    make_door: Callable[[Address], Door],
+    make_access: Callable[[Address], Access],
     largest: int,
     closing_s: float,
     tls: ssl.SSLContext | None = None,
 ) -> AsyncIterator[None]:
-    """Serve what is behind a door, where a server is to be reached.
+    """Serve an application, where a server is to be reached.
 
     Args:
         address: with port 0 for any that is free.
-        make_door: makes the door of an address that has been found.
+        make_access: makes the application of an address that has been found.
         largest: message that may come on a WebSocket, bytes.
         closing_s: in which the other side must answer that a connection ends.
         tls: how to speak it.
@@ -174,14 +174,14 @@ async def listen(
     state = _State(closing_s)
     listener = await _listener(address, lambda: _Request(config, state, {}), closing_s, tls)
     config = Config(
-        make_door(replace(address, port=listener.sockets[0].getsockname()[1])),
+        make_access(replace(address, port=listener.sockets[0].getsockname()[1])),
         http=_Request,
         ws=_Socket,
         ws_max_size=largest,
         ws_per_message_deflate=False,
         lifespan="off",
         log_config=None,
-        # What strangers send must not fill the terminal. The door tells of faults of our own.
+        # What strangers send must not fill the terminal. `Access` tells of faults of our own.
         log_level="critical",
         access_log=False,
         proxy_headers=False,

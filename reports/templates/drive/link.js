@@ -103,7 +103,7 @@ function connect(session, { onWords, onFrame, onState }) {
   const ready = () => socket.readyState === WebSocket.OPEN;
   return {
     say: (words) => ready() && socket.send(JSON.stringify(words)),
-    // As nathlon/lab/drive/desk.py reads it.
+    // As nathlon/lab/drive/input_buffer.py reads it.
     steer({ keys, steering, throttle, brake }) {
       if (!ready()) return;
       const view = new DataView(new ArrayBuffer(20));

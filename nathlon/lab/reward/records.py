@@ -36,7 +36,7 @@ JUDGED = TypeAdapter(JudgedClips)
 OUTCOMES = TypeAdapter(tuple[CandidateOutcome, ...])
 
 
-def read_paper(path: Path, kind: TypeAdapter[KindT]) -> KindT:
+def read_record(path: Path, kind: TypeAdapter[KindT]) -> KindT:
     """What a file keeps.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The door of a server for browsers: who is let in."""
+"""Access to a server for browsers: tokens and origins."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ READING = ("GET", "HEAD")
 """Methods of requests. Whoever wants something done says so on a WebSocket."""
 
 
-class Door:
+class Access:
     """Lets in pages of the server's own, and of those who have a token: an ASGI application.
 
     Args:

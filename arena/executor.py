@@ -22,7 +22,7 @@ Feed = Callable[[int], list[list[Match]]]
 """Gives so many idle processes groups of matches; none if there is nothing to do now."""
 
 
-class Crew(ABC):
+class Executor(ABC):
     """Processes that run matches.
 
     Attributes:

@@ -25,7 +25,7 @@ class Noted(NamedTuple):
     controls: Controls
 
 
-class Desk:
+class InputBuffer:
     """The latest controls; written by the server, read by the world's thread."""
 
     def __init__(self) -> None:

@@ -47,7 +47,7 @@ def _label(source: str, shared: bool) -> str | None:
 
 
 class Files(Protocol):
-    """Where files lie by the SHA-256 of their contents: a store, or a parcel."""
+    """Where files lie by the SHA-256 of their contents: a store, or a payload."""
 
     @property
     def name(self) -> str:
@@ -68,7 +68,7 @@ class Files(Protocol):
 
 
 @dataclass
-class Parcel:
+class Payload:
     """`Files` that are sent to somebody who has some already.
 
     Attributes:
