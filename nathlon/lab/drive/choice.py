@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic import HeatField as Bounds
+from pydantic import Field as Bounds
 
 from nathlon.arena.entrance import home
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant, enter, only_once
