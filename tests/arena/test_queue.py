@@ -36,6 +36,7 @@ from nathlon.arena.queue_entry import digest_of
 from nathlon.arena.queue_worker import Shift, work
 from nathlon.arena.store import Queued, Store
 from nathlon.arena.world_registry import load_world
+from nathlon.arena.worlds import episodes
 from nathlon.selection.trials import against
 from tests.support.checkpoints import BUNDLED
 from tests.support.clocks import Clock
@@ -340,13 +341,12 @@ def test_a_worker_waits_for_its_store(
 
 
 def test_a_machine_with_another_version_takes_nothing(
-    target: str, world: str, tmp_path: Path, pool: Pool
+    target: str, world: str, tmp_path: Path, pool: Pool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    matches = duels(world, tmp_path / "here")
     with Store(target) as store:
-        [digest] = post(store, matches)
-        facts = store.surroundings(digest) | {"code": "that of another version"}
-        change(target, sa.text("UPDATE surroundings SET facts = :facts"), facts=json.dumps(facts))
+        with monkeypatch.context() as elsewhere:
+            elsewhere.setattr(episodes, "fingerprint", lambda names: "that of another version")
+            [digest] = post(store, duels(world, tmp_path / "here"))
         with refused("scenario 'duel'", "another state of 'code'", "expected the nathlon and packages"):
             work_through(store, pool, world)
         assert store.waiting() == {digest: 3}
