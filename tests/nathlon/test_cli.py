@@ -75,7 +75,8 @@ def test_checkpoints_of_different_circuits_do_not_meet(tmp_path: Path) -> None:
     card = policy.card.model_copy(update={"circuit": "elsewhere"})
     save_checkpoint(tmp_path / "b.safetensors", tensors, card)
     shutil.copy(BUNDLED[0], tmp_path / "a.safetensors")
-    refused(nathlon("evaluate", tmp_path, cwd=tmp_path), "b.safetensors", "circuit", "elsewhere")
+    done = nathlon("evaluate", "a.safetensors", "b.safetensors", cwd=tmp_path)
+    refused(done, "b.safetensors", "circuit", "elsewhere")
 
 
 def test_an_unknown_circuit_and_an_unknown_driver_setting(tmp_path: Path) -> None:
