@@ -67,11 +67,12 @@ def draw_sheet(tracks: Sequence[Track], path: Path) -> None:
     Raises:
         InputError: if the picture cannot be written.
     """
-    rows = -(-len(tracks) // SHEET_ROW)
-    figure = Figure(figsize=(SHEET_ROW * THUMBNAIL_IN, rows * THUMBNAIL_IN), dpi=SHEET_DPI, facecolor=PAPER)
+    columns = min(len(tracks), SHEET_ROW)
+    rows = -(-len(tracks) // columns)
+    figure = Figure(figsize=(columns * THUMBNAIL_IN, rows * THUMBNAIL_IN), dpi=SHEET_DPI, facecolor=PAPER)
     FigureCanvasAgg(figure)
     for place, track in enumerate(tracks, start=1):
-        axes = figure.add_subplot(rows, SHEET_ROW, place)
+        axes = figure.add_subplot(rows, columns, place)
         walls = np.concatenate(wall_lines(track))
         (left, right), (bottom, top) = np.quantile(walls, (0, 1), axis=0).T
         axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
