@@ -119,7 +119,7 @@ class Taker:
         self._next = 0.0
 
     def __call__(self, idle: int) -> list[list[Match]]:
-        """See `nathlon.arena.pool.Feed`."""
+        """See `nathlon.arena.executor.Feed`."""
         if time.monotonic() < self._next:
             return []
         at_work = sum(self._store.at_work().values())

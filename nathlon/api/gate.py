@@ -50,7 +50,7 @@ class GateResult:
 
     @property
     def findings(self) -> pl.DataFrame:
-        """One row a candidate and measure: the fields of `nathlon.results.gate.Finding` after `name`."""
+        """One row a candidate and measure: the fields of `nathlon.results.gate.GateFinding` after `name`."""
         rows = [
             {"name": candidate.name} | finding.model_dump(mode="json")
             for candidate in self.report.candidates

@@ -41,7 +41,7 @@ class TwinResult:
         car: index of the car that is looked at.
         parted_s: when the races first differ, s; None if never.
         outcomes: a polars frame, how each race ended for the car: `race`, `driver` and the fields of
-            `nathlon.results.twin.Outcome`.
+            `nathlon.results.twin.TwinOutcome`.
     """
 
     def __init__(self, folder: Path, twins: Twins) -> None:

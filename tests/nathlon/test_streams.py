@@ -64,7 +64,7 @@ def test_results_that_cannot_be_written(
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     (tmp_path / "nathlon.toml").touch()
-    monkeypatch.setattr("nathlon.selection.nightly.nightly", lambda *_: QUIET)
+    monkeypatch.setattr("nathlon.selection.nightly.night.nightly", lambda *_: QUIET)
     with output() as stdout:  # type: ignore[operator]
         assert ended(stdout, *arguments) == 2
     *before, last = capsys.readouterr().err.splitlines()
@@ -110,7 +110,7 @@ def test_json_for_what_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             raise KeyboardInterrupt
 
     (tmp_path / "nathlon.toml").touch()
-    monkeypatch.setattr("nathlon.selection.nightly.nightly", stopped)
+    monkeypatch.setattr("nathlon.selection.nightly.night.nightly", stopped)
     done = nathlon("nightly", "--json", cwd=tmp_path)
     assert done.returncode == 130
     assert json.loads(done.stdout) == {"error": "Stopped. The same command goes on.", "code": 130}
@@ -118,8 +118,8 @@ def test_json_for_what_was_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_json_is_printed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "nathlon.toml").touch()
-    monkeypatch.setattr("nathlon.selection.nightly.nightly", lambda *_: QUIET)
-    monkeypatch.setattr("nathlon.selection.nightly.told", lambda *_: None)
+    monkeypatch.setattr("nathlon.selection.nightly.night.nightly", lambda *_: QUIET)
+    monkeypatch.setattr("nathlon.selection.nightly.night.told", lambda *_: None)
     done = nathlon("nightly", "--json", cwd=tmp_path)
     assert done.returncode == 1
     assert json.loads(done.stdout)["reason"] == QUIET.reason
@@ -154,8 +154,9 @@ def test_a_command_that_is_terminated_ends_as_after_ctrl_c(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "nathlon.toml").touch()
+    before = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr(
         "nathlon.selection.nightly.night.nightly", lambda *_: signal.raise_signal(signal.SIGTERM)
     )
     assert nathlon("nightly", cwd=tmp_path).returncode == 130
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    assert signal.getsignal(signal.SIGTERM) is before
