@@ -73,7 +73,7 @@ class OwnProcess:
 
     workers = 1
 
-    def open(self, openings: Sequence[Any]) -> list[Any]:
+    def open(self, openings: Sequence[Any], on_opened: Any = None) -> list[Any]:
         return [opening.function(*opening.arguments) for opening in openings]
 
 
