@@ -35,7 +35,7 @@ def ablate(
     ],
     out: Out = Path("runs/ablation"),
     seeds: Annotated[
-        int, typer.Option(min=1, max=10_000, help="Runs of each variant, with seeds from 1 on.")
+        int, typer.Option(min=1, max=10_000, help="Runs of each variant, with seeds 1, 2, ...")
     ] = 3,
     updates: Annotated[
         int | None,
@@ -53,7 +53,8 @@ def ablate(
         typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner, processes of the races."),
     ] = None,
     engine: Annotated[
-        Literal["local", "ray"], typer.Option(help="Who trains: this machine, or a cluster all runs at once.")
+        Literal["local", "ray"],
+        typer.Option(help="Where runs are trained: this machine, or a cluster, all at once."),
     ] = "local",
     engine_address: EngineAddress = "auto",
     as_json: AsJson = False,

@@ -18,7 +18,7 @@ TOLD_M_S = (20, 40, 60, 80)
 """Speeds at which a car's grip is told."""
 ODD = 1
 """Exit code for a car that makes no sense."""
-Multiple = Annotated[float, typer.Option(min=0.1, max=10.0, help="Multiple of its own.")]
+Multiple = Annotated[float, typer.Option(min=0.1, max=10.0, help="Factor on the car's own value.")]
 
 
 def check_car(
@@ -56,7 +56,7 @@ def check_car(
 
 
 def generate_car(
-    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Each seed gives another car.")],
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the car.")],
     out: Annotated[Path, typer.Option("--out", help="Folder that the car's file goes into.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
@@ -74,10 +74,10 @@ def tune_car(
     drag: Multiple = 1.0,
     downforce: Multiple = 1.0,
     balance: Annotated[
-        float, typer.Option(min=-0.5, max=0.5, help="Share of the downforce that goes to the front.")
+        float, typer.Option(min=-0.5, max=0.5, help="Share of the downforce on the front axle.")
     ] = 0.0,
     gearing: Multiple = 1.0,
-    compound: Annotated[str | None, typer.Option(help="Tyres that it comes on.")] = None,
+    compound: Annotated[str | None, typer.Option(help="Tyres that the car starts on.")] = None,
     out: Annotated[Path, typer.Option("--out", help="Folder that the car's file goes into.")] = Path(),
     as_json: AsJson = False,
 ) -> None:

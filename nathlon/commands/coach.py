@@ -16,12 +16,14 @@ def coach(
     recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
     car: Annotated[str, typer.Option(help="Number or name of the car to coach.")],
     against: Annotated[
-        str, typer.Option(help="Whose lap to compare with: champion, limit, or RACE.mcap.")
+        str, typer.Option(help="Lap to compare with: champion, limit, or RACE.mcap.")
     ] = "champion",
     out: Out = Path("runs/coach"),
     phrase: Annotated[
         bool,
-        typer.Option("--phrase", help="Have a language model phrase it: NATHLON_MODEL_URL, NATHLON_MODEL."),
+        typer.Option(
+            "--phrase", help="Phrase the advice with a language model: NATHLON_MODEL_URL, NATHLON_MODEL."
+        ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:

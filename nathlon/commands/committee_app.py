@@ -14,10 +14,10 @@ committee = Group("Ask the committee, vote and decide.")
 
 Question = Annotated[
     Literal["shortlist", "selection"] | None,
-    typer.Option(help="Which decision; not needed where only one comes into question."),
+    typer.Option(help="Decision; not needed where only one is open."),
 ]
 Member = Annotated[str, typer.Option(help="Your name, as in the configuration.")]
-Reason = Annotated[str, typer.Option(help="Why, in a sentence.")]
+Reason = Annotated[str, typer.Option(help="Reason, in a sentence.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -46,10 +46,12 @@ def vote(
     reason: Reason,
     approve: Annotated[
         str | None,
-        typer.Option(metavar=NAMES, help="Those that are fit, with commas between; those ranked by default."),
+        typer.Option(
+            metavar=NAMES, help="Names of those that are fit, separated by commas; those ranked by default."
+        ),
     ] = None,
     rank: Annotated[
-        str, typer.Option(metavar=NAMES, help="The best first, with commas between; need not be all.")
+        str, typer.Option(metavar=NAMES, help="Names, best first, separated by commas; need not be all.")
     ] = "",
     question: Question = None,
     as_json: AsJson = False,
@@ -64,8 +66,8 @@ def vote(
 def compare(
     context: typer.Context,
     member: Member,
-    better: Annotated[str, typer.Option(help="The one of two that you prefer.")],
-    worse: Annotated[str, typer.Option(help="The other.")],
+    better: Annotated[str, typer.Option(help="Name of the one that you prefer.")],
+    worse: Annotated[str, typer.Option(help="Name of the other.")],
     reason: Reason,
     question: Question = None,
     as_json: AsJson = False,

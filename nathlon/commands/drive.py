@@ -30,10 +30,10 @@ def drive(
     ] = None,
     blind: Annotated[
         bool,
-        typer.Option("--blind", help="As a member of the committee: the finalists stand under letters."),
+        typer.Option("--blind", help="Drive as a member of the committee: finalists are shown as letters."),
     ] = False,
     driver: Annotated[
-        str | None, typer.Option(help="Who drives, for --blind: a name of the committee's configuration.")
+        str | None, typer.Option(help="Name of the driver, for --blind, as in the committee's configuration.")
     ] = None,
     store: Annotated[
         str | None, typer.Option(help="Store of the run, for --blind; the one in its folder by default.")
@@ -42,17 +42,19 @@ def drive(
     car: Annotated[str | None, typer.Option(help="Name or path of the car to offer first.")] = None,
     difficulty: Annotated[
         Literal["chosen", "beginner", "intermediate", "expert", "match"] | None,
-        typer.Option(help="Of the opponents, to offer first; match: as fast as your own laps here."),
+        typer.Option(help="Difficulty to offer first; match: as fast as your own laps here."),
     ] = None,
     temper: Annotated[
         Literal["calm", "fair", "aggressive"] | None,
-        typer.Option(help="Of opponents that are built-in drivers, to offer first."),
+        typer.Option(help="Temper of built-in drivers to offer first."),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="To listen on; 0 for any.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any.")] = 0,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for the drives: runs/drive, or drives in the run's folder for --blind."),
+        typer.Option(
+            help="Folder for the drives; by default runs/drive, or drives in the run's folder with --blind."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

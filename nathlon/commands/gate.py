@@ -16,7 +16,9 @@ from nathlon.terminal import new_table, print_json, print_table, say
 
 def gate(
     checkpoints: Checkpoints,
-    champion: Annotated[str, typer.Option(help="Whose place they would take: checkpoint, driver or plugin.")],
+    champion: Annotated[
+        str, typer.Option(help="The champion that they would replace: checkpoint, driver or plugin.")
+    ],
     out: Out = Path("runs/gate"),
     config: ConfigPath = None,
     seed: ConfigSeed = None,

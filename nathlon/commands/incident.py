@@ -15,9 +15,9 @@ from nathlon.terminal import say, tell
 
 def incident(
     recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
-    at_s: Annotated[float, typer.Option("--at", help="When it happened, s since the start, within 2 s.")],
-    car: Annotated[int, typer.Option(min=0, help="Number of the car that is to be tested in its place.")],
-    name: Annotated[str, typer.Option(help="Of the test.")],
+    at_s: Annotated[float, typer.Option("--at", help="Time of the incident, s since the start, within 2 s.")],
+    car: Annotated[int, typer.Option(min=0, help="Number of the car to be tested.")],
+    name: Annotated[str, typer.Option(help="Name of the test.")],
     out: Annotated[Path, typer.Option(help="Folder of the incidents.")] = Path("incidents"),
     store: Annotated[
         str | None,
@@ -27,9 +27,13 @@ def incident(
         list[str] | None,
         typer.Option(help="NAME=FILE: a policy that the store does not know; may be repeated."),
     ] = None,
-    before_s: Annotated[float, typer.Option("--before", min=0.5, max=30, help="Where it begins, s.")] = 4.0,
-    after_s: Annotated[float, typer.Option("--after", min=0.5, max=60, help="How long it goes on, s.")] = 6.0,
-    runs: Annotated[int, typer.Option(min=1, max=1000, help="Of an entrant, each a little different.")] = 16,
+    before_s: Annotated[
+        float, typer.Option("--before", min=0.5, max=30, help="Time at which it begins, s.")
+    ] = 4.0,
+    after_s: Annotated[float, typer.Option("--after", min=0.5, max=60, help="Length of the test, s.")] = 6.0,
+    runs: Annotated[
+        int, typer.Option(min=1, max=1000, help="Runs of an entrant, each slightly different.")
+    ] = 16,
     as_json: AsJson = False,
 ) -> None:
     """Make an incident a test: the same cars some seconds before it, which every later night runs.

@@ -13,7 +13,8 @@ from nathlon.terminal import print_json
 def observation(
     course_points: Annotated[int, typer.Option(help="Points on each line of the course.")] = 60,
     version: Annotated[
-        int, typer.Option(min=2, max=3, help="3 is the layout for policies of any car and circuit.")
+        int,
+        typer.Option(min=2, max=3, help="Version of the layout; 3 is for policies of any car and circuit."),
     ] = 2,
     as_json: AsJson = False,
 ) -> None:

@@ -29,14 +29,14 @@ ConfigSeed = Annotated[
     int | None,
     typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness, instead of the configuration's."),
 ]
-ConfigPath = Annotated[Path | None, typer.Option("--config", help="How to select (nathlon init writes one).")]
-ConfigFile = Annotated[Path, typer.Option("--config", help="How to select (nathlon init writes one).")]
+ConfigPath = Annotated[Path | None, typer.Option("--config", help="Configuration (nathlon init writes one).")]
+ConfigFile = Annotated[Path, typer.Option("--config", help="Configuration (nathlon init writes one).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Workers = Annotated[
     int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes; one for each core by default.")
 ]
 EngineAddress = Annotated[
-    str, typer.Option(help="Of the Ray cluster; auto for the one that this machine is part of.")
+    str, typer.Option(help="Address of the Ray cluster; auto for the one of this machine.")
 ]
 Shortlist = Annotated[
     int | None, typer.Option(min=1, max=MOST_SHORTLISTED, help="Entrants that reach the round robin.")

@@ -17,7 +17,7 @@ def plan(
     ] = None,
     config: ConfigPath = None,
     store: Annotated[
-        str | None, typer.Option(help="Where earlier selections are, instead of the configuration's.")
+        str | None, typer.Option(help="Store of earlier selections, instead of the configuration's.")
     ] = None,
     pairs: Pairs = None,
     workers: Workers = None,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def race(
     entrants: Annotated[
         list[str],
-        typer.Argument(help="From pole in turn: checkpoints, generalist, driver:pace=0.95 or plugin:NAME."),
+        typer.Argument(help="Entrants from pole on: checkpoints, generalist, driver:pace=0.95, plugin:NAME."),
     ],
     scenario: Annotated[
         str, typer.Option(help="Name or path of the scenario, with settings if you like: race:laps=3.")
@@ -27,7 +27,7 @@ def race(
     car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
     seed: Seed = 1,
     qualifying: Annotated[
-        bool, typer.Option("--qualify", help="Order the entrants by a flying lap first.")
+        bool, typer.Option("--qualify", help="Order the grid by a flying lap of each entrant.")
     ] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep the race as OUT/race.mcap.")] = False,
     out: Out = Path("runs/race"),

@@ -22,7 +22,7 @@ def replay(
     ],
     race: Annotated[
         str | None,
-        typer.Argument(help="Race of the store to run again, as KEY:RACE; the first digits of the key do."),
+        typer.Argument(help="Race of the store to run again, as KEY:RACE; the key's first digits suffice."),
     ] = None,
     car: Annotated[
         str | None, typer.Option(help="Name or number of the car to follow; the winner by default.")
@@ -33,10 +33,8 @@ def replay(
     ] = False,
     html: Annotated[Path | None, typer.Option(help="Write a page that plays the race instead.")] = None,
     video: Annotated[Path | None, typer.Option(help="Write a clip (.mp4) instead.")] = None,
-    start_s: Annotated[
-        float | None, typer.Option("--from", help="Where the clip begins in the race, s.")
-    ] = None,
-    end_s: Annotated[float | None, typer.Option("--to", help="Where the clip ends, s.")] = None,
+    start_s: Annotated[float | None, typer.Option("--from", help="Start of the clip in the race, s.")] = None,
+    end_s: Annotated[float | None, typer.Option("--to", help="End of the clip, s.")] = None,
     recover: Annotated[
         bool, typer.Option("--recover", help="Save what can be read of a damaged recording.")
     ] = False,

@@ -18,7 +18,7 @@ Judge = Literal["rule", "people", "model"]
 
 
 def design_reward(
-    task: Annotated[str, typer.Argument(help="What is wanted, in words.")],
+    task: Annotated[str, typer.Argument(help="What the reward should bring about, in words.")],
     out: Out = Path("runs/reward"),
     config: Annotated[
         str, typer.Option(help="Training configuration: circuit, car, races, networks; name or path.")
@@ -33,23 +33,25 @@ def design_reward(
         ),
     ] = "rule",
     rule: Annotated[
-        str | None, typer.Option(help="How measured clips are judged: an expression, more is better.")
+        str | None, typer.Option(help="Expression by which measured clips are judged; more is better.")
     ] = None,
-    rounds: Annotated[int, typer.Option(min=1, max=100, help="Rounds.")] = 4,
+    rounds: Annotated[int, typer.Option(min=1, max=100, help="Number of rounds.")] = 4,
     candidates: Annotated[int, typer.Option(min=1, max=1000, help="Formulas proposed in a round.")] = 10,
     kept: Annotated[int, typer.Option(min=1, max=100, help="Formulas trained in a round.")] = 5,
     updates: Annotated[int, typer.Option(min=1, max=10**9, help="Updates of a candidate's training.")] = 8000,
     final_updates: Annotated[
         int, typer.Option(min=1, max=10**9, help="Updates of the winner's last training.")
     ] = 40000,
-    starts: Annotated[int, typer.Option(min=1, max=64, help="Clips of everybody, of 20 s each.")] = 8,
+    starts: Annotated[int, typer.Option(min=1, max=64, help="Clips of each driver, 20 s each.")] = 8,
     preferences: Annotated[
         int, typer.Option(min=0, max=10_000, help="Comparisons of known drivers before the first round.")
     ] = 100,
     each: Annotated[
         int | None,
         typer.Option(
-            min=1, max=64, help="Clips in which two candidates are compared; all by a rule, else 1."
+            min=1,
+            max=64,
+            help="Clips in which two candidates are compared; by default all for a rule, else 1.",
         ),
     ] = None,
     transcripts: Annotated[
@@ -57,7 +59,7 @@ def design_reward(
     ] = None,
     seed: Seed = 1,
     threads: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner.")] = 1,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page for people; 0 for any.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page for people; 0 for any.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Design a reward from words: formulas are proposed, trained for minutes, compared, and bred.

@@ -61,9 +61,7 @@ def evaluate(
     world: WorldName = None,
     store: Annotated[
         str | None,
-        typer.Option(
-            help="Where to keep everything, path or URL: nathlon worker takes part from other machines."
-        ),
+        typer.Option(help="Store of everything, path or URL; nathlon worker takes part from other machines."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -22,18 +22,18 @@ def serve(
     store: StoreName,
     member: Annotated[
         list[str] | None,
-        typer.Option(help="Who is let in; may be given several times. The committee's members by default."),
+        typer.Option(help="Member who may enter; may be repeated. The committee's members by default."),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the nights, or of the run; that of the store by default."),
+        typer.Option(help="Folder of the nights or of the run; the store's by default."),
     ] = None,
     host: Annotated[
         str, typer.Option(help="Name or address by which browsers reach this machine.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="To listen on; 0 for any.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any.")] = 0,
     cert: Annotated[Path | None, typer.Option(help="Certificate of the host (PEM), for TLS.")] = None,
-    key: Annotated[Path | None, typer.Option(help="Its key (PEM).")] = None,
+    key: Annotated[Path | None, typer.Option(help="Key of the certificate (PEM).")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Open the committee's room in a browser: report, questions, votes, blind drives, the log.

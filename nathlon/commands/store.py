@@ -17,7 +17,7 @@ LEAST_DAYS = 1 / 24
 
 def copy_store(
     store: StoreName,
-    target: Annotated[str, typer.Argument(help="Where to: a new file, or the URL of an empty database.")],
+    target: Annotated[str, typer.Argument(help="Target: a new file, or the URL of an empty database.")],
     as_json: AsJson = False,
 ) -> None:
     """Copy matches, runs and the log of a store into a new one: from a file into a database, or back."""
@@ -39,7 +39,7 @@ def clean_store(
     store: StoreName,
     days: Annotated[
         float,
-        typer.Option(min=LEAST_DAYS, max=36_500, help="Keep what was put or asked for in so many days."),
+        typer.Option(min=LEAST_DAYS, max=36_500, help="Keep what was stored or used within this many days."),
     ] = 7.0,
     as_json: AsJson = False,
 ) -> None:

@@ -94,10 +94,10 @@ def _import_folder(
 
 
 def generate_track(
-    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Each seed gives another circuit.")],
+    seed: Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of the circuit.")],
     style: Annotated[str, typer.Option(help="grand-prix, street or national.")] = "grand-prix",
     length: Annotated[
-        float | None, typer.Option(help="Length of the lap in metres; as usual in the style by default.")
+        float | None, typer.Option(help="Length of the lap, m; the style's usual length by default.")
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
     as_json: AsJson = False,

@@ -30,12 +30,14 @@ def train(
     threads: Annotated[
         int | None, typer.Option(min=1, max=MOST_WORKERS, help="Threads of the learner.")
     ] = None,
-    device: Annotated[Literal["cpu", "cuda"], typer.Option(help="Where networks are updated.")] = "cpu",
+    device: Annotated[
+        Literal["cpu", "cuda"], typer.Option(help="Device on which networks are updated.")
+    ] = "cpu",
     engine: Annotated[
-        Literal["local", "ray"], typer.Option(help="Who runs the rollout workers: this machine or a cluster.")
+        Literal["local", "ray"], typer.Option(help="Where rollout workers run: this machine or a cluster.")
     ] = "local",
     engine_address: EngineAddress = "auto",
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the run in the folder.")] = False,
     origin: Annotated[
         Path | None, typer.Option("--from", help="Folder of a run whose networks this one starts with.")
     ] = None,

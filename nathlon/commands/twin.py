@@ -21,9 +21,11 @@ def twin(
         typer.Argument(help="Recording of another race from the same start, instead of --policy."),
     ] = None,
     policy: Annotated[
-        str | None, typer.Option(help="Who drives the car in the twin: checkpoint, driver or plugin.")
+        str | None, typer.Option(help="Driver of the car in the twin: checkpoint, driver or plugin.")
     ] = None,
-    at_s: Annotated[float, typer.Option("--at", help="From when it drives, s since the start.")] = 0.0,
+    at_s: Annotated[
+        float, typer.Option("--at", help="Time at which it takes over, s since the start.")
+    ] = 0.0,
     out: Out = Path("runs/twin"),
     store: Annotated[
         str | None,

@@ -17,9 +17,7 @@ def worker(
     wait: Annotated[float, typer.Option(min=0, help="Seconds to wait for matches before it ends.")] = 60.0,
     world: Annotated[
         list[str] | None,
-        typer.Option(
-            "--world", help="A simulator that may be loaded, if it is not nathlon's own; as for evaluate."
-        ),
+        typer.Option("--world", help="Another simulator that may be loaded; named as for evaluate."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
