@@ -58,7 +58,7 @@ def test_a_folder_becomes_circuits_and_a_sheet_of_them(
     assert "files/notes.txt: no points, expected columns" in said
     assert "Imported     2 of 3 files" in said
     height, width = imread("files/circuits.png").shape[:2]
-    assert width > 4 * height
+    assert width == 2 * height, "two circuits side by side"
     with pytest.raises(InputError, match="files: none of 3 files made a circuit"):
         CliRunner().invoke(app, ["track", "import", "files", "--out", "files"], catch_exceptions=False)
     with pytest.raises(InputError, match="--name is 'oval', expected none for a folder"):
