@@ -121,9 +121,10 @@ def mail_server() -> Iterator[tuple[int, list[str]]]:
                 if in_letter and said != ".":
                     continue
                 in_letter = said.upper() == "DATA"
-                self.wfile.write(b"354 go on\r\n" if in_letter else b"250 well\r\n")
                 if said.upper() == "QUIT":
+                    self.wfile.write(b"221 bye\r\n")
                     return
+                self.wfile.write(b"354 go on\r\n" if in_letter else b"250 well\r\n")
 
     with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Handler) as server:
         server.daemon_threads = True

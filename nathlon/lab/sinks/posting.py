@@ -90,7 +90,8 @@ def _post(address: str, content: Any) -> str:
     try:
         with httpx.stream("POST", url, json=content, timeout=PATIENCE_S) as response:
             if not response.is_success:
-                raise InputError(f"{url.host} answers {response.status_code} {response.reason_phrase}")
+                code = response.status_code
+                raise InputError(f"{url.host} answers {code} {httpx.codes.get_reason_phrase(code)}".strip())
     except httpx.HTTPError as error:
         raise InputError(f"{url.host} cannot be reached: {error or type(error).__name__}") from None
     return url.host

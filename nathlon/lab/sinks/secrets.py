@@ -6,9 +6,12 @@ import os
 import re
 
 from nathlon.sim.errors import InputError
+from nathlon.sim.names import printable
 
 SECRET = re.compile(r"KEY|TOKEN|PASSWORD|SECRET|CREDENTIAL|WEBHOOK", re.IGNORECASE)
 """In the names of variables whose values are never said."""
+LONGEST = 300
+"""Letters of a sentence."""
 SHORTEST = 6
 """Letters of such a value; a shorter one may be part of any word."""
 USER = re.compile(r"//[^/@\s]+@")
@@ -40,4 +43,4 @@ def concealed(text: str, address: str) -> str:
     for secret in sorted({path, *variables}, key=len, reverse=True):
         if len(secret) >= SHORTEST:
             text = text.replace(secret, "***")
-    return " ".join(USER.sub("//***@", text).split())
+    return printable(" ".join(USER.sub("//***@", text).split()))[:LONGEST]
