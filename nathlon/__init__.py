@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from nathlon.api.worker import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.arena.worlds.formula import Formula
+    from nathlon.lab.siblings.run import TrainingRun
+    from nathlon.lab.siblings.sb3 import NathlonCallback
     from nathlon.policies.environments.formula_reward import FormulaReward
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
@@ -61,6 +63,7 @@ _FROM = {
     "InputError": "nathlon.sim.errors",
     "LeagueResult": "nathlon.api.league",
     "MatrixResult": "nathlon.api.matrix",
+    "NathlonCallback": "nathlon.lab.siblings.sb3",
     "ObservationSpec": "nathlon.sim.observation",
     "Policy": "nathlon.policies.policy",
     "Quantity": "nathlon.sim.expressions",
@@ -71,6 +74,7 @@ _FROM = {
     "RewardDesign": "nathlon.api.reward",
     "SelectionResult": "nathlon.api.selection",
     "TrainingResult": "nathlon.api.train",
+    "TrainingRun": "nathlon.lab.siblings.run",
     "TwinResult": "nathlon.api.twin",
     "load_policy": "nathlon.policies.load",
     "GymnasiumWorld": "nathlon.arena.worlds.environment",
@@ -103,6 +107,7 @@ __all__ = [
     "InputError",
     "LeagueResult",
     "MatrixResult",
+    "NathlonCallback",
     "ObservationSpec",
     "PettingZooWorld",
     "Policy",
@@ -114,6 +119,7 @@ __all__ = [
     "RewardDesign",
     "SelectionResult",
     "TrainingResult",
+    "TrainingRun",
     "TwinResult",
     "coach",
     "design_reward",
