@@ -17,7 +17,8 @@ FROM ${BASE}
 RUN useradd --uid 10001 --create-home --home-dir /work racing \
     && install --directory --owner=10001 --group=10001 /cache
 COPY --from=build /opt/nathlon /opt/nathlon
-ENV PATH=/opt/nathlon/bin:$PATH \
+ENV MPLCONFIGDIR=/cache/matplotlib \
+    PATH=/opt/nathlon/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     XDG_CACHE_HOME=/cache
 WORKDIR /work
