@@ -20,6 +20,7 @@ from nathlon.lab.sinks.bulletin import Bulletin, Promotion
 from nathlon.lab.sinks.delivery import Delivery, deliver
 from nathlon.lab.sinks.secrets import concealed, revealed
 from nathlon.lab.sinks.telling import bulletin
+from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.gate import Gated, GateReport
 from nathlon.results.summary import write_summary
@@ -154,7 +155,7 @@ def test_a_letter_has_verdict_and_ranking_and_no_password_goes_in_the_clear(
 
 
 def test_mlflow_has_a_run_a_night_and_its_champion_moves_when_a_gate_passes(
-    told: Bulletin, tmp_path: Path
+    told: Bulletin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mlflow = pytest.importorskip("mlflow")
     from nathlon.lab.sinks.mlflow_run import log_night, promote
@@ -180,6 +181,19 @@ def test_mlflow_has_a_run_a_night_and_its_champion_moves_when_a_gate_passes(
         assert champion.tags["nathlon.entrant"] == entrant
         assert (Path(champion.source.removeprefix("file:").removeprefix("//")) / file.name).is_file()
     assert len(client.search_model_versions("name = 'nathlon-harbour-gt3'")) == 2
+
+    # And back again: a champion is a source of checkpoints.
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", address)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    mlflow.set_tracking_uri(None)
+    model = "mlflow:nathlon-harbour-gt3"
+    for name, file in ((f"{model}@champion", BUNDLED[1]), (f"{model}/1", BUNDLED[0])):
+        [path] = find_sources([name])
+        assert Path(path).read_bytes() == file.read_bytes()
+    [path] = find_sources([f"mlflow:runs/{run.info.run_id}"])
+    assert path.endswith(f"/sent/{BUNDLED[0].name}")
+    with pytest.raises(InputError, match="mlflow:nathlon-harbour-gt3@nobody: cannot be fetched: "):
+        find_sources([f"{model}@nobody"])
 
 
 def test_only_a_gate_that_passes_one_candidate_makes_a_champion(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,7 @@ ABSENT = (
     "casadi",
     "wandb",
     "mlflow",
+    "fsspec",
 )
 WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({ABSENT}))\n"
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from nathlon.policies.remote import is_remote
 from nathlon.policies.sources import PLUGIN
-from nathlon.policies.sources.finding import checkpoints_below
+from nathlon.policies.sources.finding import checkpoints_below, fetched
 from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -53,12 +54,12 @@ class Watched:
 
 
 def watch(watched: Iterable[str], endings: Iterable[str] = ()) -> Watched:
-    """Look into folders, and at files and `plugin:NAME`.
+    """Look into folders and at addresses, and at files and `plugin:NAME`.
 
     Files with the endings are checkpoints besides those that nathlon reads itself.
 
     Raises:
-        InputError: if a path does not exist.
+        InputError: if a path does not exist, or an address cannot be reached.
     """
     sources: list[str] = []
     empty: list[Path] = []
@@ -67,6 +68,10 @@ def watch(watched: Iterable[str], endings: Iterable[str] = ()) -> Watched:
         path = Path(source)
         if source.partition(":")[0] == PLUGIN:
             sources.append(source)
+        elif is_remote(source):
+            found = checkpoints_below(fetched(source, loaded), loaded)
+            sources += map(str, found)
+            empty += [] if found else [path]
         elif not path.exists():
             raise InputError(f"{source}: no such file or folder, expected checkpoints to watch")
         elif path.is_dir():
