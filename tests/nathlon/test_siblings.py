@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import nathlon
+from nathlon.arena.statistics import Floats
 from nathlon.arena.store import Store
 from nathlon.lab.siblings.proof import RISK, proved_worse
 from nathlon.lab.siblings.run import KIND, TrainingRun, checkpoints
@@ -51,12 +52,14 @@ def test_who_was_stopped_stops_nobody(tmp_path: Path, stopped: bool) -> None:
 @pytest.mark.parametrize("kind", ["normal", "skewed", "rare"])
 def test_equals_are_stopped_no_more_often_than_said(kind: str) -> None:
     rng = np.random.default_rng(5)
-    draws = {
-        "normal": lambda: rng.normal(0, 100, 24),
-        "skewed": lambda: -(rng.exponential(100, 24) ** 1.5) / 10,
-        "rare": lambda: -1000.0 * (rng.random(24) < 0.1),
-    }
-    draw = draws[kind]
+
+    def draw() -> Floats:
+        if kind == "normal":
+            return rng.normal(0, 100, 24)
+        if kind == "skewed":
+            return -(rng.exponential(100, 24) ** 1.5) / 10
+        return -1000.0 * (rng.random(24) < 0.1)
+
     runs = 200
     stopped = sum(
         any(proved_worse(draw(), [draw(), draw()], 50.0, LOOKS) for _ in range(LOOKS)) for _ in range(runs)

@@ -198,7 +198,12 @@ def test_mlflow_has_a_run_a_night_and_its_champion_moves_when_a_gate_passes(
 
 def test_only_a_gate_that_passes_one_candidate_makes_a_champion(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[Any] = []
-    monkeypatch.setattr(telling, "deliver", lambda *job: (told.append(job), ())[1])
+
+    def deliver(*job: Any) -> tuple[()]:
+        told.append(job)
+        return ()
+
+    monkeypatch.setattr(telling, "deliver", deliver)
     identity = policy_id(str(BUNDLED[0]))
     passed = Gated(name="new", entrant=identity, verdict=Decision.PASS, findings=())
     config = Config.model_validate({"results": {"mlflow": "https://mlflow.example"}})

@@ -125,7 +125,7 @@ def test_a_place_that_cannot_be_reached_is_one_sentence(address: str, said: str)
 def test_what_an_address_needs_is_named(
     address: str, module: str, extra: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, module, None)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(InputError, match=f": needs {module}, which the extra {extra} installs"):
         fetched(address)
 
@@ -166,7 +166,12 @@ def test_an_artefact_of_wandb_is_fetched_by_its_digests(
         manifest=SimpleNamespace(entries={"runs/step.zip": entry}), get_entry=lambda path: entry
     )
     asked: list[str] = []
-    api = SimpleNamespace(artifact=lambda name: asked.append(name) or artefact)
+
+    def artifact(name: str) -> SimpleNamespace:
+        asked.append(name)
+        return artefact
+
+    api = SimpleNamespace(artifact=artifact)
     monkeypatch.setattr(wandb, "Api", lambda: api)
     folder = fetched("wandb:team/racing/policies:latest")
     assert names(folder) == ["runs/step.zip"]
