@@ -11,6 +11,7 @@ import typer
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers, WorldName
 from nathlon.commands.selection import stoppable
+from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
@@ -35,7 +36,7 @@ def gate(
     Exit code 0: it may, being no worse by more than the margins. 1: it may not. 3: somebody could not be
     judged, as most of its runs are void. 4: the budget was too small to tell.
     """
-    check_given([*checkpoints, champion])
+    check_given(on_this_machine([*checkpoints, champion]))
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -81,8 +82,8 @@ def _promote(report: GateReport, checkpoints: Iterable[str], config: Path) -> No
     settings = read_config(config)
     if not settings.results.sinks:
         return
+    from nathlon.api.candidates import named_sources
     from nathlon.lab.sinks.telling import tell_gate
-    from nathlon.policies.sources.finding import find_sources
 
-    for one in tell_gate(report, find_sources(checkpoints), settings):
+    for one in tell_gate(report, named_sources(checkpoints), settings):
         warn(f"Champion     {one.place or one.sentence.strip()}")

@@ -11,9 +11,7 @@ from pathlib import Path
 
 from nathlon.policies.bundled import generalist
 from nathlon.policies.policy_file import open_policy_file
-from nathlon.policies.remote import is_remote
 from nathlon.policies.sources import (
-    COMPOSITE,
     DRIVER,
     GENERALIST,
     HUMAN,
@@ -33,9 +31,6 @@ from nathlon.sim.errors import InputError, together
 from nathlon.sim.names import printable
 
 log = logging.getLogger(__name__)
-
-BESIDE = (COMPOSITE, ".pkl", ".yml", ".onnx.data")
-"""What files end with that belong to policies, or name them."""
 
 
 def checkpoints_below(folder: Path, endings: Iterable[str] = ()) -> list[Path]:
@@ -84,29 +79,11 @@ def _looked_into(root: Path, on_error: Callable[[OSError], None]) -> Iterator[tu
             yield place, [name for name in names if not name.startswith(".")]
 
 
-def fetched(address: str, endings: Iterable[str] = ()) -> Path:
-    """The folder of this machine with the checkpoints that lie at an address; see `nathlon.policies.remote`.
-
-    Args:
-        address: of them.
-        endings: of files that are checkpoints besides those that nathlon reads itself.
-
-    Raises:
-        InputError: if they cannot be fetched.
-    """
-    from nathlon.policies.remote.mirror import mirrored
-
-    all_endings = (*SUFFIXES, *BESIDE, *endings)
-    return mirrored(
-        address, lambda name: name.lower().endswith(all_endings) and name.lower() not in TRAINING_STATE
-    )
-
-
 def check_given(given: Iterable[str | Path]) -> None:
     """Raise an InputError that names all that is neither a folder nor can be a policy."""
     refused: list[InputError] = []
     for one in map(str, given):
-        if one != GENERALIST and not is_remote(one) and not _is_folder(one):
+        if one != GENERALIST and not _is_folder(one):
             try:
                 check_source(one)
             except InputError as error:
@@ -154,8 +131,8 @@ def find_sources(given: Iterable[str | Path], people: bool = False, endings: Ite
 def find(given: Iterable[str | Path], people: bool = False, endings: Iterable[str] = ()) -> Found:
     """What a user has given.
 
-    A folder or an address stands for all checkpoints below it, `generalist` for the one that comes with
-    nathlon. What a folder holds and cannot be read is set aside, before it is opened.
+    A folder stands for all checkpoints below it, `generalist` for the one that comes with nathlon. What a
+    folder holds and cannot be read is set aside, before it is opened.
 
     Args:
         given: paths and names.
@@ -173,8 +150,8 @@ def find(given: Iterable[str | Path], people: bool = False, endings: Iterable[st
             raise InputError("'': names no policy, expected a path or name")
         if one == GENERALIST:
             found.sources.append(str(generalist()))
-        elif is_remote(one) or _is_folder(one):
-            inside = checkpoints_below(fetched(one, loaded) if is_remote(one) else Path(one), loaded)
+        elif _is_folder(one):
+            inside = checkpoints_below(Path(one), loaded)
             if not inside:
                 raise _without_checkpoint(one, loaded)
             looked = {str(path): _fault(path) for path in inside}

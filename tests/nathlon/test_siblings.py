@@ -57,8 +57,8 @@ def test_equals_are_stopped_no_more_often_than_said(kind: str) -> None:
         if kind == "normal":
             return rng.normal(0, 100, 24)
         if kind == "skewed":
-            return -(rng.exponential(100, 24) ** 1.5) / 10
-        return -1000.0 * (rng.random(24) < 0.1)
+            return np.asarray(-100.0 * rng.pareto(3.0, 24), np.float64)
+        return np.where(rng.random(24) < 0.1, -1000.0, 0.0)
 
     runs = 200
     stopped = sum(

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from nathlon.api.candidates import named_sources
 from nathlon.arena.decision import Decision
 from nathlon.lab.sinks import delivery, messages, posting, telling
 from nathlon.lab.sinks.bulletin import Bulletin, Promotion
 from nathlon.lab.sinks.delivery import Delivery, deliver
 from nathlon.lab.sinks.secrets import concealed, revealed
 from nathlon.lab.sinks.telling import bulletin
-from nathlon.policies.sources.finding import find_sources
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.gate import Gated, GateReport
 from nathlon.results.summary import write_summary
@@ -188,12 +188,12 @@ def test_mlflow_has_a_run_a_night_and_its_champion_moves_when_a_gate_passes(
     mlflow.set_tracking_uri(None)
     model = "mlflow:nathlon-harbour-gt3"
     for name, file in ((f"{model}@champion", BUNDLED[1]), (f"{model}/1", BUNDLED[0])):
-        [path] = find_sources([name])
+        [path] = named_sources(name)
         assert Path(path).read_bytes() == file.read_bytes()
-    [path] = find_sources([f"mlflow:runs/{run.info.run_id}"])
+    [path] = named_sources(f"mlflow:runs/{run.info.run_id}")
     assert path.endswith(f"/sent/{BUNDLED[0].name}")
     with pytest.raises(InputError, match="mlflow:nathlon-harbour-gt3@nobody: cannot be fetched: "):
-        find_sources([f"{model}@nobody"])
+        named_sources(f"{model}@nobody")
 
 
 def test_only_a_gate_that_passes_one_candidate_makes_a_champion(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from nathlon.policies.remote import is_remote
+from nathlon.api.candidates import find_candidates
+from nathlon.policies.remote import is_remote, local, on_this_machine
 from nathlon.policies.remote.mirror import INDEX
-from nathlon.policies.sources.finding import check_given, fetched, find
 from nathlon.selection.config import read_config
 from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
@@ -51,6 +51,10 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Any, list[str]]]:
     files.rm("/bucket", recursive=True)
 
 
+def fetched(address: str) -> Path:
+    return Path(local(address))
+
+
 def names(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.*") if path.name != INDEX)
 
@@ -80,8 +84,8 @@ def test_what_has_not_changed_is_fetched_once(bucket: tuple[Any, list[str]]) -> 
 
 
 def test_an_address_is_a_folder_to_commands_and_nights(bucket: tuple[Any, list[str]], tmp_path: Path) -> None:
-    check_given(["memory://bucket/runs"])
-    found = find(["memory://bucket/runs"])
+    assert on_this_machine(["memory://bucket/runs", "runs/a"]) == ["runs/a"]
+    found = find_candidates("memory://bucket/runs")
     assert [Path(source).name for source in found.sources] == ["step-1.safetensors", "step-2.safetensors"]
     assert found.named == set()
     (tmp_path / "nathlon.toml").write_text('checkpoints = ["memory://bucket/runs", "memory://bucket/none"]')

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from nathlon.policies.remote import is_remote
+from nathlon.policies.remote import local
 from nathlon.policies.sources import PLUGIN
-from nathlon.policies.sources.finding import checkpoints_below, fetched
+from nathlon.policies.sources.finding import checkpoints_below
 from nathlon.policies.sources.identity import policy_id
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -65,13 +65,9 @@ def watch(watched: Iterable[str], endings: Iterable[str] = ()) -> Watched:
     empty: list[Path] = []
     loaded = tuple(endings)
     for source in watched:
-        path = Path(source)
+        path = Path(local(source, loaded))
         if source.partition(":")[0] == PLUGIN:
             sources.append(source)
-        elif is_remote(source):
-            found = checkpoints_below(fetched(source, loaded), loaded)
-            sources += map(str, found)
-            empty += [] if found else [path]
         elif not path.exists():
             raise InputError(f"{source}: no such file or folder, expected checkpoints to watch")
         elif path.is_dir():
