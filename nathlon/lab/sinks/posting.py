@@ -45,7 +45,7 @@ def mail(bulletin: Bulletin, address: str) -> str:
     """
     server = urlsplit(os.environ.get(SMTP, ""))
     if server.scheme not in PORTS or not server.hostname:
-        raise InputError(f"{SMTP} is not set to a mail server, expected smtp://USER:PASSWORD@HOST:587")
+        raise InputError(f"{SMTP} is not set to a mail server, expected smtp://HOST:587")
     user, password = unquote(server.username or ""), unquote(server.password or "")
     letter = EmailMessage()
     letter["Subject"] = f"nathlon {messages.title(bulletin)}"
