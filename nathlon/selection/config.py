@@ -193,6 +193,8 @@ def read_config(path: Path) -> Config:
 
     def located(name: str) -> str:
         """A path from the configuration's folder; names of drivers, plug-ins and databases as they are."""
+        if "\0" in name:
+            raise InputError(f"{path}: {name!r} is no path: a name has no zero byte")
         if name == GENERALIST:
             return str(generalist())
         return name if ":" in name or name in (DRIVER, RANDOM) else os.path.abspath(root / name)
