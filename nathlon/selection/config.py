@@ -30,6 +30,7 @@ from nathlon.selection.pareto.objective import OWN, RACE, Objective
 from nathlon.selection.publish.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.sim.data_file import Named, Section, read_toml
+from nathlon.sim.errors import InputError
 
 SectionT = TypeVar("SectionT", bound=Section)
 Share = Annotated[float, Field(ge=0, le=1)]
