@@ -48,7 +48,8 @@ def test_messages_come_whole_and_in_order(pipe: tuple[Connection, Connection]) -
 
 def test_the_rest_of_a_message_is_not_waited_for(pipe: tuple[Connection, Connection]) -> None:
     here, there = pipe
-    incoming, came = Incoming(here, None, PATIENT_S), []
+    incoming = Incoming(here, None, PATIENT_S)
+    came: list[object] = []
     content = packed([1, 2]) + packed("next")
     for place in range(len(content)):
         os.write(there.fileno(), content[place : place + 1])
