@@ -38,8 +38,8 @@ from nathlon.tournament.power import unit_deviation
 
 GONE = "is gone or has changed since the selection began, so it could not be sent"
 ALIKE = (
-    "All mirrored pairs of the same two came out alike, so the intervals know of no chance. Where seeds have no "
-    "effect (nathlon world check) they say nothing of other episodes."
+    "All mirrored pairs of the same two came out alike, so the intervals know of no chance. Where seeds have "
+    "no effect (nathlon world check) they say nothing of other episodes."
 )
 ALIKE_DEVIATION = 1e-9
 """Points a race: what adding up in another order may leave of none."""
