@@ -77,6 +77,7 @@ class Gated(ResultModel):
     Attributes:
         not_judged: it, or the champion beside it, where most of their units are void.
         also: other files with the same contents.
+        other_gates: of it against the champion that the store holds, with other seeds or settings.
     """
 
     name: str
@@ -85,11 +86,18 @@ class Gated(ResultModel):
     findings: tuple[GateFinding, ...]
     not_judged: tuple[Voided, ...] = ()
     also: tuple[str, ...] = ()
+    other_gates: int = 0
 
     @property
     def notes(self) -> list[str]:
         """What its findings rest on, or do not, measure by measure."""
-        return [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
+        notes = [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
+        if self.other_gates:
+            notes.append(
+                f"other gates: the store holds {self.other_gates} of the same two with other seeds or settings, "
+                "and of several one passes by chance more often than alpha says"
+            )
+        return notes
 
 
 class GateReport(ResultModel):
