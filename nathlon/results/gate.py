@@ -94,8 +94,8 @@ class Gated(ResultModel):
         notes = [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
         if self.other_gates:
             notes.append(
-                f"other gates: the store holds {self.other_gates} of the same two with other seeds or settings, "
-                "and of several one passes by chance more often than alpha says"
+                f"other gates: the store holds {self.other_gates} of the same two with other seeds or "
+                "settings, and of several one passes by chance more often than alpha says"
             )
         return notes
 
