@@ -129,9 +129,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
         champion_also=champion.also,
         wall_s=round(time.perf_counter() - began, 1),
         versions=versions(),
-        candidates=tuple(
-            _gated(case, settings, other_gates(run.store, run.name, case.pair)) for case in cases
-        ),
+        candidates=tuple(_gated(case, settings, other_gates(run, case.pair)) for case in cases),
     )
 
 
