@@ -51,7 +51,9 @@ class GateFinding(ResultModel):
         """Its bounds in words; completion has a lower one alone."""
         if self.low is None:
             return ""
-        return f"{self.low:+.3g} to {self.high:+.3g}" if self.high is not None else f"{self.low:+.3g} or more"
+        return (
+            f"{self.low:+z.3g} to {self.high:+z.3g}" if self.high is not None else f"{self.low:+z.3g} or more"
+        )
 
     @property
     def sentence(self) -> str:
@@ -65,8 +67,8 @@ class GateFinding(ResultModel):
         else:
             bounds = f" ({self.bounds})" if self.bounds else ""
             said = (
-                f"{self.measure} {self.unit}: {self.difference:+.3g}{bounds}, "
-                f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
+                f"{self.measure} {self.unit}: {self.difference:+z.3g}{bounds}, "
+                f"may be {-self.margin:+z.3g}; {self.units} of {self.most} units"
             )
         return f"{said}; {self.note}" if self.note else said
 
