@@ -25,6 +25,7 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match, run_together
+from nathlon.arena.serving import _fall_silent
 from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
 from nathlon.arena.workers import Worker, new_output_log
 from nathlon.selection.trials import against
@@ -302,6 +303,26 @@ def test_a_worker_that_sends_what_cannot_be_read_is_ended(
     assert worker.dead
     assert worker.unreadable
     log.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="forks")
+def test_what_a_policy_forks_does_not_run_the_match_beside_its_parent() -> None:
+    pipe, theirs = connection.Pipe()
+    read, write = os.pipe()
+    watch = Watch()
+    if (forked := os.fork()) == 0:
+        try:
+            _fall_silent(pipe, watch)
+            watch.work()  # as after every answer
+            os.write(write, b"went on")
+        finally:
+            os._exit(0)
+    os.close(write)
+    assert os.read(read, 9) == b""
+    assert os.waitstatus_to_exitcode(os.waitpid(forked, 0)[1]) == 1
+    os.close(read)
+    pipe.close()
+    theirs.close()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
