@@ -22,15 +22,20 @@ DIVERGING = {
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a sheet: its name in the frame, its header with the unit, how it looks."""
+    """A column of a sheet: its name in the frame, its header with the unit, how it looks.
+
+    Values that several rows have look like `shared`, where that is given.
+    """
 
     name: str
     header: str
     form: str = "General"
     width: int = 13
     scale: dict[str, Any] | None = None
+    shared: str | None = None
 
 
+RANK = Column("rank", "Rank", "0", 8, shared='0"="')
 ENTRANT = (Column("name", "Entrant", width=28),)
 ORIGIN = (
     Column("step", "Training step", "#,##0"),
@@ -50,10 +55,12 @@ def write_sheet(
     sheet.set_row(top, 32)
     first, last = top + 1, top + frame.height
     for at, column in enumerate(columns):
-        form = workbook.add_format({"num_format": column.form})
+        values = frame[column.name]
+        shared = values.is_duplicated() if column.shared else [False] * len(values)
+        forms = [workbook.add_format({"num_format": form}) for form in (column.form, column.shared) if form]
         sheet.set_column(at, at, column.width)
-        for row, value in enumerate(frame[column.name].to_list(), start=first):
-            write_cell(sheet, row, at, value, form)
+        for row, (value, twice) in enumerate(zip(values.to_list(), shared, strict=True), start=first):
+            write_cell(sheet, row, at, value, forms[twice])
         if column.scale and frame.height:
             sheet.conditional_format(first, at, last, at, column.scale)
     return sheet

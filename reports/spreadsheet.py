@@ -17,6 +17,7 @@ from nathlon.reports._sheets import (
     ENTRANT,
     ORANGES,
     ORIGIN,
+    RANK,
     Column,
     add_table,
     write_cell,
@@ -39,7 +40,7 @@ RECORD = (
 )
 """Of formats other than 4v4."""
 RANKING = (
-    Column("rank", "Rank", "0", 8),
+    RANK,
     *ENTRANT,
     *RECORD,
     Column("points_per_race", "Points [1/race]", "0.00", scale=BLUES),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import nathlon.selection.committee as committee
 from nathlon.arena.store import Store
 from nathlon.commands.place import Place
+from nathlon.results.ranks import written_rank
 from nathlon.selection.committee.ballots import Ballot
 from nathlon.selection.committee.decision import Decision, describe
 from nathlon.selection.committee.event_log import EventLog
@@ -188,7 +189,7 @@ def _standings(decision: Decision) -> Table:
             "*" if standing.chosen else "",
             row["name"],
             _interval(row),
-            "–" if row["rank"] is None else str(row["rank"]),
+            written_rank(row["rank"], row.get("tied", False)),
             _figure(row["contacts_per_km"], ".2f"),
             _figure(row["at_fault_per_km"], ".2f"),
             _figure(row["off_course_share"], ".1%"),

@@ -24,6 +24,7 @@ from nathlon.commands.options import (
     WorldName,
 )
 from nathlon.policies.sources.finding import check_given
+from nathlon.results.ranks import written_ranks
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
@@ -216,8 +217,8 @@ def _print_ranking(summary: Summary) -> None:
     heads += ["Contacts per km"] if touches else []
     for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
-    for row in ranking:
-        cells = ["–" if row.rank is None else str(row.rank), row.name]
+    for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
+        cells = [rank, row.name]
         if means:
             shares = (row.won, row.drawn, row.lost)
             cells.append(_interval(row.mean, row.mean_low, row.mean_high))

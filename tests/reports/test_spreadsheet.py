@@ -192,3 +192,11 @@ def test_tables_are_written_for_other_programs(selection: Selection, tmp_path: P
         assert pl.read_parquet(tmp_path / f"{name}.parquet").equals(table)
         text = pl.read_csv(tmp_path / f"{name}.csv", schema=table.schema)
         assert text.equals(table)
+
+
+def test_a_shared_rank_stays_a_number_and_has_its_mark(selection: Selection, tmp_path: Path) -> None:
+    sheet = openpyxl.load_workbook(write_spreadsheet(selection, tmp_path / "ranking.xlsx"))["Ranking"]
+    ranks = selection.named("ranking").sort("rank")["rank"]
+    cells = [row[0] for row in sheet.iter_rows(min_row=2)]
+    assert [cell.value for cell in cells] == ranks.to_list()
+    assert [cell.number_format == '0"="' for cell in cells] == ranks.is_duplicated().to_list()

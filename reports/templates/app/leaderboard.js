@@ -15,7 +15,7 @@ function leaderboard() {
   return [
     title,
     !met && note(`The entrants did not meet: ${summary.stages_set_aside.tournament}.`),
-    note(`Rank: 1 + the number of entrants proven better, after Holm's correction. Equal ranks are statistical ties. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
+    note(`Rank: 1 + the number of entrants proven better, after Holm's correction. = marks a statistical tie. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
@@ -84,11 +84,12 @@ function compare([first, second]) {
   })];
   const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
   const rows = [
-    ["Rank", shown(rankingOf, "rank", 0)],
+    ["Rank", shown(rankingOf, "rank", 0), rankWritten],
     [POINTS_HEAD, shown(rankingOf, POINTS[0], RANK_DIGITS, POINTS[1], POINTS[2])],
     touches && ["Contacts per km", shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high")],
     blames && ["At fault per km", shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high")],
     ["Faults", shown(rankingOf, "faults", 0)],
+    ["n-athlon, rank", shown(batteryOf, "rank", 0), batteryRank],
     ["n-athlon, sum", shown(batteryOf, "points", 0, "points_low", "points_high")],
     ...tests.map(skillRow),
     ...objectives.map((name) => [objectiveTitle(name), numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: 3 }))]),
@@ -101,8 +102,8 @@ function compare([first, second]) {
       : note(`They did not meet in the ${MEETINGS.toLowerCase()}.`),
     scroll("Side by side", h("table", { class: "sides" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))), h("th", { scope: "col", class: "number" }, "Difference"))),
-      h("tbody", {}, rows.map(([label, [a, b]]) => h("tr", {}, h("th", { scope: "row", class: "name" }, label),
-        [a, b].map(({ value, low, high, digits }) => h("td", { class: "number" }, h("strong", {}, number(value, digits)), " ", interval(low, high, digits))),
+      h("tbody", {}, rows.map(([label, [a, b], written = null]) => h("tr", {}, h("th", { scope: "row", class: "name" }, label),
+        [a, b].map(({ value, low, high, digits }) => h("td", { class: "number" }, h("strong", {}, written ? written(value) : number(value, digits)), " ", interval(low, high, digits))),
         h("td", { class: "number" }, a.value === null || b.value === null ? ABSENT : signed(a.value - b.value, a.digits))))))),
     numbers.every((index) => skillsOf.has(index)) && section("Their n-athlon", profile(numbers)),
   ];

@@ -26,7 +26,7 @@ function nAthlon() {
   });
   return [
     title,
-    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: better by the gain that the test sets. Rank: 1 + the number of entrants proven better; equal ranks are statistical ties.`, shadeKey(BLUES, "0", number(largest))),
+    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: better by the gain that the test sets. Rank: 1 + the number of entrants proven better; = marks a statistical tie.`, shadeKey(BLUES, "0", number(largest))),
     dataTable("n-athlon", [
       { key: "pick", head: "", unseen: "Profile", kind: "pick", cell: box },
       rankColumn(rows),
