@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from pathlib import Path
-from shlex import quote
 
 import polars as pl
 
@@ -28,6 +27,7 @@ from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import OPENED
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
+from nathlon.sim.process import typed
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal.progress import stage_progress, worker_count
 
@@ -124,7 +124,7 @@ class SelectionResult:
 
     def __repr__(self) -> str:
         if self.selection is None:
-            return f"The committee waits for its members: nathlon committee {quote(str(self.store))} show"
+            return f"The committee waits for its members: {typed('committee', self.store, 'show')}"
         told = self.verdict
         return "\n".join([told.headline, *told.sentences, f"Report: {self.report}"])
 

@@ -9,6 +9,7 @@ import typer
 
 from nathlon.commands.options import AsJson
 from nathlon.selection.bounds import LARGEST_SEED
+from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:
@@ -101,8 +102,8 @@ def _write(car: Car, out: Path, as_json: bool) -> None:
         print_json({"car": path, "description": car.description})
         return
     say(f"Car          {path}: {car.description}")
-    say(f"Check        nathlon car check {path}")
-    say(f"Race         nathlon race driver --car {path}")
+    say(f"Check        {typed('car', 'check', path)}")
+    say(f"Race         {typed('race', 'driver', '--car', path)}")
 
 
 def _grip(car: Car) -> dict[str, Any]:

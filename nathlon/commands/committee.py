@@ -113,7 +113,10 @@ def _pick(event_log: EventLog, question: Question | None, closed: bool) -> Decis
         return decisions[question]
     found = [decision for decision in decisions.values() if (decision.result is not None) == closed]
     if len(found) > 1:
-        raise InputError("question is not given, expected shortlist or selection")
+        raise InputError(
+            f"--question is not given, expected one that is {'closed' if closed else 'open'}: "
+            f"{' or '.join(one.opened.question for one in found)}"
+        )
     if not found:
         raise InputError(
             f"no decision is {'closed' if closed else 'open'}; reopen one or run a selection first"

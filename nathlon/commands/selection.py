@@ -26,6 +26,7 @@ from nathlon.commands.options import (
 from nathlon.policies.sources.finding import check_given
 from nathlon.results.ranks import written_ranks
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 RESULTS = ("Won", "Drawn", "Lost")
@@ -197,9 +198,8 @@ def print_places(result: SelectionResult) -> None:
     say(f"Report       {result.report}")
     say(f"Spreadsheet  {result.spreadsheet}")
     if result.summary.recording:
-        say(
-            f"Replay       nathlon replay {os.path.normpath(result.report.parent / result.summary.recording)}"
-        )
+        recording = os.path.normpath(result.report.parent / result.summary.recording)
+        say(f"Replay       {typed('replay', recording)}")
     say(f"Summary      {result.folder / 'summary.json'}")
 
 

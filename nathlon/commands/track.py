@@ -12,6 +12,7 @@ from nathlon.commands.options import AsJson
 from nathlon.selection.bounds import LARGEST_SEED
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import file_stem
+from nathlon.sim.process import typed
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
@@ -118,8 +119,8 @@ def _tell(path: Path, as_json: bool, **facts: Any) -> None:
         print_json({"circuit": path, "description": circuit.description, "length_m": circuit.length, **facts})
         return
     say(f"Circuit      {path}: {circuit.description}")
-    say(f"Map          nathlon track show {path}")
-    say(f"Race         nathlon race driver --circuit {path}")
+    say(f"Map          {typed('track', 'show', path)}")
+    say(f"Race         {typed('race', 'driver', '--circuit', path)}")
 
 
 def limit_track(

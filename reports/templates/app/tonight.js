@@ -134,5 +134,4 @@ function replay({ match, race, why, player, video, recording, replay: rerun, mis
   ];
 }
 
-const quoted = (word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", `'"'"'`)}'`);
-const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, words.map(quoted).join(" ")));
+const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, typed(words)));

@@ -138,9 +138,9 @@ function resultDialog({ rows, car, recording, inputs, questions, forecast }, { o
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
     ...(questions
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
-      : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, `nathlon replay ${recording}`)),
+      : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, typed(["nathlon", "replay", recording]))),
          h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
-         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, `nathlon coach ${recording} --car ${car}`)),
+         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", String(car)]))),
          h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave))]));
   dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); if (questions) onAsk(questions); else onLeave(); };
   dialog.showModal();
