@@ -95,6 +95,7 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     drive.until("document.getElementById('result').open")
     drive.picture("result")
     assert drive.page.locator("#result h2").inner_text() == "Your race ended: stuck"
+    assert drive.page.evaluate("[1, 2, 3, 11].map(ordinal).join()") == "1st,2nd,3rd,11th"
     assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "human:Ada"
     assert drive.room.kept[-1].recording.exists()
     assert Path(drive.page.locator("#result code").nth(1).inner_text()).exists()

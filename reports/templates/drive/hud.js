@@ -9,6 +9,8 @@ function lapTime(seconds) {
   return `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(ms % 1000).padStart(3, "0")}`;
 }
 
+const ordinal = (place) => `${place}${{ one: "st", two: "nd", few: "rd", other: "th" }[new Intl.PluralRules("en", { type: "ordinal" }).select(place)]}`;
+
 const signed = (seconds) => `${seconds < 0 ? "−" : "+"}${Math.abs(seconds).toFixed(2)}`;
 
 // The lap to compare your own with: time since the line at each row of the circuit.
@@ -90,7 +92,7 @@ function newHud({ race, scene, reference }) {
         const name = h("span", {}, h("i", { "data-colour": i }), `${other.place}. ${race.cars[i].name}`);
         // The policy of the page allows no style in markup.
         name.firstChild.style.background = race.cars[i].colour;
-        return h("div", { class: `row ${i === own ? "own" : ""} ${other.driving ? "" : "out"}` }, name, h("span", {}, other.driving ? gap : "out"));
+        return h("div", { class: `row ${i === own ? "own" : ""} ${other.doing}` }, name, h("span", {}, other.doing === "driving" ? gap : other.doing));
       }),
     );
   }

@@ -133,8 +133,8 @@ function resultDialog({ rows, car, recording, inputs, questions, forecast }, { o
   const button = (text, what, kind) => h("button", { class: kind, onclick: () => { dialog.close(); what(); } }, text);
   const own = rows.find((row) => row.car === car);
   dialog.replaceChildren(
-    h("h2", {}, own.ending === "finished" ? `You came ${own.place}. of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
-    ...(forecast ? [h("p", { id: "forecast" }, `Forecast: place ${forecast.place.toFixed(1)} of ${forecast.cars}, likely ${forecast.low === forecast.high ? forecast.low : `${forecast.low} to ${forecast.high}`}. You came ${own.place}.`)] : []),
+    h("h2", {}, own.ending === "finished" ? `You came ${ordinal(own.place)} of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
+    ...(forecast ? [h("p", { id: "forecast" }, `Forecast: place ${forecast.place.toFixed(1)} of ${forecast.cars}, likely ${forecast.low === forecast.high ? forecast.low : `${forecast.low} to ${forecast.high}`}. You came ${ordinal(own.place)}.`)] : []),
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
     ...(questions
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
