@@ -10,7 +10,7 @@ import typer
 from nathlon.commands.options import AsJson
 from nathlon.selection.bounds import LARGEST_SEED
 from nathlon.sim.process import typed
-from nathlon.terminal import new_table, print_json, print_table, say, warn
+from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
 
 if TYPE_CHECKING:
     from nathlon.sim.car import Car
@@ -102,8 +102,7 @@ def _write(car: Car, out: Path, as_json: bool) -> None:
         print_json({"car": path, "description": car.description})
         return
     say(f"Car          {path}: {car.description}")
-    say(f"Check        {typed('car', 'check', path)}")
-    say(f"Race         {typed('race', 'driver', '--car', path)}")
+    tell({"check": typed("car", "check", path), "race": typed("race", "driver", "--car", path)}, False)
 
 
 def _grip(car: Car) -> dict[str, Any]:

@@ -161,8 +161,9 @@ def _print(decision: Decision) -> None:
         for entry in said:
             late = " (too late to count)" if entry in decision.late else ""
             # A ballot of test drives has a reason of many parts.
-            said_so = sentence(entry, names).replace("; ", f"\n{' ' * 22}")
-            say(f"  {entry.at[:19]} {said_so}{late}")
+            first, *others = f"{sentence(entry, names)}{late}".split("; ")
+            for start, part in [(entry.at[:19], first), *((" " * 19, other) for other in others)]:
+                say(f"  {start}  {part}")
     result = decision.result or decision.tally()
     if result.agreement is not None:
         say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")

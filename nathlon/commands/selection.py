@@ -27,7 +27,7 @@ from nathlon.policies.sources.finding import check_given
 from nathlon.results.ranks import written_ranks
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
-from nathlon.terminal import new_table, print_json, print_table, say, warn
+from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
 
 RESULTS = ("Won", "Drawn", "Lost")
 """Heads of columns: what became of the episodes that an entrant played."""
@@ -192,15 +192,14 @@ def say_set_aside(excluded: Iterable[SetAside | Exclusion]) -> None:
 
 def print_places(result: SelectionResult) -> None:
     """Print where the files are."""
-    for sent in result.summary.sent:
-        if sent.path is not None:
-            say(f"Copy         {result.folder / sent.path}")
-    say(f"Report       {result.report}")
-    say(f"Spreadsheet  {result.spreadsheet}")
+    copies = [result.folder / sent.path for sent in result.summary.sent if sent.path is not None]
+    for copy in copies:
+        tell({"copy": copy}, False)
+    tell({"report": result.report, "spreadsheet": result.spreadsheet}, False)
     if result.summary.recording:
         recording = os.path.normpath(result.report.parent / result.summary.recording)
-        say(f"Replay       {typed('replay', recording)}")
-    say(f"Summary      {result.folder / 'summary.json'}")
+        tell({"replay": typed("replay", recording)}, False)
+    tell({"summary": result.folder / "summary.json"}, False)
 
 
 def _print_ranking(summary: Summary) -> None:
