@@ -8,6 +8,8 @@ from typing import Any
 
 import polars as pl
 
+A4 = 9
+PRINTED_ROWS = 60
 BLUES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#6BA3D6"}
 ORANGES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#E9A15B"}
 DIVERGING = {
@@ -79,7 +81,11 @@ def add_table(workbook: Any, title: str, headers: Sequence[str], rows: int, top:
     # Excel refuses a table without a row.
     sheet.add_table(top, 0, top + max(1, rows), len(headers) - 1, table)
     sheet.set_landscape()
+    sheet.set_paper(A4)
+    sheet.set_footer(f"&L{title}&RPage &P of &N")
     sheet.repeat_rows(top)
+    # Who prints the workbook wants the first of each table, not a page for every hundred races.
+    sheet.print_area(0, 0, top + min(max(1, rows), PRINTED_ROWS), len(headers) - 1)
     sheet.fit_to_pages(1, 0)
     return sheet
 

@@ -11,6 +11,7 @@ import typer
 
 from nathlon.commands.options import AsJson, ConfigFile, Workers
 from nathlon.commands.selection import print_places, print_verdict, stoppable
+from nathlon.results.words import stage_called
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, tell
@@ -130,4 +131,4 @@ def _counts(store: Store, run: str) -> dict[str, int]:
 
 def _under_way(facts: dict[str, Any]) -> str:
     at = facts.get("progress")
-    return f"{at['stage']}: {at['done']:,} of {at['total']:,} matches" if at else ""
+    return f"{stage_called(at['stage'])}: {at['done']:,} of {at['total']:,} matches" if at else ""

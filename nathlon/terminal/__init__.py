@@ -36,12 +36,12 @@ def print_table(table: Table) -> None:
 
 def say(text: str) -> None:
     """Print a line; in a narrow terminal it goes on below, and words and paths stay whole."""
-    console().line(text)
+    console().sentence(text)
 
 
 def warn(text: str) -> None:
     """Print a line that is no result to standard error, as `say` does."""
-    console(stderr=True).line(text)
+    console(stderr=True).sentence(text)
 
 
 def print_json(value: Any) -> None:

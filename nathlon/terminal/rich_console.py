@@ -39,7 +39,7 @@ class Terminal(Console):
         needed = Measurement.get(self, self.options.update(max_width=WIDEST), table).maximum
         if self.is_terminal and needed > self.width:
             for line in _as_list(table, self.width):
-                self.line(line)
+                self.sentence(line)
             return
         own, self.width = self.width, max(self.width, needed)
         try:
@@ -47,7 +47,7 @@ class Terminal(Console):
         finally:
             self.width = own
 
-    def line(self, text: str) -> None:
+    def sentence(self, text: str) -> None:
         """Print a line; one that is wider than the terminal goes on below, never within a word or a path."""
         if not self.is_terminal or cell_len(text) <= self.width:
             self.print(text, soft_wrap=True)

@@ -59,6 +59,8 @@ const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISODE}s`;
 const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 const MEETINGS = "Round robin";
+const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
+const stageName = (stage) => STAGES[stage] ?? capital(stage.replaceAll("_", " "));
 const met = !("tournament" in summary.stages_set_aside);
 // Of whom the means are known: in 4v4 points are a team's, elsewhere the fit says little by itself.
 const MEANS = ranks("mean");

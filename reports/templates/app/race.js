@@ -10,12 +10,12 @@ function raceView([key, index]) {
   const player = recording && playerOf(recording);
   const flagged = (value) => (value ? h("span", { class: "fault" }, number(value)) : "0");
   return [
-    h("p", { class: "over" }, `${plain(race.stage)} · ${plain(race.test)}`),
+    h("p", { class: "over" }, `${stageName(race.stage)} · ${plain(race.test)}`),
     h("h1", {}, `${capital(EPISODE)} ${race.key.slice(0, 12)}/${race.race}`),
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)), POINT_DIGITS)}`])),
     facts([
       ["Seed", race.seed], (onCircuit || race.stage === "tournament") && [onCircuit ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
-      onCircuit && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
+      onCircuit && ["Contacts", [number(sum(cars.map((one) => one.contacts)) / 2), h("small", {}, "each counted once; in the table for both cars")]],
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     shown?.video && filmOf(shown),

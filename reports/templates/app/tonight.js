@@ -24,13 +24,11 @@ function tonight() {
   ];
 }
 
-const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
-
 function funnel() {
   const view = { pareto: "pareto", battery: "n-athlon", tournament: "leaderboard", committee: "committee" };
   return summary.stages.length > 0 && h("ol", { class: "funnel" }, summary.stages.map((stage) =>
     h("li", {},
-      link(to(view[stage.name] ?? "tonight"), STAGES[stage.name] ?? plain(stage.name)),
+      link(to(view[stage.name] ?? "tonight"), stageName(stage.name)),
       h("span", { class: "counts" }, number(stage.in), h("span", { class: "arrow" }, "→"), number(stage.out)),
       h("span", { class: "cost" }, stage.races ? `${count(stage.races, EPISODE)}, ${duration(stage.wall_s)}` : "ballots"))));
 }
@@ -60,7 +58,7 @@ function health() {
       met && ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), `the more negative, the more ${EPISODES} mirroring saves`],
     ]),
     worst.length > 0 && h("p", {}, "Most faults: ", worst.map(([entrant, faults], i) => [i > 0 && ", ", entrantLink(entrant), ` ${number(faults)}`])),
-    aside.length > 0 && h("ul", {}, aside.map(([stage, reason]) => h("li", {}, `${plain(stage)} was not held: ${reason}`))),
+    aside.length > 0 && h("ul", {}, aside.map(([stage, reason]) => h("li", {}, `${stageName(stage)} was not held: ${reason}`))),
     set.length > 0 && h("ul", {}, set.map(([test, reason]) => h("li", {}, `${plain(test)} was not held: ${reason}`))),
     summary.excluded.length > 0 && h("details", { open: summary.excluded.length < 6 }, h("summary", {}, "Files set aside"),
       h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),
@@ -82,7 +80,7 @@ function foreseen() {
       h("thead", {},
         h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", capital(EPISODES), "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
         h("tr", {}, [1, 2, 3].map(() => ["forecast", "outcome"].map((text) => h("th", { class: "number" }, text))))),
-      h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, STAGES[stage.name]),
+      h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, stageName(stage.name)),
         pair(number(stage.entrants), number(came.in)),
         pair(number(stage.races), number(came.races)),
         pair(stage.core_s === null ? ABSENT : duration(stage.core_s), came.ran ? duration(came.core_s) : ABSENT)))))),

@@ -5,7 +5,8 @@ async function start() {
   const { circuit, car, at: takenOver, parted, sides } = JSON.parse(at("twins").textContent);
   const recordings = await Promise.all(sides.map(({ race }) => openRecording(race, circuit)));
   const mark = takenOver ?? parted;
-  const first = { followed: car, now: Math.max((mark ?? 0) - 1, 0), ...momentOf(new URLSearchParams(location.hash.slice(1))) };
+  // A policy that drives from the start parts later from the one before it.
+  const first = { followed: car, now: Math.max((parted ?? mark ?? 0) - 1, 0), ...momentOf(new URLSearchParams(location.hash.slice(1))) };
   const player = racePlayer(recordings[0], { ...first, beside: recordings[1], scrolls: true });
   at("races").append(player.node);
   // Below the page, so that it stays in reach.
