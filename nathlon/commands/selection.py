@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nathlon.commands.groups import NAMES
 from nathlon.commands.options import (
     AsJson,
     Checkpoints,
@@ -35,6 +36,7 @@ RESULTS = ("Won", "Drawn", "Lost")
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
     from nathlon.results.summary import SetAside, Summary
+    from nathlon.selection.config import Config
     from nathlon.selection.field import Exclusion
 
 
@@ -44,12 +46,53 @@ def demo(
     shortlist: Shortlist = None,
     pairs: Pairs = None,
     workers: Workers = None,
+    committee: Annotated[
+        str,
+        typer.Option(
+            metavar=NAMES,
+            help="Members of a committee, separated by commas, who are asked in the end whom to send.",
+        ),
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
     from nathlon.policies.bundled import BUNDLED
 
-    evaluate([str(BUNDLED / "lindenring")], out, None, seed, shortlist, pairs, workers, as_json=as_json)
+    members = tuple(name.strip() for name in committee.split(",") if name.strip())
+    config, bundled = _with_members(members), [str(BUNDLED / "lindenring")]
+    result = _select(bundled, out, config, seed, shortlist, pairs, workers, as_json=as_json)
+    if members:
+        store = str(result.store)
+        put_again(store, members[0])
+        if not as_json:
+            tell({"room": typed("serve", store), "votes": typed("committee", store, "show")}, False)
+
+
+def _with_members(members: tuple[str, ...]) -> Config:
+    """The standard configuration with these people on the committee."""
+    from pydantic import ValidationError
+
+    from nathlon.selection.committee.rules import CommitteeSettings
+    from nathlon.selection.config import Config
+    from nathlon.sim.validation import first_fault
+
+    try:
+        return Config(committee=CommitteeSettings(members=members))
+    except ValidationError as error:
+        raise InputError(f"--committee: {first_fault(error, CommitteeSettings)}") from None
+
+
+def put_again(store: str, member: str) -> None:
+    """Have a member of the last run's committee put the question who is sent, unless it is open."""
+    from nathlon.arena.store import Store
+    from nathlon.selection.committee import reopen
+    from nathlon.selection.committee.event_log import EventLog
+
+    with Store.open(store) as opened:
+        event_log = EventLog(opened, opened.runs()[-1].name)
+        decision = event_log.decisions().get("selection")
+        if decision is not None and decision.result is not None:
+            reopen(event_log, decision, member, "To try the committee's room.")
 
 
 def evaluate(
@@ -72,6 +115,22 @@ def evaluate(
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
     check_given(checkpoints)
+    _select(checkpoints, out, config, seed, shortlist, pairs, workers, world, store, as_json)
+
+
+def _select(
+    checkpoints: list[str],
+    out: Path,
+    config: Config | Path | None,
+    seed: int | None,
+    shortlist: int | None,
+    pairs: int | None,
+    workers: int | None,
+    world: str | None = None,
+    store: str | None = None,
+    as_json: bool = False,
+) -> SelectionResult:
+    """Select, and print what came of it. Exits with 3 where somebody could not be judged."""
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -102,6 +161,7 @@ def evaluate(
             print_places(result)
     if result.selection is not None and result.summary.not_judged:
         raise SystemExit(HEALTH)
+    return result
 
 
 def _print_now(summary: Summary) -> None:

@@ -96,7 +96,7 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     drive.picture("result")
     assert drive.page.locator("#result h2").inner_text() == "Your race ended: stuck"
     assert drive.page.evaluate("[1, 2, 3, 11].map(ordinal).join()") == "1st,2nd,3rd,11th"
-    assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "human:Ada"
+    assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "Ada"
     assert drive.room.kept[-1].recording.exists()
     assert Path(drive.page.locator("#result code").nth(1).inner_text()).exists()
     drive.page.click("#result >> text=Another race")
@@ -197,7 +197,7 @@ def test_a_difficulty_is_told_with_all_its_paces(browser: Browser, drives: tuple
     drive.page.select_option("[name=temper]", "calm")
     drive.begin(cars="3", seat="3")
     drive.until("document.getElementById('news').textContent.includes('at 74.0% to 84.0% of its pace, calm')")
-    drive.until("document.getElementById('order').textContent.includes('driver:pace=0.8400,temper=calm')")
+    drive.until("document.getElementById('order').textContent.includes('Built-in driver, 84 % pace, calm')")
     assert drive.room.heat is not None
     assert drive.room.heat.plan.grid[:2] == tuple(
         f"driver:pace={pace},temper=calm" for pace in ("0.8400", "0.7400")

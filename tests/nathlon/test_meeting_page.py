@@ -131,7 +131,7 @@ def test_the_report_is_of_now_and_follows_the_run(browser: Browser, store: Path)
         with Store.open(store) as opened:
             opened.begin_run("next", {})
             opened.put_fact("next", "progress", {"stage": "pareto", "done": 3, "total": 40})
-        window.shows("pareto: 3 of 40 matches", "#stands")
+        window.shows("filter: 3 of 40 matches", "#stands")
         report.locator("text=under way: filter, 3 of 40 matches").wait_for()
         window.page.get_by_label("Run").select_option(RUN)
         window.page.click("#views >> text=Questions")

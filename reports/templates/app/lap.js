@@ -10,10 +10,10 @@ const overLimit = (lap) => (data.limit === null || lap === null || lap === undef
 
 // Of tables of entrants, where the limit is known.
 const limitColumn = () => (data.limit === null ? [] : [{
-  key: "limit", head: "Mean lap / limit", first: "ascending", title: `mean best lap of the time trials over the limit of ${number(data.limit, 3)} s: ${LIMIT}`,
+  key: "limit", head: "Mean / limit", first: "ascending", title: `mean best lap of the time trials over the limit of ${number(data.limit, 3)} s: ${LIMIT}`,
   value: (row) => overLimit(paretoOf.get(row.entrant)?.lap_s), cell: (row) => number(overLimit(paretoOf.get(row.entrant)?.lap_s), 3),
 }]);
-const limitNote = () => (data.limit === null ? "" : ` Mean lap / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
+const limitNote = () => (data.limit === null ? "" : ` Mean / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
 
 function lapView(index) {
   const lap = lapOf.get(index);

@@ -19,7 +19,7 @@ function raceView([key, index]) {
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     shown?.video && filmOf(shown),
-    player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown), twinOf(ready, shown)]),
+    player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), keyHints("Click the race for its keys: "), clipsHere(ready, shown), twinOf(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
       { key: "grid", head: onCircuit ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", onCircuit && gained(row.slot - row.place)] },
@@ -57,6 +57,8 @@ function later(player, draw) {
 
 async function playerOf(race) {
   const player = racePlayer(await openRecording(race, data.circuit), { scrolls: true, ...momentOf(here().params) });
+  // A click gives it the keys: it takes the focus, and the page keeps its own keys elsewhere.
+  player.node.tabIndex = -1;
   player.node.addEventListener("keydown", player.key);
   keepMoment(player, (moment) => Object.entries(moment).forEach(([name, value]) => keep(name, value)));
   return player;

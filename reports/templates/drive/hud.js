@@ -87,7 +87,7 @@ function newHud({ race, scene, reference }) {
       ...near.map((i) => {
         const other = frame.cars[i];
         const gap = i === own ? "" : difference(other.place < car.place ? -apart(other, car) : apart(car, other), 2);
-        const name = h("span", {}, h("i", { "data-colour": i }), `${other.place}. ${race.cars[i].name}`);
+        const name = h("span", {}, h("i", { "data-colour": i }), `${other.place}. ${called(race.cars[i].name)}`);
         // The policy of the page allows no style in markup.
         name.firstChild.style.background = race.cars[i].colour;
         return h("div", { class: `row ${i === own ? "own" : ""} ${other.doing}` }, name, h("span", {}, other.doing === "driving" ? gap : other.doing));
