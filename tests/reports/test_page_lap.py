@@ -56,7 +56,7 @@ def test_nothing_is_said_of_an_unknown_limit(browser: Browser, tmp_path: Path, f
     ):
         opened.go(address)
         text = opened.page.locator("main").inner_text()
-        assert "Lap / limit" not in text
+        assert "/ limit" not in text
         assert "optimal control" not in text
     opened.assert_quiet()
 

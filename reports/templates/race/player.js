@@ -174,5 +174,5 @@ function keepMoment(player, write) {
   });
 }
 
-// The moment and the car that a query names.
-const momentOf = (params) => ({ now: Number(params.get("at")) || 0, ...(params.has("car") && { followed: Number(params.get("car")) }) });
+// The moment and the car that a query names, if it does.
+const momentOf = (params) => ({ ...(params.has("at") && { now: Number(params.get("at")) || 0 }), ...(params.has("car") && { followed: Number(params.get("car")) }) });
