@@ -57,6 +57,17 @@ def test_a_race_is_driven_with_keys(browser: Browser, tmp_path: Path) -> None:
 def race_with_keys(drive: Drive, clock: LedClock) -> None:
     assert serious(drive.page) == []
     drive.picture("menu")
+    # A choice is wide enough for its longest text, beside the arrow.
+    cut = """() => [...document.querySelectorAll('#choice select')].filter((one) => {
+      const pen = document.createElement('canvas').getContext('2d');
+      pen.font = getComputedStyle(one).font;
+      const longest = Math.max(...[...one.options].map(({ text }) => pen.measureText(text).width));
+      return longest > one.clientWidth - 44;
+    }).map(({ name }) => name)"""
+    for width in (1280, 1440):
+        drive.page.set_viewport_size({"width": width, "height": 720})
+        assert drive.page.evaluate(cut) == []
+    drive.page.set_viewport_size({"width": 1280, "height": 720})
     drive.begin(name="Ada", laps="1", cars="4", seat="2")
     keyboard = drive.page.keyboard
     keyboard.down("ArrowUp")

@@ -79,11 +79,12 @@ function asked(test) {
 
 function marks() {
   const set = Object.entries(summary.marks);
+  const asks = set.some(([, mark]) => mark.asks); // runs of earlier versions did not keep it
   const aside = Object.entries(summary.tests_set_aside);
   return [
     set.length ? scroll("Marks", h("table", {},
-      h("thead", {}, h("tr", {}, ["Test", "500 points", "1,000 points", "Unit", "Better", "What it asks"].map((head, i) => h("th", { scope: "col", class: i === 0 ? "name" : i < 4 ? "number" : "text" }, head)))),
-      h("tbody", {}, set.map(([test, mark]) => h("tr", {}, h("th", { scope: "row", class: "name" }, plain(test)), h("td", { class: "number" }, number(mark.base, 3)), h("td", { class: "number" }, number(mark.reference, 3)), h("td", { class: "number" }, unitOf.get(test) ?? ""), h("td", { class: "text" }, better(mark)), h("td", { class: "text" }, mark.asks)))))) : empty("No marks were set."),
+      h("thead", {}, h("tr", {}, ["Test", "500 points", "1,000 points", "Unit", "Better", asks && "What it asks"].filter(Boolean).map((head, i) => h("th", { scope: "col", class: i === 0 ? "name" : i < 4 ? "number" : "text" }, head)))),
+      h("tbody", {}, set.map(([test, mark]) => h("tr", {}, h("th", { scope: "row", class: "name" }, plain(test)), h("td", { class: "number" }, number(mark.base, 3)), h("td", { class: "number" }, number(mark.reference, 3)), h("td", { class: "number" }, unitOf.get(test) ?? ""), h("td", { class: "text" }, better(mark)), asks && h("td", { class: "text" }, mark.asks)))))) : empty("No marks were set."),
     aside.length > 0 && [h("h3", {}, "Tests not held"), h("ul", {}, aside.map(([test, reason]) => h("li", {}, `${plain(test)}: ${reason}`)))],
   ];
 }

@@ -160,7 +160,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
 
 // The keys that `key` knows, to be shown beside a player.
 const KEYS = [["Space"], " play", ["←"], ["→"], " 1 s, with ", ["Shift"], " 10 s", [","], ["."], " 0.1 s", ["↑"], ["↓"], " next car", ["["], ["]"], " incidents", ["M"], " whole circuit, wheel zooms", ["V"], " 3-D", ["C"], " camera", ["F"], " full screen"];
-const keyHints = (before = "") => h("p", { class: "keys" }, before, KEYS.map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : part)));
+const keyHints = (before = "") => h("p", { class: "keys" }, before, KEYS.map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : `${part}\u2002`)));
 
 // Have the moment and the car written down, where they are others than at first, when the player has stood still.
 const KEPT_MS = 300;
