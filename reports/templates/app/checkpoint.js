@@ -51,7 +51,7 @@ function trained(card) {
   const kin = entrants.filter((one) => one.step !== null && one.source?.startsWith(start));
   const label = { labelAnchor: "center", labelArrow: "none", domain: d3.extent(curve, (row) => row.updates), tickFormat: "~s" };
   const line = (title, y, rows, height, extra) => chart(title, (width) => Plot.plot({
-    width, height, marginLeft: 52, marginRight: 16, marginBottom: 38, ariaLabel: title, x: { ...label, label: "updates", ticks: width / 110 }, y: { label: null, grid: true, ...extra },
+    width, height, marginLeft: 52, marginRight: 16, marginBottom: 38, ariaLabel: title, x: { ...label, label: "updates", ticks: width / 110, inset: 6 }, y: { label: null, grid: true, ...extra },
     marks: [
       Plot.ruleX(kin, { x: "step", stroke: "var(--rule)", strokeDasharray: "2 3" }),
       Plot.ruleX([card.step], { stroke: "var(--finalist)", strokeWidth: 2 }),
