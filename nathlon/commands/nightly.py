@@ -12,7 +12,9 @@ import typer
 
 from nathlon.commands.options import AsJson, ConfigFile, Workers
 from nathlon.commands.selection import print_places, print_verdict, stoppable
+from nathlon.results.words import stage_called
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, tell
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ def init(
         raise InputError(f"{path}: exists already, expected a new file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-    tell({"configuration": path, "command": f"nathlon nightly --config {path}"}, as_json)
+    tell({"configuration": path, "command": typed("nightly", "--config", path)}, as_json)
 
 
 def nightly(
@@ -152,4 +154,4 @@ def _counts(store: Store, run: str) -> dict[str, int]:
 
 def _under_way(facts: dict[str, Any]) -> str:
     at = facts.get("progress")
-    return f"{at['stage']}: {at['done']:,} of {at['total']:,} matches" if at else ""
+    return f"{stage_called(at['stage'])}: {at['done']:,} of {at['total']:,} matches" if at else ""
