@@ -1,0 +1,189 @@
+"""Drawing by scanlines: polygons of one colour, one over the other.
+
+Colours are packed numbers, red in the lowest byte. A pixel at the end of a line counts as far as it is covered,
+so that edges are smooth; but where two polygons meet in a seam, each pixel belongs to one of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nathlon.sim.kernel import lean_inlined
+
+CORNERS = 9
+"""Of a polygon at most."""
+SCANLINES = 2
+"""Of a row of pixels."""
+RED_AND_BLUE, GREEN, HALVES = np.uint32(0xFF00FF), np.uint32(0x00FF00), np.uint32(0xFEFEFE)
+HALF = np.float32(0.5)
+
+
+class Polygons(NamedTuple):
+    """What is to be drawn, in this order.
+
+    Attributes:
+        xs, ys: (most, CORNERS) float32, corners, from the top left corner of the picture, pixels and scanlines.
+        corners: (most,) int64, how many there are.
+        seams: (most,) int64, bit i is set where the edge after corner i is a seam.
+        colour: (most,) uint32, packed.
+        count: (1,) int64, how many polygons there are.
+    """
+
+    xs: NDArray[np.float32]
+    ys: NDArray[np.float32]
+    corners: NDArray[np.int64]
+    seams: NDArray[np.int64]
+    colour: NDArray[np.uint32]
+    count: NDArray[np.int64]
+
+
+class Canvas(NamedTuple):
+    """What is drawn on.
+
+    Attributes:
+        pixels: (scanlines, width) uint32, packed.
+        left, right: (scanlines,) float32, scratch: ends of a polygon on each.
+    """
+
+    pixels: NDArray[np.uint32]
+    left: NDArray[np.float32]
+    right: NDArray[np.float32]
+
+
+def new_polygons(most: int) -> Polygons:
+    """Room for so many polygons."""
+    return Polygons(
+        *np.zeros((2, most, CORNERS), np.float32),
+        *np.zeros((2, most), np.int64),
+        np.zeros(most, np.uint32),
+        np.zeros(1, np.int64),
+    )
+
+
+def new_canvas(width: int, height: int) -> Canvas:
+    """A canvas for a picture of so many pixels."""
+    scanlines = SCANLINES * height
+    return Canvas(np.zeros((scanlines, width), np.uint32), *np.zeros((2, scanlines), np.float32))
+
+
+@lean_inlined
+def blend(under: int, over: int, share: int) -> int:
+    """The colour of which `share` of 256 parts is that above."""
+    rest = 256 - share
+    both = ((under & RED_AND_BLUE) * rest + (over & RED_AND_BLUE) * share) >> 8
+    green = ((under & GREEN) * rest + (over & GREEN) * share) >> 8
+    return np.uint32((both & RED_AND_BLUE) | (green & GREEN))
+
+
+@lean_inlined
+def line_at(y: float) -> int:
+    """The first scanline whose middle is not above a height."""
+    return int(math.ceil(y - HALF))
+
+
+@lean_inlined
+def draw(polygons: Polygons, canvas: Canvas) -> None:
+    """Draw all polygons, one over the other."""
+    pixels, left, right = canvas
+    scanlines, width = pixels.shape
+    for polygon in range(polygons.count[0]):
+        xs, ys = polygons.xs[polygon], polygons.ys[polygon]
+        corners, seams = polygons.corners[polygon], polygons.seams[polygon]
+        first, last = scanlines, 0
+        for i in range(corners):
+            line = line_at(ys[i])
+            first, last = min(first, line), max(last, line)
+        first, last = max(first, 0), min(last, scanlines)
+        for y in range(first, last):
+            left[y], right[y] = width, 0.0
+        x0, y0 = xs[corners - 1], ys[corners - 1]
+        for i in range(corners):
+            x1, y1 = xs[i], ys[i]
+            seam = seams >> (corners - 1 if i == 0 else i - 1) & 1
+            begin = min(max(line_at(min(y0, y1)), first), last)
+            end = min(max(line_at(max(y0, y1)), first), last)
+            if begin < end:
+                slope = (x1 - x0) / (y1 - y0)
+                start = x0 + (HALF - y0) * slope
+                for y in range(begin, end):
+                    x = start + np.float32(y) * slope
+                    if seam:
+                        x = np.float32(math.floor(x + HALF))
+                    left[y], right[y] = min(left[y], x), max(right[y], x)
+            x0, y0 = x1, y1
+        colour = polygons.colour[polygon]
+        for y in range(first, last):
+            draw_span(pixels[y], left[y], right[y], colour)
+
+
+@lean_inlined
+def draw_span(line: np.ndarray, begin: float, end: float, colour: int) -> None:
+    """Draw from one place of a line to another."""
+    width = len(line)
+    # Written so that what is no number draws nothing beyond the line.
+    if not begin > 0.0:
+        begin = np.float32(0.0)
+    if not end < width:
+        end = np.float32(width)
+    if not begin < end:
+        return
+    low, high = int(begin), int(end)
+    if low == high:
+        line[low] = blend(line[low], colour, int(np.float32(256.0) * (end - begin)))
+        return
+    line[low] = blend(line[low], colour, int(np.float32(256.0) * (np.float32(low + 1) - begin)))
+    for x in range(low + 1, high):
+        line[x] = colour
+    if high < width:
+        line[high] = blend(line[high], colour, int(np.float32(256.0) * (end - np.float32(high))))
+
+
+@lean_inlined
+def soften(pixels: np.ndarray) -> None:
+    """Mix each pixel with its neighbours, by 1, 2 and 1 of four parts each way."""
+    scanlines, width = pixels.shape
+    for y in range(scanlines):
+        before = pixels[y, 0]
+        for x in range(width):
+            here = pixels[y, x]
+            after = pixels[y, x + 1] if x + 1 < width else here
+            pixels[y, x] = blend(here, blend(before, after, 128), 128)
+            before = here
+    for x in range(width):
+        for part in range(SCANLINES):
+            before = pixels[part, x]
+            for y in range(part, scanlines, SCANLINES):
+                here = pixels[y, x]
+                after = pixels[y + SCANLINES, x] if y + SCANLINES < scanlines else here
+                pixels[y, x] = blend(here, blend(before, after, 128), 128)
+                before = here
+
+
+@lean_inlined
+def develop(pixels: np.ndarray, channels: int, picture: np.ndarray) -> None:
+    """Set the bytes of a picture, (height * width * channels,) uint8: means of their scanlines."""
+    scanlines, width = pixels.shape
+    for row in range(scanlines // SCANLINES):
+        upper, lower = pixels[SCANLINES * row], pixels[SCANLINES * row + 1]
+        line = picture[row * width * channels : (row + 1) * width * channels]
+        if channels == 3:
+            for x in range(width):
+                colour = mean(upper[x], lower[x])
+                line[3 * x] = np.uint8(colour)
+                line[3 * x + 1] = np.uint8(colour >> 8)
+                line[3 * x + 2] = np.uint8(colour >> 16)
+        else:
+            for x in range(width):
+                colour = mean(upper[x], lower[x])
+                red, green, blue = colour & 0xFF, colour >> 8 & 0xFF, colour >> 16
+                line[x] = np.uint8((77 * red + 150 * green + 29 * blue) >> 8)
+
+
+@lean_inlined
+def mean(one: int, other: int) -> int:
+    """The colour halfway between two."""
+    return np.uint32((one & other) + (((one ^ other) & HALVES) >> 1))
