@@ -17,6 +17,8 @@ PACKAGE = Path(__file__).parent.parent
 DECISIVE = (
     "sim/physics",
     "sim/data",
+    "sim/camera",
+    "sim/camera_spec.py",
     "sim/car.py",
     "sim/car_facts.py",
     "sim/track/centre_line.py",

@@ -1,7 +1,7 @@
 """Drawing by scanlines: polygons of one colour, one over the other.
 
-Colours are packed numbers, red in the lowest byte. A pixel at the end of a line counts as far as it is covered,
-so that edges are smooth; but where two polygons meet in a seam, each pixel belongs to one of them.
+Colours are packed numbers, red in the lowest byte. A pixel at the end of a line counts as far as it is
+covered, so that edges are smooth; but where two polygons meet in a seam, each pixel belongs to one of them.
 """
 
 from __future__ import annotations
@@ -21,16 +21,19 @@ SCANLINES = 2
 RED_AND_BLUE, GREEN, HALVES = np.uint32(0xFF00FF), np.uint32(0x00FF00), np.uint32(0xFEFEFE)
 HALF = np.float32(0.5)
 
+Colour = np.uint32
+"""Packed."""
+
 
 class Polygons(NamedTuple):
     """What is to be drawn, in this order.
 
     Attributes:
-        xs, ys: (most, CORNERS) float32, corners, from the top left corner of the picture, pixels and scanlines.
+        xs, ys: (most, CORNERS) float32, corners, pixels and scanlines from the top left.
         corners: (most,) int64, how many there are.
         seams: (most,) int64, bit i is set where the edge after corner i is a seam.
         colour: (most,) uint32, packed.
-        count: (1,) int64, how many polygons there are.
+        number: (1,) int64, of polygons there are.
     """
 
     xs: NDArray[np.float32]
@@ -38,7 +41,7 @@ class Polygons(NamedTuple):
     corners: NDArray[np.int64]
     seams: NDArray[np.int64]
     colour: NDArray[np.uint32]
-    count: NDArray[np.int64]
+    number: NDArray[np.int64]
 
 
 class Canvas(NamedTuple):
@@ -56,12 +59,9 @@ class Canvas(NamedTuple):
 
 def new_polygons(most: int) -> Polygons:
     """Room for so many polygons."""
-    return Polygons(
-        *np.zeros((2, most, CORNERS), np.float32),
-        *np.zeros((2, most), np.int64),
-        np.zeros(most, np.uint32),
-        np.zeros(1, np.int64),
-    )
+    xs, ys = np.zeros((2, most, CORNERS), np.float32)
+    corners, seams = np.zeros((2, most), np.int64)
+    return Polygons(xs, ys, corners, seams, np.zeros(most, np.uint32), np.zeros(1, np.int64))
 
 
 def new_canvas(width: int, height: int) -> Canvas:
@@ -71,7 +71,7 @@ def new_canvas(width: int, height: int) -> Canvas:
 
 
 @lean_inlined
-def blend(under: int, over: int, share: int) -> int:
+def blend(under: Colour, over: Colour, share: int) -> Colour:
     """The colour of which `share` of 256 parts is that above."""
     rest = 256 - share
     both = ((under & RED_AND_BLUE) * rest + (over & RED_AND_BLUE) * share) >> 8
@@ -80,9 +80,9 @@ def blend(under: int, over: int, share: int) -> int:
 
 
 @lean_inlined
-def line_at(y: float) -> int:
-    """The first scanline whose middle is not above a height."""
-    return int(math.ceil(y - HALF))
+def line_at(y: float, scanlines: int) -> int:
+    """The first scanline whose middle is not above a height; the number of scanlines if there is none."""
+    return min(max(int(math.ceil(y - HALF)), 0), scanlines)  # noqa: RUF046  # in a kernel it is a float
 
 
 @lean_inlined
@@ -90,38 +90,35 @@ def draw(polygons: Polygons, canvas: Canvas) -> None:
     """Draw all polygons, one over the other."""
     pixels, left, right = canvas
     scanlines, width = pixels.shape
-    for polygon in range(polygons.count[0]):
+    for polygon in range(polygons.number[0]):
         xs, ys = polygons.xs[polygon], polygons.ys[polygon]
         corners, seams = polygons.corners[polygon], polygons.seams[polygon]
         first, last = scanlines, 0
         for i in range(corners):
-            line = line_at(ys[i])
+            line = line_at(ys[i], scanlines)
             first, last = min(first, line), max(last, line)
-        first, last = max(first, 0), min(last, scanlines)
         for y in range(first, last):
             left[y], right[y] = width, 0.0
-        x0, y0 = xs[corners - 1], ys[corners - 1]
+        x0, y0, line0 = xs[corners - 1], ys[corners - 1], line_at(ys[corners - 1], scanlines)
+        seam = seams >> (corners - 1) & 1
         for i in range(corners):
-            x1, y1 = xs[i], ys[i]
-            seam = seams >> (corners - 1 if i == 0 else i - 1) & 1
-            begin = min(max(line_at(min(y0, y1)), first), last)
-            end = min(max(line_at(max(y0, y1)), first), last)
-            if begin < end:
+            x1, y1, line1 = xs[i], ys[i], line_at(ys[i], scanlines)
+            if line0 != line1:
                 slope = (x1 - x0) / (y1 - y0)
                 start = x0 + (HALF - y0) * slope
-                for y in range(begin, end):
+                for y in range(min(line0, line1), max(line0, line1)):
                     x = start + np.float32(y) * slope
                     if seam:
                         x = np.float32(math.floor(x + HALF))
                     left[y], right[y] = min(left[y], x), max(right[y], x)
-            x0, y0 = x1, y1
+            x0, y0, line0, seam = x1, y1, line1, seams >> i & 1
         colour = polygons.colour[polygon]
         for y in range(first, last):
             draw_span(pixels[y], left[y], right[y], colour)
 
 
 @lean_inlined
-def draw_span(line: np.ndarray, begin: float, end: float, colour: int) -> None:
+def draw_span(line: np.ndarray, begin: np.float32, end: np.float32, colour: Colour) -> None:
     """Draw from one place of a line to another."""
     width = len(line)
     # Written so that what is no number draws nothing beyond the line.
@@ -184,6 +181,6 @@ def develop(pixels: np.ndarray, channels: int, picture: np.ndarray) -> None:
 
 
 @lean_inlined
-def mean(one: int, other: int) -> int:
+def mean(one: Colour, other: Colour) -> Colour:
     """The colour halfway between two."""
     return np.uint32((one & other) + (((one ^ other) & HALVES) >> 1))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.camera.canvas import SCANLINES, Polygons, blend
+from nathlon.sim.camera.canvas import SCANLINES, Colour, Polygons, blend
 from nathlon.sim.camera.lens import (
     AHEAD,
     DOWN,
@@ -24,12 +24,12 @@ from nathlon.sim.camera.lens import (
     stand,
 )
 from nathlon.sim.camera.road import haze_share
-from nathlon.sim.camera.scenery import SUN, Colour, pack
+from nathlon.sim.camera.scenery import SUN, RedGreenBlue, pack
 from nathlon.sim.car import Car
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.state import CarRecord
 
-PAINTS: tuple[Colour, ...] = (
+PAINTS: tuple[RedGreenBlue, ...] = (
     (230, 60, 50),
     (40, 110, 220),
     (250, 200, 40),
@@ -42,7 +42,7 @@ PAINTS: tuple[Colour, ...] = (
     (40, 44, 52),
 )
 """Of the cars in turn."""
-TYRE, GLASS, WING, SHADOW, REAR = (26, 27, 30), (40, 50, 64), (34, 36, 42), (40, 42, 44), (30, 31, 34)
+TYRE, GLASS, WING, SHADOW = (26, 27, 30), (40, 50, 64), (34, 36, 42), (40, 42, 44)
 LAMP, TAIL, BRAKING = (250, 246, 214), (120, 14, 18), (255, 40, 34)
 BRAKES = 0.05
 """Of the brake, from which on its lights burn."""
@@ -63,18 +63,22 @@ ANY, FROM_BEHIND, FROM_AHEAD, NEAR = range(4)
 """When a part is drawn: whatever is seen, seen from behind or from ahead, or near the camera only."""
 
 
+Level = tuple[float, float, float, float, float]
+"""A rectangle: its rear, front, right and left from the centre of mass's place, and its height, m."""
+
+
 class Part(NamedTuple):
-    """A solid with a level bottom and top, rectangles that may differ: m from the centre of mass's place.
+    """A solid between two rectangles.
 
     Attributes:
-        bottom, top: rear, front, right and left of them, and height.
+        bottom, top: the rectangles.
         colour: packed, or PAINTED.
         faces: which are drawn.
         when: it is drawn.
     """
 
-    bottom: tuple[float, float, float, float, float]
-    top: tuple[float, float, float, float, float]
+    bottom: Level
+    top: Level
     colour: int
     faces: int
     when: int
@@ -157,17 +161,18 @@ def car_shapes(car: Car) -> CarShapes:
         where = (middle + rear * half, middle + front * half, -wide * side, wide * side)
         return Part((*where, low), (*where, high), colour, WHOLE, when)
 
-    def cabin(rear: float, front: float, wide: float, height: float) -> tuple[float, ...]:
+    def level(rear: float, front: float, wide: float, height: float) -> Level:
         return (middle + rear * half, middle + front * half, -wide * side, wide * side, height)
 
-    glass, wing, paint = (int(pack(colour)) for colour in (GLASS, WING, PAINT_NONE))
-    low, high = cabin(-0.62, 0.36, 0.86, 0.74), cabin(-0.40, 0.02, 0.66, 1.18)
+    glass, wing, shadow = (int(pack(colour)) for colour in (GLASS, WING, SHADOW))
+    ground = level(-1.02, 1.02, 1.06, 0.02)
+    low, high = level(-0.62, 0.36, 0.86, 0.74), level(-0.40, 0.02, 0.66, 1.18)
     spoiler = box(-1.0, -0.84, 0.96, 0.98, 1.06, wing)
     parts = [
-        Part(*(cabin(-1.02, 1.02, 1.06, 0.02),) * 2, int(pack(SHADOW)), TOP_ONLY, ANY),
+        Part(ground, ground, shadow, TOP_ONLY, ANY),
         *_tyres(car, radius),
-        Part(cabin(-1.0, 1.0, 0.98, 0.26), cabin(-1.0, 0.98, 0.94, 0.62), PAINTED, WHOLE, ANY),
-        Part(cabin(-1.0, 0.6, 0.94, 0.62), cabin(-0.98, 0.34, 0.88, 0.76), PAINTED, WHOLE, ANY),
+        Part(level(-1.0, 1.0, 0.98, 0.26), level(-1.0, 0.98, 0.94, 0.62), PAINTED, WHOLE, ANY),
+        Part(level(-1.0, 0.6, 0.94, 0.62), level(-0.98, 0.34, 0.88, 0.76), PAINTED, WHOLE, ANY),
         spoiler._replace(when=FROM_AHEAD),
         Part(low, high, glass, SIDES_ONLY, ANY),
         Part(low, high, PAINTED, TOP_ONLY, ANY),
@@ -191,9 +196,6 @@ def car_shapes(car: Car) -> CarShapes:
         lamp=int(pack(LAMP)),
         half_length=half,
     )
-
-
-PAINT_NONE: Colour = (0, 0, 0)
 
 
 def _axles(car: Car) -> list[tuple[float, float]]:
@@ -262,7 +264,7 @@ def add_car(
     car: CarRecord,
     index: int,
     camera: np.ndarray,
-    haze: int,
+    haze: Colour,
     lens: Lens,
     scratch: CarScratch,
     polygons: Polygons,
@@ -329,7 +331,7 @@ FIRST_BODY = 5
 @lean_inlined
 def add_wheels(
     car: CarRecord,
-    haze: int,
+    haze: Colour,
     share: int,
     lens: Lens,
     scratch: CarScratch,
@@ -364,7 +366,7 @@ CIRCLE = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1).astype(np.float32)
 def add_lamps(
     car: CarRecord,
     rear: bool,
-    haze: int,
+    haze: Colour,
     share: int,
     lens: Lens,
     scratch: CarScratch,
@@ -391,7 +393,7 @@ def add_lamps(
             scratch.solid, 4, 0, colour if braking else blend(colour, haze, share), lens, polygons
         )
         if braking and corners > 0:
-            last = polygons.count[0] - 1
+            last = polygons.number[0] - 1
             glow(polygons.xs[last], corners, np.float32(1.0))
             glow(polygons.ys[last], corners, np.float32(SCANLINES))
 

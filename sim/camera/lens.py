@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nathlon.sim.camera.canvas import SCANLINES, Polygons
-from nathlon.sim.camera.spec import MOUNTS, CameraSpec
+from nathlon.sim.camera.canvas import SCANLINES, Colour, Polygons
+from nathlon.sim.camera_spec import MOUNTS, CameraSpec
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.state import CarRecord
 
@@ -91,7 +91,7 @@ def aim(body: np.ndarray, lens: Lens, pose: np.ndarray) -> None:
 
 @lean_inlined
 def add_polygon(
-    solid: np.ndarray, count: int, seams: int, colour: int, lens: Lens, polygons: Polygons
+    solid: np.ndarray, count: int, seams: int, colour: Colour, lens: Lens, polygons: Polygons
 ) -> int:
     """Add what a polygon in space looks like, without what is too near, if that is anything.
 
@@ -106,7 +106,7 @@ def add_polygon(
     Returns:
         how many corners it has.
     """
-    place = polygons.count[0]
+    place = polygons.number[0]
     xs, ys = polygons.xs[place], polygons.ys[place]
     seen = kept_seams = 0
     for i in range(count):
@@ -129,5 +129,5 @@ def add_polygon(
     if seen < 3:
         return 0
     polygons.corners[place], polygons.seams[place], polygons.colour[place] = seen, kept_seams, colour
-    polygons.count[0] += 1
+    polygons.number[0] += 1
     return seen

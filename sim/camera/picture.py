@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.camera.canvas import (
+    SCANLINES,
     Canvas,
     Polygons,
     blend,
@@ -18,17 +19,30 @@ from nathlon.sim.camera.canvas import (
     new_polygons,
     soften,
 )
-from nathlon.sim.camera.cars import POLYGONS, CarScratch, CarShapes, add_car, meet_camera, new_car_scratch
+from nathlon.sim.camera.cars import (
+    POLYGONS,
+    CarScratch,
+    CarShapes,
+    add_car,
+    car_shapes,
+    meet_camera,
+    new_car_scratch,
+)
 from nathlon.sim.camera.lens import AHEAD, DOWN, PLACE, POSE, RIGHT, Lens, aim, lens_of, stand
 from nathlon.sim.camera.road import BRIDGE_M, Bands, add_band, look_around, new_bands
-from nathlon.sim.camera.scenery import SIGHT_M, STRIPS, Colour, Scenery, pack
-from nathlon.sim.camera.spec import CameraSpec
+from nathlon.sim.camera.scenery import SIGHT_M, STRIPS, RedGreenBlue, Scenery, pack, scenery_of
+from nathlon.sim.camera.sensors import FeelingParameters, feel, feeling_parameters
+from nathlon.sim.camera_spec import CameraSpec
+from nathlon.sim.car import Car
 from nathlon.sim.kernel import lean_inlined, lean_kernel
+from nathlon.sim.observation import NUMBERS, ObservationSpec
 from nathlon.sim.state import Cars
+from nathlon.sim.track import Track
+from nathlon.sim.work_stealing import Tally, ThreadPool, finish, take
 
-HAZE: Colour = (196, 212, 226)
-ZENITH: Colour = (70, 130, 205)
-PLAIN: Colour = (112, 134, 84)
+HAZE: RedGreenBlue = (196, 212, 226)
+ZENITH: RedGreenBlue = (70, 130, 205)
+PLAIN: RedGreenBlue = (112, 134, 84)
 """Of the sky at the horizon and high above, and of the land at one's feet."""
 SKY_STEEP, LAND_STEEP = 1.6, 6.0
 """How fast they come with the slope of the view."""
@@ -114,7 +128,7 @@ def take_picture(
         scenery: of the circuit.
     """
     canvas, polygons, lens = scratch.canvas, scratch.polygons, camera.lens
-    polygons.count[0] = 0
+    polygons.number[0] = 0
     car = field[index]
     stand(car, scratch.body)
     aim(scratch.body, lens, scratch.camera)
@@ -210,7 +224,7 @@ SPREAD = math.sqrt(3.0)
 
 
 @lean_inlined
-def mix(state: int) -> int:
+def mix(state: np.uint64) -> np.uint64:
     """Scatter the bits of a number, as splitmix64 does."""
     state = (state ^ state >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
     state = (state ^ state >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
@@ -218,18 +232,87 @@ def mix(state: int) -> int:
 
 
 @lean_kernel
-def take_pictures(
+def see_cars(
     state: np.ndarray,
     ticks: np.ndarray,
     races: np.ndarray,
     cars: np.ndarray,
-    pictures: np.ndarray,
+    sensors: np.ndarray,
+    rows: np.ndarray,
     scratch: Scratch,
     camera: CameraParameters,
+    feeling: FeelingParameters,
     shapes: CarShapes,
     scenery: Scenery,
+    tally: Tally,
+    thread: int,
 ) -> None:
-    for row in range(len(races)):
-        take_picture(
-            state[races[row]], cars[row], ticks[races[row]], pictures[row], scratch, camera, shapes, scenery
-        )
+    """Fill in what cars with cameras see and feel, those that a thread takes.
+
+    Args:
+        state: (races, cars) CAR_STATE.
+        ticks: (races,) int64.
+        races, cars: (n,) indices of the cars that look.
+        sensors: (n, k) float32, set, standardised.
+        rows: (n, bytes) uint8, of whole records; their last bytes are set to the pictures.
+        scratch, camera, shapes, scenery: as of `take_picture`.
+        feeling: of the sensors.
+        tally, thread: see `nathlon.sim.work_stealing`.
+    """
+    begin = rows.shape[1] - scratch.canvas.pixels.size // SCANLINES * camera.channels
+    while True:
+        row = take(tally, thread, len(races))
+        if row < 0:
+            return
+        field, index = state[races[row]], cars[row]
+        feel(field[index], sensors[row], feeling)
+        tick = ticks[races[row]]
+        take_picture(field, index, tick, rows[row, begin:], scratch, camera, shapes, scenery)
+        finish(tally, thread)
+
+
+class Photographer:
+    """Takes pictures for cars of one model on one circuit."""
+
+    def __init__(self, spec: ObservationSpec, track: Track, car: Car, cars: int) -> None:
+        """For races of so many cars; the spec has a camera."""
+        assert spec.camera is not None, "who takes pictures has a camera"
+        self._spec, self._camera, self._cars = spec, spec.camera, cars
+        self._scenery, self._shapes = scenery_of(track), car_shapes(car)
+        self._parameters = camera_parameters(spec.camera)
+        self._feeling = feeling_parameters(spec, car)
+        self._scratch: list[Scratch] = []
+
+    def observe(
+        self,
+        state: NDArray[np.void],
+        ticks: NDArray[np.int64],
+        races: NDArray[np.int64],
+        cars: NDArray[np.int64],
+        threads: ThreadPool,
+    ) -> NDArray[np.void]:
+        """What some cars see and feel, (n,) records; for the arguments see `see_cars`."""
+        seen = self._spec.blank(len(races))
+        rows = seen.view(np.uint8).reshape(len(races), seen.itemsize)
+        while len(self._scratch) < threads.count:
+            self._scratch.append(new_scratch(self._camera, self._scenery.most, self._cars))
+
+        def work(tally: Tally, thread: int) -> None:
+            see_cars(
+                state,
+                ticks,
+                races,
+                cars,
+                seen[NUMBERS],
+                rows,
+                self._scratch[thread],
+                self._parameters,
+                self._feeling,
+                self._shapes,
+                self._scenery,
+                tally,
+                thread,
+            )
+
+        threads.run(work, len(races))
+        return seen

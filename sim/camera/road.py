@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.camera.canvas import Polygons, blend, line_at
+from nathlon.sim.camera.canvas import Colour, Polygons, blend, line_at
 from nathlon.sim.camera.lens import AHEAD, DOWN, NEAR_M, PLACE, RIGHT, Lens, add_polygon
 from nathlon.sim.camera.scenery import (
     BLOCK,
@@ -71,15 +71,11 @@ class Bands(NamedTuple):
 
 def new_bands(most: int) -> Bands:
     """Room for so many nodes."""
-    return Bands(
-        np.zeros((most, 5, LINES), np.float32),
-        *np.zeros((2, most), np.bool_),
-        np.zeros(most, np.float32),
-        np.zeros(most, np.int64),
-        np.zeros(most, np.float32),
-        np.zeros(most, np.int64),
-        np.zeros(most, np.int64),
-    )
+    ahead, behind = np.zeros((2, most), np.bool_)
+    distance, key = np.zeros((2, most), np.float32)
+    row, node, level = np.zeros((3, most), np.int64)
+    nodes = np.zeros((most, 5, LINES), np.float32)
+    return Bands(nodes, ahead, behind, distance, row, key, node, level)
 
 
 @lean_inlined
@@ -131,7 +127,7 @@ def look_around(row: int, camera: np.ndarray, lens: Lens, width: int, bands: Ban
 
 
 @lean_inlined
-def distance_of(near: float, far: float, bridge: float) -> float:
+def distance_of(near: np.float32, far: np.float32, bridge: np.float32) -> np.float32:
     """At which a band is drawn, m."""
     farthest = max(near, far)
     return farthest - BRIDGE_M if bridge > 0.0 else farthest
@@ -188,7 +184,7 @@ def haze_share(distance: float) -> int:
 
 @lean_inlined
 def add_band(
-    band: int, haze: int, lens: Lens, bands: Bands, solid: np.ndarray, polygons: Polygons, scenery: Scenery
+    band: int, haze: Colour, lens: Lens, bands: Bands, solid: np.ndarray, polygons: Polygons, scenery: Scenery
 ) -> None:
     """Add the strips of one of the bands.
 
@@ -210,10 +206,13 @@ def add_band(
     if not above and scenery.bridge[row] <= 0.0:
         return
     share = haze_share(bands.distance[node])
+    scanlines = int(np.float32(2.0) * lens.middle_y)
     for strip in range(len(STRIPS)):
         if KERBS_FROM <= strip < KERBS_END and not kerbs:
             continue
         if not above and DECK < strip < WALLS_FROM:
+            continue
+        if strip == DECK + 1 and colours[strip] == colours[DECK]:
             continue
         colour = colours[strip] if above or strip > DECK else np.uint32(scenery.concrete)
         left, right = STRIPS[strip, 0], STRIPS[strip, 1]
@@ -225,9 +224,10 @@ def add_band(
                 one[SCANLINE, right],
             )
             # Far away, most strips lie between the middles of two scanlines.
-            if line_at(min(min(a, b), min(c, d))) == line_at(max(max(a, b), max(c, d))):
+            top, bottom = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
+            if line_at(top, scanlines) == line_at(bottom, scanlines):
                 continue
-            place = polygons.count[0]
+            place = polygons.number[0]
             xs, ys = polygons.xs[place], polygons.ys[place]
             xs[0], xs[1], xs[2], xs[3] = (
                 one[COLUMN, left],
@@ -238,7 +238,7 @@ def add_band(
             ys[0], ys[1], ys[2], ys[3] = a, b, c, d
             polygons.corners[place], polygons.seams[place] = 4, ALONG
             polygons.colour[place] = blend(colour, haze, share)
-            polygons.count[0] += 1
+            polygons.number[0] += 1
         else:
             for axis in range(3):
                 solid[0, axis], solid[1, axis] = one[axis, left], other[axis, left]

@@ -1,8 +1,9 @@
-"""What a camera sees of a circuit: lines along the road in space, the colours between them, what lies near."""
+"""What a camera sees of a circuit: lines along the road in space, colours between them, what lies near."""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -69,22 +70,24 @@ LAND_M = (60.0, 45.0, 34.0, 25.0, 18.0, 13.0, 9.0, 6.0, 4.0, 2.5, 1.5, 0.8)
 EMBANKMENT = 6.0, 4.0
 """Beside a ramp: m outward and m down."""
 
-Colour = tuple[int, int, int]
+RedGreenBlue = tuple[int, int, int]
+Shades = tuple[RedGreenBlue, RedGreenBlue]
+"""Two colours that take turns along the road, so that speed can be seen."""
 SUN = np.array([0.6, 0.35])
 """Where it stands, on the map."""
-ROAD: tuple[Colour, Colour] = ((80, 82, 88), (74, 76, 82))
-LAND: tuple[Colour, Colour] = ((104, 128, 74), (96, 120, 69))
-RUNOFF: dict[str, tuple[Colour, Colour]] = {
+ROAD: Shades = ((80, 82, 88), (74, 76, 82))
+LAND: Shades = ((104, 128, 74), (96, 120, 69))
+RUNOFF: dict[str, Shades] = {
     "tarmac": ((118, 120, 124), (110, 112, 117)),
     "grass": ((92, 140, 66), (82, 128, 58)),
     "gravel": ((206, 186, 142), (196, 175, 130)),
 }
-KERB: tuple[Colour, Colour] = ((208, 44, 46), (240, 240, 236))
+KERB: Shades = ((208, 44, 46), (240, 240, 236))
 PAINT, ZONE_PAINT, START = (235, 235, 230), (244, 180, 50), (250, 250, 250)
-WALL: tuple[Colour, Colour] = ((196, 200, 206), (178, 182, 190))
+WALL: Shades = ((196, 200, 206), (178, 182, 190))
 CONCRETE = (120, 118, 114)
 SHADE_ROWS, KERB_ROWS = 6, 2
-"""Rows after which colours change, so that speed can be seen."""
+"""Rows after which they do."""
 
 
 class Scenery(NamedTuple):
@@ -112,7 +115,7 @@ class Scenery(NamedTuple):
     most: int
 
 
-def pack(colour: NDArray[np.float64] | Colour) -> NDArray[np.uint32]:
+def pack(colour: NDArray[np.float64] | RedGreenBlue) -> NDArray[np.uint32]:
     """Colours (..., 3), from 0 to 255, as one number each."""
     red, green, blue = np.moveaxis(np.round(np.asarray(colour, np.float64)).astype(np.uint32), -1, 0)
     return np.asarray(red | green << np.uint32(8) | blue << np.uint32(16))
@@ -122,7 +125,7 @@ def pack(colour: NDArray[np.float64] | Colour) -> NDArray[np.uint32]:
 def scenery_of(track: Track) -> Scenery:
     """The scenery of a circuit."""
     first, begin, end = _stretches(track)
-    sizes = [int((end[a:b] - begin[a:b] + 2).sum()) for a, b in zip(first[:-1], first[1:], strict=True)]
+    sizes = [int((end[a:b] - begin[a:b] + 2).sum()) for a, b in pairwise(first)]
     points = _points(track)
     table = track.table
     kerbs = (table[:, KERB_LEFT] > 0.0) | (table[:, KERB_RIGHT] > 0.0)

@@ -43,8 +43,8 @@ class CameraSpec:
     Attributes:
         width, height: of the picture, pixels.
         field_of_view: from the left to the right side of the picture, degrees.
-        vertical_field_of_view: from its top to its bottom, degrees; pixels need not be square, since most of what
-            matters lies near the horizon.
+        vertical_field_of_view: from its top to its bottom, degrees; pixels need not be square, since most of
+            what matters lies near the horizon.
         mount: where it sits, a name of MOUNTS.
         channels: 3 for red, green and blue, 1 for grey.
         noise: standard deviation of each number, of 255; it depends on the seed, the time and the car.
