@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -228,6 +229,11 @@ class ObservationSpec:
         """
         return int(self.slice(name).start)
 
+    @property
+    def flat_size(self) -> int:
+        """How many numbers there are with those of the picture."""
+        return self.size + (0 if self.camera is None else prod(self.camera.shape))
+
     def blank(self, cars: int) -> NDArray[Any]:
         """Observations of so many cars, all zeros.
 
@@ -283,3 +289,11 @@ class ObservationSpec:
         low = np.concatenate([f.low for f in self.fields])
         high = np.concatenate([f.high for f in self.fields])
         return ((low + high) / 2).astype(np.float32), ((high - low) / np.sqrt(12.0)).astype(np.float32)
+
+
+def flattened(seen: NDArray[Any]) -> NDArray[np.float32]:
+    """Observations as one row of numbers each, (n, flat_size), in the order of `gymnasium.spaces.flatten`."""
+    if seen.dtype.names is None:
+        return seen
+    pictures = seen[PICTURE].reshape(len(seen), -1)
+    return np.concatenate([pictures, seen[NUMBERS]], axis=1, dtype=np.float32)

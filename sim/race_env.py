@@ -23,8 +23,9 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
     A step is 0.1 s unless the scenario has another action rate. Observations are those of
     `nathlon.sim.observation`, standardised, float32, or dicts of these as `sensors` and of a `picture` where
     the spec has a camera; actions are throttle (+) or brake (-), and steering (+ is left), in [-1, 1]. The
-    reward is the progress along the centre line during the step, m, and 0 off course. An agent is terminated when it has finished or is stuck (`nathlon.sim.episode.STUCK_S`), and
-    truncated when the scenario's time is up.
+    reward is the progress along the centre line during the step, m, and 0 off course. An agent is terminated
+    when it has finished or is stuck (`nathlon.sim.episode.STUCK_S`), and truncated when the scenario's time
+    is up.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"name": "nathlon_race_v0", "render_modes": RENDER_MODES}

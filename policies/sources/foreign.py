@@ -46,7 +46,7 @@ def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpe
             with fewer fits as well.
     """
     if card.observation is not None:
-        expected = card.observation.size
+        expected = card.observation.flat_size
         if expected != size:
             raise InputError(
                 f"{path}: takes {size} numbers, expected {expected} as its card's observation has"

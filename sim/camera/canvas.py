@@ -44,17 +44,32 @@ class Polygons(NamedTuple):
     number: NDArray[np.int64]
 
 
+class Edges(NamedTuple):
+    """Those of the polygon that is drawn, (CORNERS,) each.
+
+    Attributes:
+        start, slope: float32, x at the middle of scanline y is `start + slope * y`.
+        begin, end: int64, the scanlines that an edge crosses.
+        seam: int64, whether it is one.
+    """
+
+    start: NDArray[np.float32]
+    slope: NDArray[np.float32]
+    begin: NDArray[np.int64]
+    end: NDArray[np.int64]
+    seam: NDArray[np.int64]
+
+
 class Canvas(NamedTuple):
     """What is drawn on.
 
     Attributes:
         pixels: (scanlines, width) uint32, packed.
-        left, right: (scanlines,) float32, scratch: ends of a polygon on each.
+        edges: scratch.
     """
 
     pixels: NDArray[np.uint32]
-    left: NDArray[np.float32]
-    right: NDArray[np.float32]
+    edges: Edges
 
 
 def new_polygons(most: int) -> Polygons:
@@ -66,8 +81,10 @@ def new_polygons(most: int) -> Polygons:
 
 def new_canvas(width: int, height: int) -> Canvas:
     """A canvas for a picture of so many pixels."""
-    scanlines = SCANLINES * height
-    return Canvas(np.zeros((scanlines, width), np.uint32), *np.zeros((2, scanlines), np.float32))
+    start, slope = np.zeros((2, CORNERS), np.float32)
+    begin, end, seam = np.zeros((3, CORNERS), np.int64)
+    pixels = np.zeros((SCANLINES * height, width), np.uint32)
+    return Canvas(pixels, Edges(start, slope, begin, end, seam))
 
 
 @lean_inlined
@@ -88,33 +105,31 @@ def line_at(y: float, scanlines: int) -> int:
 @lean_inlined
 def draw(polygons: Polygons, canvas: Canvas) -> None:
     """Draw all polygons, one over the other."""
-    pixels, left, right = canvas
+    pixels, edges = canvas.pixels, canvas.edges
     scanlines, width = pixels.shape
     for polygon in range(polygons.number[0]):
         xs, ys = polygons.xs[polygon], polygons.ys[polygon]
         corners, seams = polygons.corners[polygon], polygons.seams[polygon]
-        first, last = scanlines, 0
-        for i in range(corners):
-            line = line_at(ys[i], scanlines)
-            first, last = min(first, line), max(last, line)
-        for y in range(first, last):
-            left[y], right[y] = width, 0.0
         x0, y0, line0 = xs[corners - 1], ys[corners - 1], line_at(ys[corners - 1], scanlines)
         seam = seams >> (corners - 1) & 1
+        first, last = scanlines, 0
         for i in range(corners):
             x1, y1, line1 = xs[i], ys[i], line_at(ys[i], scanlines)
-            if line0 != line1:
-                slope = (x1 - x0) / (y1 - y0)
-                start = x0 + (HALF - y0) * slope
-                for y in range(min(line0, line1), max(line0, line1)):
-                    x = start + np.float32(y) * slope
-                    if seam:
-                        x = np.float32(math.floor(x + HALF))
-                    left[y], right[y] = min(left[y], x), max(right[y], x)
+            edges.begin[i], edges.end[i], edges.seam[i] = min(line0, line1), max(line0, line1), seam
+            slope = (x1 - x0) / (y1 - y0) if line0 != line1 else np.float32(0.0)
+            edges.start[i], edges.slope[i] = x0 + (HALF - y0) * slope, slope
+            first, last = min(first, line1), max(last, line1)
             x0, y0, line0, seam = x1, y1, line1, seams >> i & 1
         colour = polygons.colour[polygon]
         for y in range(first, last):
-            draw_span(pixels[y], left[y], right[y], colour)
+            left, right = np.float32(width), np.float32(0.0)
+            for i in range(corners):
+                if edges.begin[i] <= y < edges.end[i]:
+                    x = edges.start[i] + np.float32(y) * edges.slope[i]
+                    if edges.seam[i]:
+                        x = np.float32(math.floor(x + HALF))
+                    left, right = min(left, x), max(right, x)
+            draw_span(pixels[y], left, right, colour)
 
 
 @lean_inlined

@@ -316,7 +316,7 @@ def add_car(
             elif face < 4:
                 light = LIT - aside if face == 2 else LIT + aside
             shaded = blend(0, base, int(256.0 * light))
-            add_polygon(solid, 4, 0, blend(shaded, haze, share), lens, polygons)
+            add_polygon(solid, 4, 0, blend(shaded, haze, share), False, lens, polygons)
         if part == FIRST_BODY and near:
             add_wheels(car, haze, share, lens, scratch, polygons, shapes)
         if part == FIRST_BODY + 1:
@@ -339,6 +339,7 @@ def add_wheels(
     shapes: CarShapes,
 ) -> None:
     """Add the outer sides of the wheels, the front ones steered."""
+    tyre = blend(np.uint32(shapes.tyre), haze, share)
     turn_sine, turn_cosine = math.sin(car.steering), math.cos(car.steering)
     for wheel in range(4):
         side = 1.0 if wheel % 2 == 0 else -1.0
@@ -354,7 +355,7 @@ def add_wheels(
                 scratch.solid[corner],
             )
         if faces_camera(scratch.solid):
-            add_polygon(scratch.solid, DISC, 0, blend(np.uint32(shapes.tyre), haze, share), lens, polygons)
+            add_polygon(scratch.solid, DISC, 0, tyre, False, lens, polygons)
 
 
 _ANGLES = np.arange(DISC) * (2.0 * math.pi / DISC) + math.pi / DISC
@@ -389,9 +390,8 @@ def add_lamps(
         put(scratch.seen, lamp[0], right, lamp[4], scratch.solid[3])
         if not faces_camera(scratch.solid):
             continue
-        corners = add_polygon(
-            scratch.solid, 4, 0, colour if braking else blend(colour, haze, share), lens, polygons
-        )
+        shown = colour if braking else blend(colour, haze, share)
+        corners = add_polygon(scratch.solid, 4, 0, shown, braking, lens, polygons)
         if braking and corners > 0:
             last = polygons.number[0] - 1
             glow(polygons.xs[last], corners, np.float32(1.0))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nathlon.sim.camera.canvas import SCANLINES, Colour, Polygons
+from nathlon.sim.camera.canvas import SCANLINES, Colour, Polygons, line_at
 from nathlon.sim.camera_spec import MOUNTS, CameraSpec
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.state import CarRecord
@@ -91,7 +91,7 @@ def aim(body: np.ndarray, lens: Lens, pose: np.ndarray) -> None:
 
 @lean_inlined
 def add_polygon(
-    solid: np.ndarray, count: int, seams: int, colour: Colour, lens: Lens, polygons: Polygons
+    solid: np.ndarray, count: int, seams: int, colour: Colour, glows: bool, lens: Lens, polygons: Polygons
 ) -> int:
     """Add what a polygon in space looks like, without what is too near, if that is anything.
 
@@ -100,6 +100,7 @@ def add_polygon(
         count: at least 3.
         seams: bit i is set where the edge after corner i is a seam.
         colour: packed.
+        glows: whether it counts even between the middles of two scanlines.
         lens: of the camera.
         polygons: added to.
 
@@ -127,6 +128,12 @@ def add_polygon(
             kept_seams |= seam << seen
             seen += 1
     if seen < 3:
+        return 0
+    top = bottom = ys[0]
+    for i in range(1, seen):
+        top, bottom = min(top, ys[i]), max(bottom, ys[i])
+    scanlines = int(np.float32(2.0) * lens.middle_y)
+    if not glows and line_at(top, scanlines) == line_at(bottom, scanlines):
         return 0
     polygons.corners[place], polygons.seams[place], polygons.colour[place] = seen, kept_seams, colour
     polygons.number[0] += 1

@@ -243,7 +243,7 @@ def add_band(
             for axis in range(3):
                 solid[0, axis], solid[1, axis] = one[axis, left], other[axis, left]
                 solid[2, axis], solid[3, axis] = other[axis, right], one[axis, right]
-            add_polygon(solid, 4, ALONG, blend(colour, haze, share), lens, polygons)
+            add_polygon(solid, 4, ALONG, blend(colour, haze, share), False, lens, polygons)
 
 
 @lean_inlined

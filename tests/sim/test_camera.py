@@ -58,12 +58,12 @@ def eight() -> Track:
     angle = np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False) + 0.8
     line = np.stack([400.0 * np.sin(angle), 250.0 * np.sin(2.0 * angle)], axis=1)
     height = bridge_heights(find_crossings(line), len(line), 3.0)
-    return road(*line.T, 5.0, 7.0, z=height)
+    return road(line[:, 0], line[:, 1], 5.0, 7.0, z=height)
 
 
 def horizon(sky: Picture) -> float:
-    """At which height of a picture the sky of its middle column would have the colour of the haze."""
-    red, _, blue = np.moveaxis(sky[:, sky.shape[1] // 2].astype(np.float64), -1, 0)
+    """At which height of a picture the sky at its left side would have the colour of the haze."""
+    red, _, blue = np.moveaxis(sky[:, 2].astype(np.float64), -1, 0)
     above = np.arange(len(red)) < np.argmax(red)
     rows = np.flatnonzero(above & (blue > 200) & (red > ZENITH_RED + 4) & (red < HAZE_RED - 8))
     fall, start = np.polyfit(rows + 0.5, red[rows], 1)
@@ -88,7 +88,10 @@ class TestSpec:
         ("make", "told"),
         [
             (lambda: CameraSpec(width=8), "camera: width is 8, expected a whole number from 16 to 256"),
-            (lambda: CameraSpec(mount="wing"), "camera: mount is 'wing', expected one of cockpit, roof, chase"),
+            (
+                lambda: CameraSpec(mount="wing"),
+                "camera: mount is 'wing', expected one of cockpit, roof, chase",
+            ),
             (lambda: CameraSpec(field_of_view=True), "camera: field_of_view is True, expected 20 to 140"),
             (lambda: CameraSpec(channels=4), "camera: channels is 4, expected 1 (grey) or 3 (colour)"),
             (
