@@ -1,7 +1,7 @@
-"""Drawing by scanlines: polygons of one colour, one over the other.
+"""Drawing row by row: polygons of one colour, one over the other.
 
-Colours are packed numbers, red in the lowest byte. A pixel at the end of a line counts as far as it is
-covered, so that edges are smooth; but where two polygons meet in a seam, each pixel belongs to one of them.
+Colours are packed numbers, red in the lowest byte. A pixel at the end of a row of them counts as far as it is
+covered, so that edges are smooth; where two polygons meet in a seam, each pixel belongs to one of them.
 """
 
 from __future__ import annotations
@@ -16,9 +16,7 @@ from nathlon.sim.kernel import lean_inlined
 
 CORNERS = 9
 """Of a polygon at most."""
-SCANLINES = 2
-"""Of a row of pixels."""
-RED_AND_BLUE, GREEN, HALVES = np.uint32(0xFF00FF), np.uint32(0x00FF00), np.uint32(0xFEFEFE)
+RED_AND_BLUE, GREEN = np.uint32(0xFF00FF), np.uint32(0x00FF00)
 HALF = np.float32(0.5)
 
 Colour = np.uint32
@@ -29,7 +27,7 @@ class Polygons(NamedTuple):
     """What is to be drawn, in this order.
 
     Attributes:
-        xs, ys: (most, CORNERS) float32, corners, pixels and scanlines from the top left.
+        xs, ys: (most, CORNERS) float32, corners, pixels from the top left.
         corners: (most,) int64, how many there are.
         seams: (most,) int64, bit i is set where the edge after corner i is a seam.
         colour: (most,) uint32, packed.
@@ -48,8 +46,8 @@ class Edges(NamedTuple):
     """Those of the polygon that is drawn, (CORNERS,) each.
 
     Attributes:
-        start, slope: float32, x at the middle of scanline y is `start + slope * y`.
-        begin, end: int64, the scanlines that an edge crosses.
+        start, slope: float32, x at the middle of row y is `start + slope * y`.
+        begin, end: int64, the rows that an edge crosses.
         seam: int64, whether it is one.
     """
 
@@ -64,7 +62,7 @@ class Canvas(NamedTuple):
     """What is drawn on.
 
     Attributes:
-        pixels: (scanlines, width) uint32, packed.
+        pixels: (height, width) uint32, packed.
         edges: scratch.
     """
 
@@ -83,7 +81,7 @@ def new_canvas(width: int, height: int) -> Canvas:
     """A canvas for a picture of so many pixels."""
     start, slope = np.zeros((2, CORNERS), np.float32)
     begin, end, seam = np.zeros((3, CORNERS), np.int64)
-    pixels = np.zeros((SCANLINES * height, width), np.uint32)
+    pixels = np.zeros((height, width), np.uint32)
     return Canvas(pixels, Edges(start, slope, begin, end, seam))
 
 
@@ -97,29 +95,40 @@ def blend(under: Colour, over: Colour, share: int) -> Colour:
 
 
 @lean_inlined
-def line_at(y: float, scanlines: int) -> int:
-    """The first scanline whose middle is not above a height; the number of scanlines if there is none."""
-    return min(max(int(math.ceil(y - HALF)), 0), scanlines)  # noqa: RUF046  # in a kernel it is a float
+def row_at(y: float, height: int) -> int:
+    """The first row of pixels whose middle is not above a height; the number of rows if there is none."""
+    return min(max(int(math.ceil(y - HALF)), 0), height)  # noqa: RUF046  # in a kernel it is a float
+
+
+@lean_inlined
+def shows(xs: np.ndarray, ys: np.ndarray, corners: int, width: int, height: int) -> bool:
+    """Whether a polygon covers the middle of a row within the picture."""
+    left = right = xs[0]
+    top = bottom = ys[0]
+    for i in range(1, corners):
+        left, right = min(left, xs[i]), max(right, xs[i])
+        top, bottom = min(top, ys[i]), max(bottom, ys[i])
+    return right > 0.0 and left < width and row_at(top, height) < row_at(bottom, height)
 
 
 @lean_inlined
 def draw(polygons: Polygons, canvas: Canvas) -> None:
     """Draw all polygons, one over the other."""
     pixels, edges = canvas.pixels, canvas.edges
-    scanlines, width = pixels.shape
+    height, width = pixels.shape
     for polygon in range(polygons.number[0]):
         xs, ys = polygons.xs[polygon], polygons.ys[polygon]
         corners, seams = polygons.corners[polygon], polygons.seams[polygon]
-        x0, y0, line0 = xs[corners - 1], ys[corners - 1], line_at(ys[corners - 1], scanlines)
+        x0, y0, row0 = xs[corners - 1], ys[corners - 1], row_at(ys[corners - 1], height)
         seam = seams >> (corners - 1) & 1
-        first, last = scanlines, 0
+        first, last = height, 0
         for i in range(corners):
-            x1, y1, line1 = xs[i], ys[i], line_at(ys[i], scanlines)
-            edges.begin[i], edges.end[i], edges.seam[i] = min(line0, line1), max(line0, line1), seam
-            slope = (x1 - x0) / (y1 - y0) if line0 != line1 else np.float32(0.0)
+            x1, y1, row1 = xs[i], ys[i], row_at(ys[i], height)
+            edges.begin[i], edges.end[i], edges.seam[i] = min(row0, row1), max(row0, row1), seam
+            slope = (x1 - x0) / (y1 - y0) if row0 != row1 else np.float32(0.0)
             edges.start[i], edges.slope[i] = x0 + (HALF - y0) * slope, slope
-            first, last = min(first, line1), max(last, line1)
-            x0, y0, line0, seam = x1, y1, line1, seams >> i & 1
+            first, last = min(first, row1), max(last, row1)
+            x0, y0, row0, seam = x1, y1, row1, seams >> i & 1
         colour = polygons.colour[polygon]
         for y in range(first, last):
             left, right = np.float32(width), np.float32(0.0)
@@ -157,8 +166,8 @@ def draw_span(line: np.ndarray, begin: np.float32, end: np.float32, colour: Colo
 @lean_inlined
 def soften(pixels: np.ndarray) -> None:
     """Mix each pixel with its neighbours, by 1, 2 and 1 of four parts each way."""
-    scanlines, width = pixels.shape
-    for y in range(scanlines):
+    height, width = pixels.shape
+    for y in range(height):
         before = pixels[y, 0]
         for x in range(width):
             here = pixels[y, x]
@@ -166,36 +175,27 @@ def soften(pixels: np.ndarray) -> None:
             pixels[y, x] = blend(here, blend(before, after, 128), 128)
             before = here
     for x in range(width):
-        for part in range(SCANLINES):
-            before = pixels[part, x]
-            for y in range(part, scanlines, SCANLINES):
-                here = pixels[y, x]
-                after = pixels[y + SCANLINES, x] if y + SCANLINES < scanlines else here
-                pixels[y, x] = blend(here, blend(before, after, 128), 128)
-                before = here
+        before = pixels[0, x]
+        for y in range(height):
+            here = pixels[y, x]
+            after = pixels[y + 1, x] if y + 1 < height else here
+            pixels[y, x] = blend(here, blend(before, after, 128), 128)
+            before = here
 
 
 @lean_inlined
 def develop(pixels: np.ndarray, channels: int, picture: np.ndarray) -> None:
-    """Set the bytes of a picture, (height * width * channels,) uint8: means of their scanlines."""
-    scanlines, width = pixels.shape
-    for row in range(scanlines // SCANLINES):
-        upper, lower = pixels[SCANLINES * row], pixels[SCANLINES * row + 1]
-        line = picture[row * width * channels : (row + 1) * width * channels]
+    """Set the bytes of a picture, (height * width * channels,) uint8."""
+    height, width = pixels.shape
+    for y in range(height):
+        colours = pixels[y]
+        line = picture[y * width * channels : (y + 1) * width * channels]
         if channels == 3:
             for x in range(width):
-                colour = mean(upper[x], lower[x])
-                line[3 * x] = np.uint8(colour)
-                line[3 * x + 1] = np.uint8(colour >> 8)
-                line[3 * x + 2] = np.uint8(colour >> 16)
+                line[3 * x] = np.uint8(colours[x])
+                line[3 * x + 1] = np.uint8(colours[x] >> 8)
+                line[3 * x + 2] = np.uint8(colours[x] >> 16)
         else:
             for x in range(width):
-                colour = mean(upper[x], lower[x])
-                red, green, blue = colour & 0xFF, colour >> 8 & 0xFF, colour >> 16
+                red, green, blue = colours[x] & 0xFF, colours[x] >> 8 & 0xFF, colours[x] >> 16
                 line[x] = np.uint8((77 * red + 150 * green + 29 * blue) >> 8)
-
-
-@lean_inlined
-def mean(one: Colour, other: Colour) -> Colour:
-    """The colour halfway between two."""
-    return np.uint32((one & other) + (((one ^ other) & HALVES) >> 1))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.camera.canvas import SCANLINES, Colour, Polygons, blend
+from nathlon.sim.camera.canvas import Colour, Polygons, blend
 from nathlon.sim.camera.lens import (
     AHEAD,
     DOWN,
@@ -55,12 +55,12 @@ POLYGONS = 80
 """Of a car, at most."""
 DISC = 8
 """Corners of a wheel."""
-DETAILED_M = 60.0
+DETAILED_M = 40.0
 """From the camera up to which a car has all its parts."""
 LIT, SUNNY = 0.74, 0.2
 """Light on an upright face, and how much more or less the sun makes of it."""
-ANY, FROM_BEHIND, FROM_AHEAD, NEAR = range(4)
-"""When a part is drawn: whatever is seen, seen from behind or from ahead, or near the camera only."""
+ANY, FROM_BEHIND, FROM_AHEAD = range(3)
+"""When a part is drawn: always, or near the camera, and then from behind or from ahead only."""
 
 
 Level = tuple[float, float, float, float, float]
@@ -155,22 +155,15 @@ def car_shapes(car: Car) -> CarShapes:
     half, side, radius = body.length_m / 2.0, body.width_m / 2.0, car.wheel.radius_m
     middle = (body.front_axle_m - body.rear_axle_m) / 2.0
 
-    def box(
-        rear: float, front: float, wide: float, low: float, high: float, colour: int, when: int = ANY
-    ) -> Part:
-        where = (middle + rear * half, middle + front * half, -wide * side, wide * side)
-        return Part((*where, low), (*where, high), colour, WHOLE, when)
-
     def level(rear: float, front: float, wide: float, height: float) -> Level:
         return (middle + rear * half, middle + front * half, -wide * side, wide * side, height)
 
     glass, wing, shadow = (int(pack(colour)) for colour in (GLASS, WING, SHADOW))
     ground = level(-1.02, 1.02, 1.06, 0.02)
     low, high = level(-0.62, 0.36, 0.86, 0.74), level(-0.40, 0.02, 0.66, 1.18)
-    spoiler = box(-1.0, -0.84, 0.96, 0.98, 1.06, wing)
+    spoiler = Part(level(-1.0, -0.84, 0.96, 0.98), level(-1.0, -0.84, 0.96, 1.06), wing, WHOLE, ANY)
     parts = [
         Part(ground, ground, shadow, TOP_ONLY, ANY),
-        *_tyres(car, radius),
         Part(level(-1.0, 1.0, 0.98, 0.26), level(-1.0, 0.98, 0.94, 0.62), PAINTED, WHOLE, ANY),
         Part(level(-1.0, 0.6, 0.94, 0.62), level(-0.98, 0.34, 0.88, 0.76), PAINTED, WHOLE, ANY),
         spoiler._replace(when=FROM_AHEAD),
@@ -202,15 +195,6 @@ def _axles(car: Car) -> list[tuple[float, float]]:
     body = car.body
     axles = (body.front_axle_m, body.front_track_m), (-body.rear_axle_m, body.rear_track_m)
     return [(along, side * track / 2.0) for along, track in axles for side in (1.0, -1.0)]
-
-
-def _tyres(car: Car, radius: float) -> list[Part]:
-    """What is seen of the tyres below the body."""
-    tyres = []
-    for along, across in _axles(car):
-        where = (along - 0.9 * radius, along + 0.9 * radius, across - 0.15, across + 0.15)
-        tyres.append(Part((*where, 0.0), (*where, 0.4), int(pack(TYRE)), SIDES_ONLY, NEAR))
-    return tyres
 
 
 @lean_inlined
@@ -293,9 +277,7 @@ def add_car(
     aside = SUNNY * (SUN_X * scratch.pose[LEFT] + SUN_Y * scratch.pose[LEFT + 1])
     for part in range(len(shapes.kinds)):
         colour, faces, when = shapes.kinds[part, 0], shapes.kinds[part, 1], shapes.kinds[part, 2]
-        if (when == NEAR and not near) or (when == FROM_BEHIND and not from_behind):
-            continue
-        if when == FROM_AHEAD and from_behind:
+        if when != ANY and (not near or (when == FROM_BEHIND) != from_behind):
             continue
         base = np.uint32(paint if colour == PAINTED else colour)
         for half in range(2):
@@ -324,8 +306,8 @@ def add_car(
 
 
 SUN_X, SUN_Y = (float(part) for part in SUN / np.hypot(*SUN))
-FIRST_BODY = 5
-"""The part after which the wheels are drawn: shadow and tyres come before."""
+FIRST_BODY = 1
+"""The part after which the wheels are drawn; the shadow comes before."""
 
 
 @lean_inlined
@@ -394,18 +376,18 @@ def add_lamps(
         corners = add_polygon(scratch.solid, 4, 0, shown, braking, lens, polygons)
         if braking and corners > 0:
             last = polygons.number[0] - 1
-            glow(polygons.xs[last], corners, np.float32(1.0))
-            glow(polygons.ys[last], corners, np.float32(SCANLINES))
+            glow(polygons.xs[last], corners)
+            glow(polygons.ys[last], corners)
 
 
 @lean_inlined
-def glow(places: np.ndarray, corners: int, least: float) -> None:
-    """Make a polygon at least so wide or high, given one coordinate of its corners."""
+def glow(places: np.ndarray, corners: int) -> None:
+    """Make a polygon at least a pixel wide or high, given one coordinate of its corners."""
     low = high = places[0]
     for i in range(1, corners):
         low, high = min(low, places[i]), max(high, places[i])
-    if high - low < least:
-        stretch = least / max(high - low, np.float32(1e-6))
+    if high - low < np.float32(1.0):
+        stretch = np.float32(1.0) / max(high - low, np.float32(1e-6))
         middle = np.float32(0.5) * (low + high)
         for i in range(corners):
             places[i] = middle + stretch * (places[i] - middle)

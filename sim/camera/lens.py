@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nathlon.sim.camera.canvas import SCANLINES, Colour, Polygons, line_at
+from nathlon.sim.camera.canvas import Colour, Polygons, shows
 from nathlon.sim.camera_spec import MOUNTS, CameraSpec
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.state import CarRecord
@@ -26,9 +26,10 @@ class Lens(NamedTuple):
     """What the kernels read of a camera.
 
     Attributes:
-        focal_x, focal_y: distance from which the picture is to be seen, pixels and scanlines.
-        middle_x, middle_y: of the picture, pixels and scanlines.
-        forward, height, sine, cosine: of the mount; the last two are of its pitch.
+        focal_x, focal_y: distance from which the picture is to be seen, pixels.
+        middle_x, middle_y: of the picture, pixels.
+        width, height: of the picture, pixels.
+        forward, above, sine, cosine: of the mount, whose height is `above`; the last two are of its pitch.
         sees_itself: whether its own car is in the picture.
     """
 
@@ -36,8 +37,10 @@ class Lens(NamedTuple):
     focal_y: np.float32
     middle_x: np.float32
     middle_y: np.float32
+    width: int
+    height: int
     forward: float
-    height: float
+    above: float
     sine: float
     cosine: float
     sees_itself: bool
@@ -49,9 +52,11 @@ def lens_of(spec: CameraSpec) -> Lens:
     across, up = spec.focal
     return Lens(
         np.float32(across),
-        np.float32(SCANLINES * up),
+        np.float32(up),
         np.float32(spec.width / 2.0),
-        np.float32(SCANLINES * spec.height / 2.0),
+        np.float32(spec.height / 2.0),
+        spec.width,
+        spec.height,
         mount.forward,
         mount.height,
         math.sin(mount.pitch),
@@ -83,7 +88,7 @@ def aim(body: np.ndarray, lens: Lens, pose: np.ndarray) -> None:
     """Set the pose of a camera, (POSE,), on a car with the pose `body`."""
     for axis in range(3):
         forward, up = body[FORWARD + axis], body[UP + axis]
-        pose[PLACE + axis] = body[PLACE + axis] + lens.forward * forward + lens.height * up
+        pose[PLACE + axis] = body[PLACE + axis] + lens.forward * forward + lens.above * up
         pose[RIGHT + axis] = -body[LEFT + axis]
         pose[AHEAD + axis] = lens.cosine * forward - lens.sine * up
         pose[DOWN + axis] = -lens.sine * forward - lens.cosine * up
@@ -100,7 +105,7 @@ def add_polygon(
         count: at least 3.
         seams: bit i is set where the edge after corner i is a seam.
         colour: packed.
-        glows: whether it counts even between the middles of two scanlines.
+        glows: whether it counts even between the middles of two rows of pixels.
         lens: of the camera.
         polygons: added to.
 
@@ -129,11 +134,7 @@ def add_polygon(
             seen += 1
     if seen < 3:
         return 0
-    top = bottom = ys[0]
-    for i in range(1, seen):
-        top, bottom = min(top, ys[i]), max(bottom, ys[i])
-    scanlines = int(np.float32(2.0) * lens.middle_y)
-    if not glows and line_at(top, scanlines) == line_at(bottom, scanlines):
+    if not (glows or shows(xs, ys, seen, lens.width, lens.height)):
         return 0
     polygons.corners[place], polygons.seams[place], polygons.colour[place] = seen, kept_seams, colour
     polygons.number[0] += 1

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.camera.canvas import (
-    SCANLINES,
     Canvas,
     Polygons,
     blend,
@@ -134,7 +133,7 @@ def take_picture(
     aim(scratch.body, lens, scratch.camera)
     draw_backdrop(scratch.camera, lens, canvas.pixels)
     haze = np.uint32(PACKED[0])
-    bands = look_around(car.row, scratch.camera, lens, canvas.pixels.shape[1], scratch.bands, scenery)
+    bands = look_around(car.row, scratch.camera, lens, scratch.bands, scenery)
     cars = find_cars(field, index, scratch, lens, shapes, scenery)
     while bands > 0 or cars > 0:
         if cars == 0 or (bands > 0 and scratch.bands.key[bands - 1] >= scratch.distance[cars - 1]):
@@ -184,10 +183,10 @@ def find_cars(
 @lean_inlined
 def draw_backdrop(camera: np.ndarray, lens: Lens, pixels: np.ndarray) -> None:
     """Draw the sky, and below the horizon the land where nothing stands."""
-    scanlines, width = pixels.shape
+    height, width = pixels.shape
     haze, zenith, plain = np.uint32(PACKED[0]), np.uint32(PACKED[1]), np.uint32(PACKED[2])
     roll = camera[RIGHT + 2] / lens.focal_x
-    for y in range(scanlines):
+    for y in range(height):
         down = (np.float32(y) + np.float32(0.5) - lens.middle_y) / lens.focal_y
         # How steeply the view rises in the middle of the line, and how many pixels right of it it is level.
         rise = camera[AHEAD + 2] + down * camera[DOWN + 2]
@@ -259,7 +258,7 @@ def see_cars(
         feeling: of the sensors.
         tally, thread: see `nathlon.sim.work_stealing`.
     """
-    begin = rows.shape[1] - scratch.canvas.pixels.size // SCANLINES * camera.channels
+    begin = rows.shape[1] - scratch.canvas.pixels.size * camera.channels
     while True:
         row = take(tally, thread, len(races))
         if row < 0:

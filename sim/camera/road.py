@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.camera.canvas import Colour, Polygons, blend, line_at
+from nathlon.sim.camera.canvas import Colour, Polygons, blend, shows
 from nathlon.sim.camera.lens import AHEAD, DOWN, NEAR_M, PLACE, RIGHT, Lens, add_polygon
 from nathlon.sim.camera.scenery import (
     BLOCK,
@@ -22,6 +22,8 @@ from nathlon.sim.camera.scenery import (
     LEVELS,
     LINES,
     PAINT_LEFT,
+    PAINTED,
+    PLAIN_FROM,
     STRIPS,
     WALL_FOOT_LEFT,
     WALL_FOOT_RIGHT,
@@ -42,7 +44,7 @@ CLEAR_M = NEAR_M + np.float32(1.0)
 """A node whose ends are so far ahead has all of it ahead: walls lean forward by less."""
 ALONG = 0b1010
 """Seams of a strip, at its near and its far end."""
-X, Y, Z, COLUMN, SCANLINE = range(5)
+X, Y, Z, COLUMN, ROW = range(5)
 """What is known of a point of a line: where it is as seen from the camera, and in the picture."""
 
 
@@ -50,7 +52,7 @@ class Bands(NamedTuple):
     """The parts of the road in sight, scratch.
 
     Attributes:
-        nodes: (most, 5, LINES) float32, see X to SCANLINE.
+        nodes: (most, 5, LINES) float32, see X to ROW.
         ahead, behind: (most,) bool, whether all of a node is far enough ahead of the camera, or none of it.
         distance: (most,) float32, of the road from the camera, m.
         row: (most,) int64, of the scenery.
@@ -79,14 +81,13 @@ def new_bands(most: int) -> Bands:
 
 
 @lean_inlined
-def look_around(row: int, camera: np.ndarray, lens: Lens, width: int, bands: Bands, scenery: Scenery) -> int:
+def look_around(row: int, camera: np.ndarray, lens: Lens, bands: Bands, scenery: Scenery) -> int:
     """Find the bands in sight, the nearest first.
 
     Args:
         row: of the track, where the camera is.
         camera: its pose.
         lens: of the camera.
-        width: of the picture, pixels.
         bands: set.
         scenery: of the circuit.
 
@@ -112,7 +113,7 @@ def look_around(row: int, camera: np.ndarray, lens: Lens, width: int, bands: Ban
     kept = 0
     for band in range(count):
         node = bands.node[band]
-        if hidden(node, bands, width):
+        if hidden(node, bands, lens.width):
             continue
         key = distance_of(bands.distance[node], bands.distance[node + 1], scenery.bridge[bands.row[node]])
         level = bands.level[band]
@@ -158,7 +159,7 @@ def view(node: int, row: int, camera: np.ndarray, lens: Lens, bands: Bands, scen
         scale = np.float32(1.0) / max(ahead, NEAR_M)
         seen[X, line], seen[Y, line], seen[Z, line] = right, down, ahead
         seen[COLUMN, line] = lens.middle_x + lens.focal_x * right * scale
-        seen[SCANLINE, line] = lens.middle_y + lens.focal_y * down * scale
+        seen[ROW, line] = lens.middle_y + lens.focal_y * down * scale
     ends = seen[Z, LAND_LEFT], seen[Z, LAND_RIGHT]
     bands.ahead[node] = min(ends[0], ends[1]) >= CLEAR_M
     bands.behind[node] = max(ends[0], ends[1]) < NEAR_M
@@ -206,36 +207,27 @@ def add_band(
     if not above and scenery.bridge[row] <= 0.0:
         return
     share = haze_share(bands.distance[node])
-    scanlines = int(np.float32(2.0) * lens.middle_y)
     for strip in range(len(STRIPS)):
         if KERBS_FROM <= strip < KERBS_END and not kerbs:
             continue
         if not above and DECK < strip < WALLS_FROM:
+            continue
+        if level >= PLAIN_FROM and strip == PAINTED:
             continue
         if strip == DECK + 1 and colours[strip] == colours[DECK]:
             continue
         colour = colours[strip] if above or strip > DECK else np.uint32(scenery.concrete)
         left, right = STRIPS[strip, 0], STRIPS[strip, 1]
         if whole:
-            a, b, c, d = (
-                one[SCANLINE, left],
-                other[SCANLINE, left],
-                other[SCANLINE, right],
-                one[SCANLINE, right],
-            )
-            # Far away, most strips lie between the middles of two scanlines.
-            top, bottom = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
-            if line_at(top, scanlines) == line_at(bottom, scanlines):
-                continue
             place = polygons.number[0]
             xs, ys = polygons.xs[place], polygons.ys[place]
-            xs[0], xs[1], xs[2], xs[3] = (
-                one[COLUMN, left],
-                other[COLUMN, left],
-                other[COLUMN, right],
-                one[COLUMN, right],
-            )
-            ys[0], ys[1], ys[2], ys[3] = a, b, c, d
+            xs[0], ys[0] = one[COLUMN, left], one[ROW, left]
+            xs[1], ys[1] = other[COLUMN, left], other[ROW, left]
+            xs[2], ys[2] = other[COLUMN, right], other[ROW, right]
+            xs[3], ys[3] = one[COLUMN, right], one[ROW, right]
+            # Far away, most strips lie between the middles of two rows of pixels.
+            if not shows(xs, ys, 4, lens.width, lens.height):
+                continue
             polygons.corners[place], polygons.seams[place] = 4, ALONG
             polygons.colour[place] = blend(colour, haze, share)
             polygons.number[0] += 1

@@ -46,18 +46,20 @@ STRIPS = np.array(
         (KERB_OUTER_LEFT, EDGE_LEFT),
         (EDGE_RIGHT, KERB_OUTER_RIGHT),
         (EDGE_LEFT, EDGE_RIGHT),
-        (PAINT_LEFT, PAINT_RIGHT),
+        (PAINT_LEFT, PAINT_RIGHT),  # what is paint stays to its left and right
         (WALL_FOOT_LEFT, WALL_TOP_LEFT),
         (WALL_TOP_RIGHT, WALL_FOOT_RIGHT),
     ],
     np.int64,
 )
 """Left and right line of each strip of one colour, in the order in which they are drawn."""
-DECK, KERBS_FROM, KERBS_END, WALLS_FROM = 2, 4, 6, 8
-"""Places of the strip that all of the road lies on, of the kerbs and of the walls among STRIPS."""
+DECK, KERBS_FROM, KERBS_END, PAINTED, WALLS_FROM = 2, 4, 6, 6, 8
+"""Places among STRIPS: of what all of the road lies on, the kerbs, the painted edges, the walls."""
 
 LEVELS = 5
 """Of detail: at level k, 2**k rows of the track are drawn as one."""
+PLAIN_FROM = 2
+"""Level of detail from which on painted edges are left out."""
 DETAIL_M = 28.0
 """From the camera up to which every row is drawn; up to twice as far every second one, and so on."""
 SIGHT_M = 360.0

@@ -12,7 +12,7 @@ import pytest
 
 from nathlon.arena.entrance import home
 from nathlon.arena.entrant import enter
-from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
+from nathlon.policies.checkpoint import load_checkpoint, read_checkpoint
 from nathlon.policies.sources.onnx import OnnxPolicy, export_onnx
 from nathlon.policies.training import pairs, polish, trial
 from nathlon.policies.training.config import TrainingConfig, Variety
