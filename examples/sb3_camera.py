@@ -40,6 +40,7 @@ def train(steps: int, seed: int, path: Path) -> None:
         device="cpu",
         buffer_size=min(steps, 50_000),  # a picture is 12 kB, and each step keeps two
         learning_starts=min(steps // 10, 5_000),
+        batch_size=64,
     )
     # Plain values beside the pickles of the .zip: what the policy sees, and what it learnt to drive.
     card = {"observation": OBSERVATION.to_dict(), "circuit": CIRCUIT, "car": CAR}

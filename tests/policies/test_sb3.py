@@ -26,7 +26,11 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from examples import sb3_camera
 from examples.sb3_sac_tqc import CHECKPOINTS, LEARNERS, main
 from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrant import enter
 from nathlon.arena.pool import Pool
+from nathlon.arena.results import POLICY_FAULTS
+from nathlon.arena.runner import run_match
+from nathlon.arena.single_race import single_race
 from nathlon.commands.racing import race
 from nathlon.policies.load import load_policy
 from nathlon.policies.sb3_racer import Sb3Policy
@@ -411,15 +415,11 @@ def test_a_camera_with_other_pictures_than_those_of_training_is_refused(tmp_path
         Sb3Policy.load(tmp_path / "eye.zip")
 
 
-def test_what_the_example_with_a_camera_trains_races(
-    tmp_path: Path, pool: Pool, capsys: pytest.CaptureFixture[str]
-) -> None:
-    sb3_camera.main(["--steps", "12", "--out", str(tmp_path)])
+def test_what_the_example_with_a_camera_trains_races(tmp_path: Path) -> None:
+    sb3_camera.main(["--steps", "3", "--out", str(tmp_path)])
     source = str(tmp_path / "sac_camera.zip")
-    (entrant,) = enter_all(pool, [source], "lindenring", "gt3")
-    assert entrant.algorithm == "SB3 SAC"
-    capsys.readouterr()
-    race([source, "driver:pace=0.8"], "slipstream_pass")
-    shown = capsys.readouterr().out
-    assert "slipstream_pass on lindenring" in shown
-    assert "policy raised" not in shown
+    entrants = [enter(each, "lindenring", "gt3") for each in (source, "driver")]
+    assert (entrants[0].algorithm, entrants[0].step) == ("SB3 SAC", 2)
+    match = single_race(entrants, "slipstream_pass", "lindenring", "gt3", seed=1)
+    results = run_match(match, [load_policy(each, "lindenring", "gt3") for each in (source, "driver")])
+    assert not results["ending"].is_in(POLICY_FAULTS).any()

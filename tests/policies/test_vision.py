@@ -143,7 +143,7 @@ def test_who_needs_numbers_refuses_it(path: Path) -> None:
     with refusal(path, "sees by a camera, expected a policy that is told numbers"):
         load_checkpoint(path)
     with refusal(path, "sees by a camera"):
-        load_policy(f"mppi:{path}?objective=progress", "lindenring", "gt3")
+        load_policy(f"mppi:{path}?objective=-kerb", "lindenring", "gt3")
 
 
 def test_it_races_the_same_to_the_bit_and_remembers(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
