@@ -27,8 +27,8 @@ class Mount(NamedTuple):
 
 MOUNTS = {
     "cockpit": Mount(0.3, 1.15, math.radians(5.0), False),
-    "roof": Mount(0.0, 1.9, math.radians(8.0), False),
-    "chase": Mount(-6.5, 2.6, math.radians(9.0), True),
+    "roof": Mount(0.0, 1.9, math.radians(7.0), False),
+    "chase": Mount(-6.5, 2.6, math.radians(12.0), True),
 }
 CHANNELS = (1, 3)
 LEAST_SIDE, LONGEST_SIDE = 16, 256
@@ -55,7 +55,7 @@ class CameraSpec:
     width: int = 64
     height: int = 64
     field_of_view: float = 75.0
-    vertical_field_of_view: float = 50.0
+    vertical_field_of_view: float = 36.0
     mount: str = "cockpit"
     channels: int = 3
     noise: float = 0.0

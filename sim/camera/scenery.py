@@ -66,7 +66,7 @@ SIGHT_M = 360.0
 BLOCK = 16
 """Rows of the track that share a list of what lies near."""
 
-WALL_M, PAINT_M, DECK_M = 0.95, 0.2, 1.5
+WALL_M, PAINT_M, DECK_M = 1.0, 0.2, 1.5
 LAND_M = (60.0, 45.0, 34.0, 25.0, 18.0, 13.0, 9.0, 6.0, 4.0, 2.5, 1.5, 0.8)
 """How far land may reach beyond a wall: as far as this stretch of the road is the nearest one."""
 EMBANKMENT = 6.0, 4.0
@@ -86,7 +86,7 @@ RUNOFF: dict[str, Shades] = {
 }
 KERB: Shades = ((208, 44, 46), (240, 240, 236))
 PAINT, ZONE_PAINT, START = (235, 235, 230), (244, 180, 50), (250, 250, 250)
-WALL: Shades = ((196, 200, 206), (178, 182, 190))
+WALL: Shades = ((214, 217, 222), (180, 184, 192))
 CONCRETE = (120, 118, 114)
 SHADE_ROWS, KERB_ROWS = 6, 2
 """Rows after which they do."""
@@ -207,7 +207,7 @@ def _colours(track: Track) -> NDArray[np.float64]:
     paint = np.where(table[:, ZONE, None] > 0.0, ZONE_PAINT, np.array(PAINT, np.float64))
     walls = np.array(WALL, np.float64)[shade]
     inward = np.stack([table[:, TANGENT_Y], -table[:, TANGENT_X]], axis=1) @ SUN
-    lit = [walls * (0.78 + 0.3 * side * inward)[:, None] for side in (1.0, -1.0)]
+    lit = [walls * (0.86 + 0.16 * side * inward)[:, None] for side in (1.0, -1.0)]
     return np.stack([land, land, left, right, kerb, kerb, paint, road, *lit], axis=1)
 
 

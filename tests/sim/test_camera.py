@@ -173,7 +173,7 @@ class TestGeometry:
     @pytest.mark.parametrize("mount", MOUNTS)
     @pytest.mark.parametrize("gradient", [-0.06, 0.0, 0.08])
     def test_the_horizon_lies_where_pitch_and_slope_put_it(self, mount: str, gradient: float) -> None:
-        camera = CameraSpec(width=64, height=256, mount=mount)
+        camera = CameraSpec(width=64, height=256, mount=mount, vertical_field_of_view=60.0)
         world = world_with(slope(gradient), [STRAIGHT_M / 2])
         down = MOUNTS[mount].pitch - np.arctan(gradient)
         expected = 128.0 - camera.focal[1] * np.tan(down)
