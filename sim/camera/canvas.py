@@ -157,7 +157,8 @@ def draw_span(line: np.ndarray, begin: np.float32, end: np.float32, colour: Colo
         line[low] = blend(line[low], colour, int(np.float32(256.0) * (end - begin)))
         return
     line[low] = blend(line[low], colour, int(np.float32(256.0) * (np.float32(low + 1) - begin)))
-    for x in range(low + 1, high):
+    # Of an unsigned number the compiler need not ask whether it counts from the end.
+    for x in range(np.uint64(low + 1), np.uint64(high)):
         line[x] = colour
     if high < width:
         line[high] = blend(line[high], colour, int(np.float32(256.0) * (end - np.float32(high))))

@@ -55,12 +55,12 @@ POLYGONS = 80
 """Of a car, at most."""
 DISC = 8
 """Corners of a wheel."""
-DETAILED_M = 40.0
+DETAILED_M = 35.0
 """From the camera up to which a car has all its parts."""
 LIT, SUNNY = 0.74, 0.2
 """Light on an upright face, and how much more or less the sun makes of it."""
-ANY, FROM_BEHIND, FROM_AHEAD = range(3)
-"""When a part is drawn: always, or near the camera, and then from behind or from ahead only."""
+ANY, NEAR, FROM_BEHIND, FROM_AHEAD = range(4)
+"""When a part is drawn: always, near the camera, or there from behind or from ahead only."""
 
 
 Level = tuple[float, float, float, float, float]
@@ -165,7 +165,7 @@ def car_shapes(car: Car) -> CarShapes:
     parts = [
         Part(ground, ground, shadow, TOP_ONLY, ANY),
         Part(level(-1.0, 1.0, 0.98, 0.26), level(-1.0, 0.98, 0.94, 0.62), PAINTED, WHOLE, ANY),
-        Part(level(-1.0, 0.6, 0.94, 0.62), level(-0.98, 0.34, 0.88, 0.76), PAINTED, WHOLE, ANY),
+        Part(level(-1.0, 0.6, 0.94, 0.62), level(-0.98, 0.34, 0.88, 0.76), PAINTED, WHOLE, NEAR),
         spoiler._replace(when=FROM_AHEAD),
         Part(low, high, glass, SIDES_ONLY, ANY),
         Part(low, high, PAINTED, TOP_ONLY, ANY),
@@ -277,7 +277,9 @@ def add_car(
     aside = SUNNY * (SUN_X * scratch.pose[LEFT] + SUN_Y * scratch.pose[LEFT + 1])
     for part in range(len(shapes.kinds)):
         colour, faces, when = shapes.kinds[part, 0], shapes.kinds[part, 1], shapes.kinds[part, 2]
-        if when != ANY and (not near or (when == FROM_BEHIND) != from_behind):
+        if when != ANY and not near:
+            continue
+        if (when == FROM_BEHIND and not from_behind) or (when == FROM_AHEAD and from_behind):
             continue
         base = np.uint32(paint if colour == PAINTED else colour)
         for half in range(2):
@@ -301,7 +303,7 @@ def add_car(
             add_polygon(solid, 4, 0, blend(shaded, haze, share), False, lens, polygons)
         if part == FIRST_BODY and near:
             add_wheels(car, haze, share, lens, scratch, polygons, shapes)
-        if part == FIRST_BODY + 1:
+        if part == FIRST_BODY:
             add_lamps(car, from_behind, haze, share, lens, scratch, polygons, shapes)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.camera.canvas import Colour, Polygons, blend, shows
+from nathlon.sim.camera.canvas import Colour, Polygons, blend, row_at, shows
 from nathlon.sim.camera.lens import AHEAD, DOWN, NEAR_M, PLACE, RIGHT, Lens, add_polygon
 from nathlon.sim.camera.scenery import (
     BLOCK,
@@ -207,7 +207,9 @@ def add_band(
     if not above and scenery.bridge[row] <= 0.0:
         return
     share = haze_share(bands.distance[node])
-    for strip in range(len(STRIPS)):
+    # Far away, only walls reach the middle of a row of pixels.
+    begin = WALLS_FROM if whole and within_a_row(one, other, lens.height) else 0
+    for strip in range(begin, len(STRIPS)):
         if KERBS_FROM <= strip < KERBS_END and not kerbs:
             continue
         if not above and DECK < strip < WALLS_FROM:
@@ -225,7 +227,6 @@ def add_band(
             xs[1], ys[1] = other[COLUMN, left], other[ROW, left]
             xs[2], ys[2] = other[COLUMN, right], other[ROW, right]
             xs[3], ys[3] = one[COLUMN, right], one[ROW, right]
-            # Far away, most strips lie between the middles of two rows of pixels.
             if not shows(xs, ys, 4, lens.width, lens.height):
                 continue
             polygons.corners[place], polygons.seams[place] = 4, ALONG
@@ -236,6 +237,17 @@ def add_band(
                 solid[0, axis], solid[1, axis] = one[axis, left], other[axis, left]
                 solid[2, axis], solid[3, axis] = other[axis, right], one[axis, right]
             add_polygon(solid, 4, ALONG, blend(colour, haze, share), False, lens, polygons)
+
+
+@lean_inlined
+def within_a_row(one: np.ndarray, other: np.ndarray, height: int) -> bool:
+    """Whether the ground between two nodes lies between the middles of two rows of pixels."""
+    a, b, c, d = one[ROW, LAND_LEFT], one[ROW, LAND_RIGHT], other[ROW, LAND_LEFT], other[ROW, LAND_RIGHT]
+    top, bottom = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
+    for wall in (WALL_FOOT_LEFT, WALL_FOOT_RIGHT):  # where land falls off beside a bridge
+        a, b = one[ROW, wall], other[ROW, wall]
+        top, bottom = min(top, min(a, b)), max(bottom, max(a, b))
+    return row_at(top, height) == row_at(bottom, height)
 
 
 @lean_inlined
