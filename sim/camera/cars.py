@@ -172,8 +172,8 @@ def car_shapes(car: Car) -> CarShapes:
         spoiler._replace(when=FROM_BEHIND),
     ]
     lamps = [
-        Lamp(middle - half - 0.01, 0.42 * side, 0.92 * side, 0.5, 0.66),
-        Lamp(middle + half + 0.01, 0.5 * side, 0.9 * side, 0.46, 0.6),
+        Lamp(middle - half - 0.01, 0.42 * side, 0.92 * side, 0.44, 0.61),
+        Lamp(middle + half + 0.01, 0.5 * side, 0.9 * side, 0.42, 0.56),
     ]
     return CarShapes(
         solids=np.array([(*part.bottom, *part.top) for part in parts], np.float32),
