@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -229,11 +228,6 @@ class ObservationSpec:
         """
         return int(self.slice(name).start)
 
-    @property
-    def flat_size(self) -> int:
-        """How many numbers there are with those of the picture."""
-        return self.size + (0 if self.camera is None else prod(self.camera.shape))
-
     def blank(self, cars: int) -> NDArray[Any]:
         """Observations of so many cars, all zeros.
 
@@ -292,7 +286,7 @@ class ObservationSpec:
 
 
 def flattened(seen: NDArray[Any]) -> NDArray[np.float32]:
-    """Observations as one row of numbers each, (n, flat_size), in the order of `gymnasium.spaces.flatten`."""
+    """Observations as one row of numbers each, in the order of `gymnasium.spaces.flatten`."""
     if seen.dtype.names is None:
         return seen
     pictures = seen[PICTURE].reshape(len(seen), -1)
