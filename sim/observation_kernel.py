@@ -30,6 +30,7 @@ from nathlon.sim.observation import (
 )
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.course import CourseParameters, on_other_level
+from nathlon.sim.physics.pit_lane import in_lane
 from nathlon.sim.simd import add, load, multiply, store, subtract
 from nathlon.sim.state import CarRecord, Cars
 from nathlon.sim.work_stealing import Tally, finish, take
@@ -312,7 +313,7 @@ def find_opponents(
     nearest[:] = -1
     distance[:] = np.inf
     for j in range(len(field)):
-        if j == index or not field[j].driving:
+        if j == index or not field[j].driving or in_lane(field[j]):
             continue
         dx, dy = field[j].x - car.x, field[j].y - car.y
         forward = dx * car.cos_yaw + dy * car.sin_yaw >= 0.0

@@ -35,6 +35,7 @@ from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car import Car
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import NUMBERS, ObservationSpec
+from nathlon.sim.physics.pit_lane import in_lane
 from nathlon.sim.state import Cars
 from nathlon.sim.track import Track
 from nathlon.sim.work_stealing import Tally, ThreadPool, finish, take
@@ -158,7 +159,7 @@ def find_cars(
     """Find the cars in sight, the nearest first; returns how many there are."""
     count = 0
     for j in range(len(field)):
-        if not field[j].driving or (j == index and not lens.sees_itself):
+        if not field[j].driving or in_lane(field[j]) or (j == index and not lens.sees_itself):
             continue
         apart = meet_camera(field[j], scratch.camera, scratch.car)
         length = np.float32(shapes.half_length + 0.5)

@@ -234,8 +234,21 @@ class TestGeometry:
         np.testing.assert_allclose(grey[:, :, 0], colour @ np.array([0.299, 0.587, 0.114]), atol=1.5)
 
 
-VISIBLE = {"x", "y", "z", "cos_yaw", "sin_yaw", "slope_x", "slope_y", "steering", "brake", "driving", "row"}
-"""What a camera may tell of another car; where it is among the rows tells bridges apart."""
+VISIBLE = {
+    "x",
+    "y",
+    "z",
+    "cos_yaw",
+    "sin_yaw",
+    "slope_x",
+    "slope_y",
+    "steering",
+    "brake",
+    "driving",
+    "row",
+    "stage",
+}
+"""What a camera may tell of another car; its row tells bridges apart, its stage that it is in the pit lane."""
 FELT = {
     "velocity_x",
     "velocity_y",
