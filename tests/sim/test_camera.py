@@ -248,7 +248,7 @@ VISIBLE = {
     "row",
     "stage",
 }
-"""What a camera may tell of another car; its row tells bridges apart, its stage that it is in the pit lane."""
+"""What a camera may tell of another car; the row tells bridges apart, the stage who is in the pit lane."""
 FELT = {
     "velocity_x",
     "velocity_y",
