@@ -47,7 +47,10 @@ class _Driver(NamedTuple):
 
 
 class Sight:
-    """Watches a match and keeps what one car's driver sees; a car that is swapped has two."""
+    """Watches a match and keeps what one car's driver is told; a car that is swapped has two.
+
+    Of a driver that sees by a camera nothing is kept.
+    """
 
     def __init__(self, match: Match, policies: Sequence[Policy | Absent], race: int, car: int) -> None:
         """Nothing has been seen yet.
@@ -67,7 +70,7 @@ class Sight:
             self._from_s.append(match.swap.from_s)
         self._drivers = [
             _Driver(policy.observation_spec, Perception(policy.observation_spec, *where, reaction), [])
-            if not isinstance(policy := policies[driver], Absent)
+            if not isinstance(policy := policies[driver], Absent) and policy.observation_spec.camera is None
             else None
             for driver in drivers
         ]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.watch import Watch
-from nathlon.policies.checkpoint import NetworkPolicy
+from nathlon.policies.checkpoint import NetworkPolicy, SeeingPolicy
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.isolation import Apart
@@ -33,7 +33,7 @@ ROW_WISE = (Driver, EarlyBraker, Person)
 """Policies whose answer for a car does not depend, to the last bit, on the cars beside it in the batch. All
 others round differently with the number of rows: matrix products do."""
 
-OWN = (*ROW_WISE, Mppi, NetworkPolicy, OnnxPolicy, Sb3Policy)
+OWN = (*ROW_WISE, Mppi, NetworkPolicy, OnnxPolicy, Sb3Policy, SeeingPolicy)
 """Policies whose code is this program's, whatever file their weights come from."""
 HERE = nullcontext()
 

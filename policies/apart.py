@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nathlon.policies.child import Child, ChildError, LateError
 from nathlon.policies.load import load_policy
 from nathlon.policies.patience import ANSWER_S, FIRST_ANSWER_S, TimedOutError
-from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.policy import Batch, Observations, Policy
 from nathlon.policies.sources import COMPOSITE, PLUGIN, suffix_of
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -91,7 +91,7 @@ class PolicyApart:
         Raises:
             InputError: as of `act`.
         """
-        self.act(np.zeros((1, self.observation_spec.size), np.float32), self.initial_memory(1))
+        self.act(self.observation_spec.blank(1), self.initial_memory(1))
         self._ask({"seed": seed})
 
     def close(self) -> None:
@@ -102,13 +102,18 @@ class PolicyApart:
         """As of `nathlon.policies.policy.Policy`."""
         return self._rows("memory", self._ask({"cars": n})[1], n)
 
-    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+    def act(self, observations: Observations, memory: Batch) -> tuple[Batch, Batch]:
         """As of `nathlon.policies.policy.Policy`.
 
         Raises:
             InputError: if it raises, does not answer in time, or answers with something else.
         """
-        _, arrays = self._ask({}, {"observations": observations, "memory": memory})
+        # Records travel in parts: messages hold arrays of numbers alone.
+        names = observations.dtype.names
+        seen = (
+            {"observations": observations} if names is None else {name: observations[name] for name in names}
+        )
+        _, arrays = self._ask({}, {**seen, "memory": memory})
         self._limit_s = self._answer_s
         actions = self._rows("actions", arrays, len(observations))
         if actions.shape != (len(observations), 2) or not np.isfinite(actions).all():

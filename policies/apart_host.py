@@ -5,11 +5,13 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import numpy as np
+
 from nathlon.policies.child_host import messages, pipe_to_parent
 from nathlon.policies.isolation import Globals
 from nathlon.policies.load import load_policy
 from nathlon.policies.memory_limit import memory_limit
-from nathlon.policies.policy import Policy
+from nathlon.policies.policy import Observations, Policy
 from nathlon.sim.errors import InputError
 from nathlon.sim.wire import pack
 
@@ -40,11 +42,21 @@ def _answer(policy: Policy, message: dict[str, Any], arrays: dict[str, Any]) -> 
         if "cars" in message:
             return pack({}, {"memory": policy.initial_memory(message["cars"])})
         # Copies, for a policy may write into them.
-        actions, memory = policy.act(arrays["observations"].copy(), arrays["memory"].copy())
+        actions, memory = policy.act(_seen(policy, arrays), arrays["memory"].copy())
         return pack({}, {"actions": actions, "memory": memory})
     # It is foreign code: whatever it raises, the user wants to know whose it is.
     except Exception as error:
         return pack({"raised": f"{type(error).__name__} ({error})"})
+
+
+def _seen(policy: Policy, arrays: dict[str, Any]) -> Observations:
+    """Observations as they were before they travelled."""
+    if "observations" in arrays:
+        return np.array(arrays["observations"])
+    seen = policy.observation_spec.blank(len(arrays["memory"]))
+    for name in seen.dtype.names or ():
+        seen[name] = arrays[name]
+    return seen
 
 
 if __name__ == "__main__":

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 
 from nathlon.policies.mlp import EncodedMlp, Mlp
-from nathlon.policies.policy import Batch
+from nathlon.policies.policy import Batch, Observations
 from nathlon.policies.policy_file import content_id, open_policy_file, opening, read_policy_file
+from nathlon.policies.vision import SeeingNetwork, Vision
 from nathlon.policies.weights import (
     Count,
     Names,
@@ -30,6 +31,7 @@ from nathlon.policies.weights import (
     read_header,
     save_weights,
 )
+from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 
 ACTION_SIZE = 2
@@ -56,10 +58,11 @@ class Card(WeightsCard):
     """What a checkpoint is and where it comes from.
 
     Attributes:
-        format: version of the checkpoint format.
+        format: version of the checkpoint format: 2 where there is a vision, which readers of 1 do not know.
         algorithm: what trained it.
         hidden: units of each hidden layer.
         encoder: units of each layer that what does not change in a race goes through first; empty for none.
+        vision: what stands before these layers where the policy sees by a camera; else None.
         observation: layout of the observations that it was trained on.
         circuit, car: names of what it was trained on, or ANY.
         scenarios: names of the training scenarios.
@@ -69,10 +72,11 @@ class Card(WeightsCard):
         created_by: versions of the programs that made it, by name.
     """
 
-    format: Literal[1] = 1
+    format: Literal[1, 2] = 1
     algorithm: Text
     hidden: Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)]
     encoder: Annotated[tuple[Width, ...], Field(max_length=4)] = ()
+    vision: Annotated[Vision | None, Field(exclude_if=lambda vision: vision is None)] = None
     observation: Observation
     circuit: Text
     car: Text
@@ -86,12 +90,17 @@ class Card(WeightsCard):
     def widths(self) -> tuple[int, ...]:
         """The last layer gives the means of the actions, then the logarithms of their deviations."""
         seen = self.observation.size
+        if self.vision:
+            seen = self.vision.outputs(seen)
         if self.encoder:
             seen += self.encoder[-1] - self.observation.facts
         return (seen, *self.hidden, 2 * ACTION_SIZE)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
+        camera = self.observation.camera
+        if self.vision and camera:
+            return self.vision.shapes(camera, self.observation.size) | layer_shapes(self.widths)
         encoder = (self.observation.facts, *self.encoder) if self.encoder else ()
         return layer_shapes(self.widths) | layer_shapes(encoder, ENCODER)
 
@@ -99,6 +108,15 @@ class Card(WeightsCard):
     def _has_what_to_encode(self) -> Card:
         if self.encoder and not self.observation.facts:
             raise ValueError("encoder is given, but the observation has nothing that is the same all race")
+        return self
+
+    @model_validator(mode="after")
+    def _sees_as_it_observes(self) -> Card:
+        if (self.vision is None) != (self.observation.camera is None):
+            raise ValueError("vision and the observation's camera belong together, expected both or neither")
+        if self.format != (1 if self.vision is None else 2):
+            raise ValueError(f"format is {self.format}, expected 2 with vision and 1 without")
+        _ = self.shapes  # raises where nothing is left of the pictures
         return self
 
 
@@ -170,18 +188,6 @@ class NetworkPolicy:
         self.observation_spec = card.observation
         self.network = encoded(card, tensors, mean_network(tensors, ACTION_SIZE))
 
-    @classmethod
-    def load(cls, path: Path) -> NetworkPolicy:
-        """The policy stored in a file.
-
-        Raises:
-            InputError: if the file is no checkpoint that this program can drive.
-        """
-        with opening(path):
-            content = read_policy_file(path)
-            card, tensors = parse_weights(path, content, Card)
-            return cls(card, content_id(content), tensors)
-
     def initial_memory(self, n: int) -> Batch:
         """No memory: (n, 0) float32."""
         return np.zeros((n, 0), np.float32)
@@ -191,10 +197,51 @@ class NetworkPolicy:
         return self.network(observations), memory
 
 
-def load_checkpoint(path: Path) -> NetworkPolicy:
+class SeeingPolicy:
+    """The policy of a checkpoint that sees by a camera, and may remember; without noise.
+
+    Attributes:
+        card, id, observation_spec: as of `NetworkPolicy`.
+        network: from pictures and numbers to actions.
+    """
+
+    def __init__(self, card: Card, identity: str, tensors: Mapping[str, NDArray[np.float32]]) -> None:
+        """A policy of tensors as described by `card.shapes`; the card has a vision."""
+        assert card.vision is not None, "who sees has a vision"
+        self.card = card
+        self.id = identity
+        self.observation_spec = card.observation
+        self.network = SeeingNetwork.of(card.vision, tensors, ACTION_SIZE)
+
+    def initial_memory(self, n: int) -> Batch:
+        """Memory at the start of a run, (n, m) float32; m is 0 without a memory."""
+        return self.network.initial_memory(n)
+
+    def act(self, observations: Observations, memory: Batch) -> tuple[Batch, Batch]:
+        """Actions (n, 2) float32 for (n,) records as `observation_spec` has them, and memory."""
+        return self.network.act(observations, memory)
+
+
+def open_checkpoint(path: Path) -> NetworkPolicy | SeeingPolicy:
     """The policy stored in a file.
 
     Raises:
         InputError: if the file is no checkpoint that this program can drive.
     """
-    return NetworkPolicy.load(path)
+    with opening(path):
+        content = read_policy_file(path)
+        card, tensors = parse_weights(path, content, Card)
+        kind = SeeingPolicy if card.vision else NetworkPolicy
+        return kind(card, content_id(content), tensors)
+
+
+def load_checkpoint(path: Path) -> NetworkPolicy:
+    """The policy stored in a file, which does not see by a camera.
+
+    Raises:
+        InputError: if the file is no checkpoint that this program can drive, or has a camera.
+    """
+    policy = open_checkpoint(path)
+    if isinstance(policy, SeeingPolicy):
+        raise InputError(f"{path}: sees by a camera, expected a policy that is told numbers")
+    return policy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
+from nathlon.policies.checkpoint import NetworkPolicy, SeeingPolicy, open_checkpoint, read_checkpoint
 from nathlon.policies.driver import Driver
 from nathlon.policies.driver.early_braker import EarlyBraker
 from nathlon.policies.memory_limit import memory_limit
@@ -32,7 +32,7 @@ from nathlon.policies.sources.plugin import load_plugin
 from nathlon.policies.sources.recognised import EXPORT, recognised
 from nathlon.sim.errors import InputError
 
-FilePolicy = NetworkPolicy | Sb3Policy | OnnxPolicy
+FilePolicy = NetworkPolicy | SeeingPolicy | Sb3Policy | OnnxPolicy
 
 
 def load_policy(name: str, circuit: str, car: str) -> Policy:
@@ -81,12 +81,15 @@ def load_file(path: Path) -> FilePolicy:
                 return OnnxPolicy.load(path)
         if what := recognised(path):
             raise InputError(f"{path}: is {what}, which only the code that trained it can read, {EXPORT}")
-        return load_checkpoint(path)
+        return open_checkpoint(path)
 
 
 def _planner(source: PlannedSource) -> Mppi:
     with memory_limit():
-        prior = Prior(*read_checkpoint(source.path))
+        card, tensors = read_checkpoint(source.path)
+        if card.vision:
+            raise InputError(f"{source.path}: sees by a camera, expected a policy that is told numbers")
+        prior = Prior(card, tensors)
     return Mppi(prior, source.identity, source.objective)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from nathlon.sim.observation import ObservationSpec
 
 Batch = NDArray[np.float32]
+Observations = NDArray[Any]
+"""As `World.observe` gives them: (n, size) float32, with a camera (n,) records."""
 
 
 class Policy(Protocol):
@@ -26,11 +28,12 @@ class Policy(Protocol):
         """Memory of n cars at the start of a run, (n, m) float32; m may be 0."""
         ...
 
-    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+    def act(self, observations: Observations, memory: Batch) -> tuple[Batch, Batch]:
         """Actions for n cars and their memory after this tick.
 
         Args:
-            observations: (n, observation_spec.size) float32, standardised.
+            observations: (n, observation_spec.size) float32, standardised; with a camera (n,) records of
+                these as `sensors`, and of `picture`, (height, width, channels) uint8.
             memory: (n, m) float32, as returned by the last call.
 
         Returns:

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nathlon.policies.checkpoint import ACTION_SIZE
-from nathlon.policies.policy import Batch
+from nathlon.policies.policy import Batch, Observations
 from nathlon.policies.policy_file import opening
 from nathlon.policies.sources.foreign import observation_spec
+from nathlon.sim.camera_spec import CHANNELS, CameraSpec
+from nathlon.sim.episode import observation_space
 from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec, flattened
 
 if TYPE_CHECKING:
     from nathlon.policies.general.sb3 import Sb3Model
@@ -30,13 +33,19 @@ class Sb3Policy:
         network: from observations to actions, if it is a perceptron that sees them as they are; else None.
     """
 
-    def __init__(self, model: Sb3Model, path: Path) -> None:
-        """A policy of a model; `path` is for the error if it is none of this simulator's environments."""
+    def __init__(self, model: Sb3Model, path: Path, seeing: ObservationSpec | None = None) -> None:
+        """A policy of a model.
+
+        Args:
+            model: the model.
+            path: for the error if it is none of this simulator's environments.
+            seeing: what it observes, if it sees by a camera.
+        """
         self.card, self.id = model.card, model.id
         self._model = model.network
         mlp, clipped = model.mlp, model.outputs.box == "clip"
         self.network = replace(mlp, output="clip") if mlp and clipped else mlp
-        self.observation_spec = observation_spec(path, self.card, model.observed.size)
+        self.observation_spec = seeing or observation_spec(path, self.card, model.observed.size)
 
     @classmethod
     def load(cls, path: Path) -> Sb3Policy:
@@ -49,24 +58,40 @@ class Sb3Policy:
 
         with opening(path):
             model = Sb3Model.read(path)
-            _check(model, path)
-            return cls(model, path)
+            camera = _camera(model)
+            if camera is not None:
+                model = Sb3Model.read(path, observation_space(camera))
+            _check(model, path, camera)
+            return cls(model, path, camera)
 
     def initial_memory(self, n: int) -> Batch:
         """Memory of networks that have one, and of stacked frames: (n, m) float32; mostly m is 0."""
         return self._model.initial_memory(n)
 
-    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
-        """Actions (n, 2) float32 for observations (n, observation_spec.size) float32, and memory."""
+    def act(self, observations: Observations, memory: Batch) -> tuple[Batch, Batch]:
+        """Actions (n, 2) float32 for observations of the spec, and memory."""
         if self.network:
             return self.network(observations), memory
-        numbers, memory = self._model.act(observations, memory)
+        numbers, memory = self._model.act(flattened(observations), memory)
         return np.clip(numbers, -1.0, 1.0), memory
 
 
-def _check(model: Sb3Model, path: Path) -> None:
-    if model.observed.shape is None or len(model.observed.shape) != 1:
-        found = model.observed.shape or "of several arrays"
+def _camera(model: Sb3Model) -> ObservationSpec | None:
+    """What a model observes that sees by a camera, for a card that does not tell by the default one."""
+    told = model.card.observation
+    if told is not None:
+        return None if told.camera is None else told
+    match [part.shape for part in model.observed.parts]:
+        # As Stable-Baselines3 turns pictures; smaller ones, and those that it would not turn, have no camera.
+        case [(int(channels), int(height), int(width)), (int(),)] if channels in CHANNELS:
+            return ObservationSpec(camera=CameraSpec(width=width, height=height, channels=channels))
+    return None
+
+
+def _check(model: Sb3Model, path: Path, seeing: ObservationSpec | None) -> None:
+    shape = model.observed.shape
+    if seeing is None and (shape is None or len(shape) != 1):
+        found = shape or "of several arrays"
         raise InputError(
             f"{path}: observation space of shape {found}, as of stacked frames, expected one row"
         )

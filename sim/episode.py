@@ -6,12 +6,12 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import NDArray
 
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observation import NUMBERS, PICTURE, ObservationSpec
 from nathlon.sim.reaction import Perception
 from nathlon.sim.scenario import Scenario, load_scenario
 from nathlon.sim.state import CONTACT, Races
@@ -50,9 +50,22 @@ def end_runs(
     state["driving"] &= ~(stuck | late)
 
 
-def observation_space(spec: ObservationSpec) -> Box[np.float32]:
-    """Space of one car's observation. Standardised, but not bounded: a spinning car leaves any range."""
-    return Box(-np.inf, np.inf, (spec.size,), np.float32)
+def observation_space(spec: ObservationSpec) -> Space[Any]:
+    """Space of one car's observation: a Box, with a camera a Dict of `picture` and `sensors`.
+
+    Numbers are standardised, but not bounded: a spinning car leaves any range.
+    """
+    numbers = Box(-np.inf, np.inf, (spec.size,), np.float32)
+    if spec.camera is None:
+        return numbers
+    return Dict({PICTURE: Box(0, 255, spec.camera.shape, np.uint8), NUMBERS: numbers})
+
+
+def in_space(seen: Any) -> Any:
+    """An element of the observation space, or a batch of it, from a row or rows of what was seen."""
+    if seen.dtype.names is None:
+        return seen
+    return {name: np.ascontiguousarray(seen[name]) for name in (PICTURE, NUMBERS)}
 
 
 def action_space() -> Box[np.float32]:
@@ -85,10 +98,10 @@ class View:
     """What some cars of the episodes see; made by `Episodes.watch`.
 
     Attributes:
-        seen: (n, size) float32, standardised observations, as late as the scenario has them.
+        seen: (n, ...) standardised observations as of `World.observe`, as late as the scenario has them.
     """
 
-    seen: NDArray[np.float32]
+    seen: NDArray[Any]
 
     def __init__(self, perception: Perception) -> None:
         self._perception = perception

@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car_facts import FACTS
 from nathlon.sim.errors import InputError
 
-VERSION, ANY_CAR = 2, 3
-"""Layouts: for policies of one circuit and car, and for those of any, which see what the car is."""
+VERSION, ANY_CAR, SEEING = 2, 3, 4
+"""Layouts: for policies of one circuit and car, for those of any, which are told what the car is, and for
+those that see by a camera and are told nothing but what a car's own sensors tell."""
 
 TOP_SPEED = 90.0  # m/s
 STEEP = 0.1
@@ -103,9 +105,26 @@ CAR = Field("car", "see FACTS", tuple(low for _, low, _ in FACTS), tuple(high fo
 """In the layout for any car, the numbers that do not change in a race: the last ones."""
 
 
+SENSORS = (
+    *OWN[:3],
+    _flat("steering", 1, "full lock", -1.0, 1.0),
+    _flat("throttle", 1, "share", 0.0, 1.0),
+    _flat("brake", 1, "share", 0.0, 1.0),
+    _flat("last_action", 2, "throttle (+) or brake (-), steering", -1.0, 1.0),
+    _flat("contact", 1, "flag", 0.0, 1.0),
+    *OWN[-2:],
+)
+"""What an inertial unit, the wheel, the pedals and the dashboard of a car with a camera tell."""
+PICTURE, NUMBERS = "picture", "sensors"
+"""Parts of what a car with a camera sees."""
+
+
 @dataclass(frozen=True)
 class ObservationSpec:
     """Layout and scaling of an observation.
+
+    With a camera, an observation is a picture and the numbers of SENSORS: no course points, no opponents,
+    nothing that names a place.
 
     Attributes:
         course_points: points on each of left edge, centre line and right edge (the reference has 60);
@@ -113,7 +132,8 @@ class ObservationSpec:
             centre and right, then y, then z of the three. With none, there is no such field.
         horizon_s: seconds of travel at the present speed that the course points span.
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
-        version: of the layout: VERSION or ANY_CAR.
+        version: of the layout: VERSION or ANY_CAR, with a camera SEEING.
+        camera: by which the car sees; None for numbers alone.
     """
 
     course_points: int = 60
@@ -121,12 +141,15 @@ class ObservationSpec:
     cars_ahead: int = 4
     cars_behind: int = 4
     version: int = VERSION
+    camera: CameraSpec | None = None
 
     def __post_init__(self) -> None:
-        if self.version not in (VERSION, ANY_CAR):
+        if self.camera is not None:
+            self._see()
+        elif self.version not in (VERSION, ANY_CAR):
             raise InputError(
                 f"observation spec: version is {self.version}, "
-                f"this simulator makes versions {VERSION} and {ANY_CAR}"
+                f"this simulator makes versions {VERSION} and {ANY_CAR}, and {SEEING} with a camera"
             )
         for name in ("course_points", "cars_ahead", "cars_behind"):
             value = getattr(self, name)
@@ -137,9 +160,21 @@ class ObservationSpec:
         if not 0.0 < self.horizon_s <= 60.0:
             raise InputError(f"observation spec: horizon_s is {self.horizon_s!r}, expected 0 to 60 s")
 
+    def _see(self) -> None:
+        """Leave out what a camera shows."""
+        if not isinstance(self.camera, CameraSpec):
+            raise InputError(f"observation spec: camera is {self.camera!r}, expected a CameraSpec")
+        for name, seen in (("course_points", 0), ("cars_ahead", 0), ("cars_behind", 0), ("version", SEEING)):
+            value, default = getattr(self, name), type(self).__dataclass_fields__[name].default
+            if value not in (seen, default):
+                raise InputError(f"observation spec: {name} is {value!r}, expected {seen} beside a camera")
+            object.__setattr__(self, name, seen)
+
     @cached_property
     def fields(self) -> tuple[Field, ...]:
         """The fields in the order in which they stand in the vector."""
+        if self.camera is not None:
+            return SENSORS
         # Point i lies i/n of the horizon ahead, so its range grows with i: near points stay sharp.
         reach = tuple(
             share * (15.0 + point / self.course_points * self.horizon_s * TOP_SPEED)
@@ -169,7 +204,7 @@ class ObservationSpec:
 
     @cached_property
     def size(self) -> int:
-        """Length of the observation vector."""
+        """How many numbers there are."""
         return sum(field.size for field in self.fields)
 
     def slice(self, name: str) -> slice:
@@ -193,9 +228,23 @@ class ObservationSpec:
         """
         return int(self.slice(name).start)
 
+    def blank(self, cars: int) -> NDArray[Any]:
+        """Observations of so many cars, all zeros.
+
+        Returns:
+            (cars, size) float32; with a camera (cars,) records of `sensors`, (size,) float32, and `picture`,
+            (height, width, channels) uint8.
+        """
+        if self.camera is None:
+            return np.zeros((cars, self.size), np.float32)
+        return np.zeros(cars, [(NUMBERS, np.float32, (self.size,)), (PICTURE, np.uint8, self.camera.shape)])
+
     def to_dict(self) -> dict[str, Any]:
-        """The spec as plain JSON values."""
-        return asdict(self)
+        """The spec as plain JSON values; the camera only if there is one."""
+        told = asdict(self)
+        if self.camera is None:
+            del told["camera"]
+        return told
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> ObservationSpec:
@@ -207,14 +256,19 @@ class ObservationSpec:
         unknown = set(data) - set(cls.__dataclass_fields__)
         if unknown:
             raise InputError(f"observation spec: unknown field {sorted(unknown)[0]!r}")
+        camera = data.get("camera")
+        seeing = {} if camera is None else {"camera": CameraSpec.from_dict(camera)}
         try:
-            return cls(**data)
+            return cls(**(data | seeing))
         except TypeError as error:
             raise InputError(f"observation spec: {error}") from None
 
     def describe(self) -> str:
         """The layout as a table in plain text, one field a line."""
         lines = [f"observation spec, version {self.version}, {self.size} numbers"]
+        if self.camera is not None:
+            height, width, channels = self.camera.shape
+            lines[0] += f" beside a picture of {height} x {width} x {channels} bytes"
         start = 0
         for field in self.fields:
             stop = start + field.size
@@ -229,3 +283,11 @@ class ObservationSpec:
         low = np.concatenate([f.low for f in self.fields])
         high = np.concatenate([f.high for f in self.fields])
         return ((low + high) / 2).astype(np.float32), ((high - low) / np.sqrt(12.0)).astype(np.float32)
+
+
+def flattened(seen: NDArray[Any]) -> NDArray[np.float32]:
+    """Observations as one row of numbers each, in the order of `gymnasium.spaces.flatten`."""
+    if seen.dtype.names is None:
+        return seen
+    pictures = seen[PICTURE].reshape(len(seen), -1)
+    return np.concatenate([pictures, seen[NUMBERS]], axis=1, dtype=np.float32)

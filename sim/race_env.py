@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from nathlon.sim.episode import Episodes, action_space, info_of, observation_space
+from nathlon.sim.episode import Episodes, action_space, in_space, info_of, observation_space
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.render import RENDER_MODES, open_screen
 
-Observations = dict[str, NDArray[np.float32]]
+Observations = dict[str, Any]
 Infos = dict[str, dict[str, Any]]
 
 
@@ -21,10 +21,11 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
     """A scenario as a parallel environment with the agents `car_0`, `car_1`... in starting order.
 
     A step is 0.1 s unless the scenario has another action rate. Observations are those of
-    `nathlon.sim.observation`, standardised, float32; actions are throttle (+) or brake (-), and steering (+
-    is left), in [-1, 1]. The reward is the progress along the centre line during the step, m, and 0
-    off course. An agent is terminated when it has finished or is stuck (`nathlon.sim.episode.STUCK_S`), and
-    truncated when the scenario's time is up.
+    `nathlon.sim.observation`, standardised, float32, or dicts of these as `sensors` and of a `picture` where
+    the spec has a camera; actions are throttle (+) or brake (-), and steering (+ is left), in [-1, 1]. The
+    reward is the progress along the centre line during the step, m, and 0 off course. An agent is terminated
+    when it has finished or is stuck (`nathlon.sim.episode.STUCK_S`), and truncated when the scenario's time
+    is up.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"name": "nathlon_race_v0", "render_modes": RENDER_MODES}
@@ -51,7 +52,7 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
         self._action_spaces = {agent: action_space() for agent in self.possible_agents}
         self._rng = np.random.default_rng()
 
-    def observation_space(self, agent: str) -> Box[np.float32]:
+    def observation_space(self, agent: str) -> Space[Any]:
         """The agent's observation space, always the same object."""
         return self._observation_spaces[agent]
 
@@ -76,7 +77,7 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
             self._screen.start()
         infos = self._infos()
         return (
-            dict(zip(self.agents, self._view.seen, strict=True)),
+            dict(zip(self.agents, map(in_space, self._view.seen), strict=True)),
             dict(zip(self.agents, infos, strict=True)),
         )
 
@@ -102,7 +103,7 @@ class RaceEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo carries no types
         seen, infos, endings = self._view.seen, self._infos(), self._episodes.endings[0]
         self.agents = [agent for agent, car in live.items() if endings[car] == ""]
         return (
-            {agent: seen[car] for agent, car in live.items()},
+            {agent: in_space(seen[car]) for agent, car in live.items()},
             {agent: float(rewards[car]) for agent, car in live.items()},
             {agent: bool(endings[car] in ("finished", "stuck")) for agent, car in live.items()},
             {agent: bool(endings[car] == "time_up") for agent, car in live.items()},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ class Perception:
         self._late = reaction.delay[cars] // self._tick
         self._depth = int(self._late.max(initial=0)) + 1
         self._period = reaction.period[cars]
-        self._seen: NDArray[np.float32] | None = None
+        self._seen: NDArray[Any] | None = None
         self._new = np.zeros(len(races), np.bool_)
 
     def forget(self, races: Collection[int]) -> None:
@@ -77,8 +78,8 @@ class Perception:
         """Which of the cars act now, (n,)."""
         return world.ticks[self._races] % self._period == 0
 
-    def see(self, world: World) -> NDArray[np.float32]:
-        """What the cars see now, (n, size) float32; to be called once a tick.
+    def see(self, world: World) -> NDArray[Any]:
+        """What the cars see now, as of `World.observe`; to be called once a tick.
 
         A car that has not driven for as long as its delay sees its start.
         """

@@ -65,6 +65,8 @@ class CarRecord(Protocol):
     steering: float  # rad at the road wheels
     throttle: float
     brake: float
+    asked_pedal: float  # the last action: throttle (+) or brake (-), steering, in [-1, 1]
+    asked_steering: float
     gear: int  # 0 is first
     shifting: float  # s left of the torque cut
     draught: float  # share of full slipstream

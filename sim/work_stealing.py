@@ -106,11 +106,15 @@ def _help(jobs: SimpleQueue[tuple[Work, Tally, int] | None]) -> None:
 
 
 class ThreadPool:
-    """The caller's thread and others that help it."""
+    """The caller's thread and others that help it.
+
+    Attributes:
+        count: how many threads there are.
+    """
 
     def __init__(self, count: int) -> None:
         """A number of threads, the caller's included."""
-        self._count = count
+        self.count = count
         self._jobs: SimpleQueue[tuple[Work, Tally, int] | None] = SimpleQueue()
         for _ in range(count - 1):
             Thread(target=_help, args=(self._jobs,), daemon=True).start()
@@ -118,8 +122,8 @@ class ThreadPool:
 
     def run(self, work: Work, count: int) -> None:
         """Have the threads work on `count` things; returns when all are done."""
-        tally = np.zeros((2, self._count, LINE), np.int64)
-        for thread in range(1, self._count):
+        tally = np.zeros((2, self.count, LINE), np.int64)
+        for thread in range(1, self.count):
             self._jobs.put((work, tally, thread))
         work(tally, 0)
         while not wait(tally, count):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.sim.camera.picture import Photographer
 from nathlon.sim.car import Car, compound_ratio, parameters, with_grip
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
@@ -179,6 +181,7 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
                 continue
             before = car.progress
             # Anew each step, since a penalty that is served overrides them.
+            car.asked_pedal, car.asked_steering = actions[i, 0], actions[i, 1]
             car.throttle = max(actions[i, 0], 0.0)
             car.brake = max(-actions[i, 0], 0.0)
             sine, cosine = facing(car, course)
@@ -306,6 +309,7 @@ class World:
         self._view = view_parameters(self.parameters)
         self._ground = [Ground(*np.empty((3, 4))) for _ in range(threads)]
         self._threads = ThreadPool(threads)
+        self._photographers: dict[ObservationSpec, Photographer] = {}
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -411,7 +415,7 @@ class World:
 
     def observe(
         self, spec: ObservationSpec, races: NDArray[np.int64], cars: NDArray[np.int64]
-    ) -> NDArray[np.float32]:
+    ) -> NDArray[Any]:
         """Standardised observations of some cars.
 
         Args:
@@ -419,8 +423,12 @@ class World:
             races, cars: (n,) indices of the cars.
 
         Returns:
-            (n, spec.size) float32.
+            (n, spec.size) float32, or with a camera (n,) records; see `ObservationSpec.blank`.
         """
+        if spec.camera is not None:
+            if spec not in self._photographers:
+                self._photographers[spec] = Photographer(spec, self.track, self.car, self.state.shape[1])
+            return self._photographers[spec].observe(self.state, self.ticks, races, cars, self._threads)
         out = np.empty((len(races), spec.size), np.float32)
         layout = layout_parameters(spec)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,8 +98,8 @@ class OpponentWrapper:
         self._shares = [np.flatnonzero(self._who == turn) for turn in range(len(self._opponents))]
 
     @property
-    def seen(self) -> NDArray[np.float32]:
-        """What is seen from the cars that are driven from outside, (n, size) float32."""
+    def seen(self) -> NDArray[Any]:
+        """What is seen from the cars that are driven from outside, (n, ...) as of `World.observe`."""
         return self._view.seen
 
     def seat(self, races: Sequence[int] | Indices, who: Indices) -> None:

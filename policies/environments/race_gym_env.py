@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from nathlon.policies.environments.opponents import load_opponents, single_seat
 from nathlon.policies.policy import Policy
-from nathlon.sim.episode import Episodes, action_space, info_of, observation_space
+from nathlon.sim.episode import Episodes, action_space, in_space, info_of, observation_space
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.render import RENDER_MODES, open_screen
 
-Observation = NDArray[np.float32]
+Observation = Any
+"""(size,) float32; with a camera a dict of `picture` and `sensors`."""
 
 
 class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -76,7 +77,7 @@ class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._env.start([0], [self.np_random])
         if self._screen:
             self._screen.start()
-        return self._env.seen[0], self._info()
+        return in_space(self._env.seen[0]), self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Advance by a step, 0.1 s unless the scenario has another action rate.
@@ -92,7 +93,7 @@ class RaceGymEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._screen.step()
         ending = self._episodes.endings[0, self._car]
         terminated, truncated = bool(ending in ("finished", "stuck")), bool(ending == "time_up")
-        return self._env.seen[0], reward, terminated, truncated, self._info()
+        return in_space(self._env.seen[0]), reward, terminated, truncated, self._info()
 
     def _info(self) -> dict[str, Any]:
         return info_of(self._episodes.facts(), 0, self._car)

@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 
 from nathlon.policies.environments.opponents import load_opponents, single_seat
 from nathlon.policies.policy import Policy
-from nathlon.sim.episode import Episodes, action_space, observation_space
+from nathlon.sim.episode import Episodes, action_space, in_space, observation_space
 from nathlon.sim.observation import ObservationSpec
 
-Observations = NDArray[np.float32]
+Observations = Any
+"""(num_envs, size) float32; with a camera a dict of `picture` and `sensors`."""
+Actions = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 
 
-class RaceVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
+class RaceVectorEnv(VectorEnv[Observations, Actions, NDArray[Any]]):
     """`nathlon/Race-v0` and `nathlon/TimeTrial-v0` in numbers: one agent in each race.
 
     Race i with seed s goes as the single environment with seed s + i does, however many there are.
@@ -80,14 +82,14 @@ class RaceVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             if own is not None:
                 self._rngs[race] = np.random.default_rng(own)
         self._start(np.ones(self.num_envs, np.bool_))
-        return self._env.seen, self._infos()
+        return in_space(self._env.seen), self._infos()
 
     def _start(self, which: Flags) -> None:
         races = np.flatnonzero(which).tolist()
         self._env.start(races, [self._rngs[race] for race in races])
 
     def step(
-        self, actions: Observations
+        self, actions: Actions
     ) -> tuple[Observations, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
         """Advance all races by a step, 0.1 s unless the scenario has another action rate.
 
@@ -102,17 +104,17 @@ class RaceVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         terminated, truncated = (ending == "finished") | (ending == "stuck"), ending == "time_up"
         over = terminated | truncated
         if not over.any():
-            return self._env.seen, reward, terminated, truncated, self._infos()
+            return in_space(self._env.seen), reward, terminated, truncated, self._infos()
         final_obs = np.full(self.num_envs, None, dtype=object)
         for race in np.flatnonzero(over):
-            final_obs[race] = self._env.seen[race]
+            final_obs[race] = in_space(self._env.seen[race])
         final = {"final_obs": final_obs, "_final_obs": over, "_final_info": over}
         final_info = self._infos()
         final["final_info"] = {
             name: value & over if name.startswith("_") else value for name, value in final_info.items()
         }
         self._start(over)
-        return self._env.seen, reward, terminated, truncated, {**self._infos(), **final}
+        return in_space(self._env.seen), reward, terminated, truncated, {**self._infos(), **final}
 
     def _infos(self) -> dict[str, Any]:
         infos: dict[str, Any] = {}

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space, flatdim
 from numpy.typing import NDArray
 
-from nathlon.policies.general.convolutions import STRIDES, NatureCnn, size_after
+from nathlon.policies.convolutions import STRIDES, NatureCnn, size_after
 from nathlon.policies.general.outputs import in_words
 from nathlon.policies.general.wrapped import Part, is_picture, turned
 from nathlon.policies.mlp import Mlp
@@ -237,7 +237,8 @@ def _extractor(
         layers.append((weight, bias))
         channels = len(bias)
     weight, bias = (file.tensor(f"{prefix}linear.0.{name}") for name in ("weight", "bias"))
-    inputs = size_after(height, width, tuple(layers))
+    sides = [weight.shape[2] for weight, _ in layers]
+    inputs = channels * prod(size_after(height, width, list(zip(sides, STRIDES, strict=True))))
     if weight.shape != (len(bias), inputs) or not inputs:
         raise InputError(
             f"{file.path}: layer '{prefix}linear.0' has shape {weight.shape}, expected {inputs} inputs"

@@ -228,8 +228,11 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         specs: of each.
 
     Raises:
-        InputError: if two of them see different courses of more than one point.
+        InputError: if two of them see different courses of more than one point, or one sees by a camera.
     """
+    for source, spec in zip(sources, specs, strict=True):
+        if spec.camera is not None:
+            raise InputError(f"{source} sees by a camera, expected parts that are told numbers")
     widest = max(range(len(specs)), key=lambda index: specs[index].course_points)
     course = specs[widest]
     for source, spec in zip(sources, specs, strict=True):

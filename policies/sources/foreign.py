@@ -42,10 +42,12 @@ def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpe
     A card that does not tell stands for the default with as many course points as fit.
 
     Raises:
-        InputError: if the card's have another size, no number of course points fits, or a stack of frames
-            with fewer fits as well.
+        InputError: if the card's have a camera or another size, no number of course points fits, or a stack
+            of frames with fewer fits as well.
     """
     if card.observation is not None:
+        if card.observation.camera is not None:
+            raise InputError(f"{path}: sees by a camera, expected a policy that is told numbers")
         expected = card.observation.size
         if expected != size:
             raise InputError(

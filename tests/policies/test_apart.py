@@ -29,6 +29,7 @@ import os
 import time
 
 import numpy as np
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.observation import ObservationSpec
 
 
@@ -50,6 +51,16 @@ class Counter:
 
     def misbehave(self, observations):
         pass
+
+
+class Sees(Counter):
+    """Goes by the sum of what it sees in its picture, and by its first sensor."""
+
+    observation_spec = ObservationSpec(camera=CameraSpec(width=16, height=16))
+
+    def act(self, observations, memory):
+        bright = observations["picture"].sum(axis=(1, 2, 3)) / 255.0 / 768.0
+        return np.stack([bright, observations["sensors"][:, 0]], axis=1).astype(np.float32), memory + 1
 
 
 class Hangs(Counter):
@@ -111,6 +122,7 @@ NAMES = (
     "Infinite",
     "Forgets",
     "Sleeps",
+    "Sees",
 )
 
 
@@ -133,6 +145,17 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def seen(policy: nathlon.Policy, n: int) -> np.ndarray:
     """Something to be seen by n cars."""
     return np.random.default_rng(1).normal(size=(n, policy.observation_spec.size)).astype(np.float32)
+
+
+def test_it_sees_by_a_camera_as_it_would_in_this_process() -> None:
+    apart, here = load_guest("plugin:sees", *PLACE), load_policy("plugin:sees", *PLACE)
+    assert isinstance(apart, PolicyApart)
+    apart.warm_up(1)
+    looks = here.observation_spec.blank(2)
+    looks["picture"][1], looks["sensors"][:, 0] = 255, [0.25, -0.5]
+    actions, _ = apart.act(looks, apart.initial_memory(2))
+    np.testing.assert_array_equal(actions, here.act(looks, here.initial_memory(2))[0])
+    np.testing.assert_allclose(actions, [[0.0, 0.25], [1.0, -0.5]])
 
 
 def test_it_drives_as_it_would_in_this_process() -> None:

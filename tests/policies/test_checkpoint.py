@@ -19,7 +19,6 @@ from safetensors.numpy import load, save
 
 from nathlon.policies.checkpoint import (
     Card,
-    NetworkPolicy,
     checkpoint_id,
     load_checkpoint,
     read_card,
@@ -87,7 +86,7 @@ def test_the_numbers_are_those_that_safetensors_reads(path: Path) -> None:
 
 
 def test_actions_are_the_squashed_means_of_the_half_precision_network(path: Path) -> None:
-    policy = NetworkPolicy.load(path)
+    policy = load_checkpoint(path)
     observations = np.random.default_rng(1).standard_normal((20, SPEC.size)).astype(np.float32)
     actions, memory = policy.act(observations, policy.initial_memory(20))
     tensors = {name: tensor.astype(np.float64) for name, tensor in halves().items()}
@@ -174,7 +173,8 @@ def test_a_truncated_file_is_refused(path: Path) -> None:
         ("{", "the card is not valid JSON"),
         ("[1]", "the card: "),
         ("{}", "field algorithm"),
-        ({"format": 2}, "field format"),
+        ({"format": 3}, "field format"),
+        ({"format": 2}, "format is 2, expected 2 with vision and 1 without"),
         ({"colour": "red"}, "field colour"),
         ({"step": -1}, "field step"),
         ({"step": "10"}, "field step"),

@@ -18,6 +18,7 @@ import nathlon  # noqa: F401  # makes the environments known
 from nathlon import sim
 from nathlon.policies.driver import Driver
 from nathlon.policies.policy import Batch
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.race_env import RaceEnv
@@ -50,10 +51,15 @@ SMALL: dict[str, dict[str, Any]] = {
     RACE: {"observation": SPEC, "opponents": [Steady()]},
 }
 """Arguments that make the environments fast."""
+SEEING: dict[str, Any] = {"observation": ObservationSpec(camera=CameraSpec(width=40, height=36))}
 
 
-@pytest.mark.parametrize("name", [TIME_TRIAL, RACE])
-def test_passes_the_checker_of_gymnasium(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("name", "arguments"), [(TIME_TRIAL, SMALL[TIME_TRIAL]), (RACE, SMALL[RACE]), (TIME_TRIAL, SEEING)]
+)
+def test_passes_the_checker_of_gymnasium(
+    name: str, arguments: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -61,14 +67,14 @@ def test_passes_the_checker_of_gymnasium(name: str, monkeypatch: pytest.MonkeyPa
         warnings.filterwarnings(
             "ignore", "(?s).*A Box observation space (minimum|maximum) value is -?infinity"
         )
-        check_env(gymnasium.make(name, disable_env_checker=True, **SMALL[name]).unwrapped)
+        check_env(gymnasium.make(name, disable_env_checker=True, **arguments).unwrapped)
 
 
-@pytest.mark.parametrize("name", [TIME_TRIAL, RACE])
-def test_passes_the_checker_of_stable_baselines(name: str) -> None:
+@pytest.mark.parametrize(("name", "arguments"), [(TIME_TRIAL, {}), (RACE, {}), (RACE, SEEING)])
+def test_passes_the_checker_of_stable_baselines(name: str, arguments: dict[str, Any]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env_for_stable_baselines(gymnasium.make(name).unwrapped)
+        check_env_for_stable_baselines(gymnasium.make(name, **arguments).unwrapped)
 
 
 @pytest.mark.parametrize("name", [TIME_TRIAL, RACE])
@@ -82,6 +88,21 @@ def test_same_seed_gives_the_same_run(name: str) -> None:
         runs.append(np.stack(rows))
     np.testing.assert_array_equal(runs[0], runs[1])
     assert not np.array_equal(gymnasium.make(name).reset(seed=6)[0], runs[0][0])
+
+
+def test_with_a_camera_it_gives_a_picture_beside_numbers() -> None:
+    env = gymnasium.make(RACE, **SEEING)
+    first, _ = env.reset(seed=3)
+    assert {name: (part.shape, str(part.dtype)) for name, part in first.items()} == {
+        "picture": ((36, 40, 3), "uint8"),
+        "sensors": ((16,), "float32"),
+    }
+    kept = first["picture"].copy()
+    then, *_ = env.step(np.array([1.0, 0.3], np.float32))
+    assert (then["picture"] != kept).any()
+    assert (first["picture"] == kept).all()
+    again, _ = env.reset(seed=3)
+    assert (again["picture"] == kept).all()
 
 
 def test_a_driver_goes_round_until_the_time_is_up() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from nathlon.arena.entrance import home
 from nathlon.arena.entrant import enter
-from nathlon.policies.checkpoint import NetworkPolicy, load_checkpoint, read_checkpoint
+from nathlon.policies.checkpoint import load_checkpoint, read_checkpoint
 from nathlon.policies.sources.onnx import OnnxPolicy, export_onnx
 from nathlon.policies.training import pairs, polish, trial
 from nathlon.policies.training.config import TrainingConfig, Variety
@@ -123,7 +123,7 @@ def test_a_policy_of_any_pair_drives_everywhere(run: Path, checkpoint: Path) -> 
 
 
 def test_the_checkpoint_acts_as_the_learner_does(run: Path, checkpoint: Path, tmp_path: Path) -> None:
-    policy = NetworkPolicy.load(checkpoint)
+    policy = load_checkpoint(checkpoint)
     seen = np.random.default_rng(0).standard_normal((30, policy.observation_spec.size)).astype(np.float32)
     seen[:20, -policy.observation_spec.facts :] = seen[0, -policy.observation_spec.facts :]
     actions, _ = policy.act(seen, policy.initial_memory(30))

@@ -23,14 +23,20 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
+from examples import sb3_camera
 from examples.sb3_sac_tqc import CHECKPOINTS, LEARNERS, main
 from nathlon.arena.entrance import enter_all, trained_on
+from nathlon.arena.entrant import enter
 from nathlon.arena.pool import Pool
+from nathlon.arena.results import POLICY_FAULTS
+from nathlon.arena.runner import run_match
+from nathlon.arena.single_race import single_race
 from nathlon.commands.racing import race
 from nathlon.policies.load import load_policy
 from nathlon.policies.sb3_racer import Sb3Policy
 from nathlon.policies.sources.finding import find_sources
-from nathlon.sim.episode import action_space, observation_space
+from nathlon.sim.camera_spec import CameraSpec
+from nathlon.sim.episode import action_space, in_space, observation_space
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from tests.support.refusals import refusal
@@ -369,3 +375,51 @@ def test_what_the_example_trains_races(
     shown = capsys.readouterr().out
     assert "slipstream_pass on lindenring" in shown
     assert "policy raised" not in shown
+
+
+CAMERA = ObservationSpec(camera=CameraSpec(width=40, height=36, mount="roof"))
+
+
+def save_seeing(path: Path, spec: ObservationSpec, **facts: Any) -> Any:
+    """Make a small model that sees by a camera, with further attributes, and save it."""
+    kwargs = {"net_arch": [8], "features_extractor_kwargs": {"cnn_output_dim": 16}}
+    model = PPO("MultiInputPolicy", Spaces(spec), seed=3, device="cpu", n_steps=8, policy_kwargs=kwargs)
+    vars(model).update(facts)
+    model.save(path)
+    return model
+
+
+def test_a_model_that_sees_by_a_camera_acts_as_there(tmp_path: Path) -> None:
+    model = save_seeing(tmp_path / "eye.zip", CAMERA, nathlon={"observation": CAMERA.to_dict()})
+    policy = Sb3Policy.load(tmp_path / "eye.zip")
+    assert policy.observation_spec == CAMERA
+    seen, rng = CAMERA.blank(3), np.random.default_rng(1)
+    seen["picture"] = rng.integers(0, 256, seen["picture"].shape)
+    seen["sensors"] = rng.normal(size=seen["sensors"].shape)
+    actions, memory = policy.act(seen, policy.initial_memory(3))
+    expected, _ = model.predict(in_space(seen), deterministic=True)
+    np.testing.assert_allclose(actions, expected, atol=1e-6)
+    assert memory.shape == (3, 0)
+
+
+def test_a_camera_that_no_card_tells_of_is_the_default_one(tmp_path: Path) -> None:
+    spec = ObservationSpec(camera=CameraSpec(width=48, height=40))
+    save_seeing(tmp_path / "eye.zip", spec)
+    assert Sb3Policy.load(tmp_path / "eye.zip").observation_spec == spec
+
+
+def test_a_camera_with_other_pictures_than_those_of_training_is_refused(tmp_path: Path) -> None:
+    card = {"observation": ObservationSpec(camera=CameraSpec(width=64)).to_dict()}
+    save_seeing(tmp_path / "eye.zip", CAMERA, nathlon=card)
+    with refusal(tmp_path / "eye.zip", "shape"):
+        Sb3Policy.load(tmp_path / "eye.zip")
+
+
+def test_what_the_example_with_a_camera_trains_races(tmp_path: Path) -> None:
+    sb3_camera.main(["--steps", "3", "--out", str(tmp_path)])
+    source = str(tmp_path / "sac_camera.zip")
+    entrants = [enter(each, "lindenring", "gt3") for each in (source, "driver")]
+    assert (entrants[0].algorithm, entrants[0].step) == ("SB3 SAC", 3)
+    match = single_race(entrants, "slipstream_pass", "lindenring", "gt3", seed=1)
+    results = run_match(match, [load_policy(each, "lindenring", "gt3") for each in (source, "driver")])
+    assert not results["ending"].is_in(POLICY_FAULTS).any()

@@ -15,7 +15,7 @@ import nathlon  # noqa: F401  # makes the environments known
 from nathlon.policies.environments.race_vector_env import RaceVectorEnv
 from nathlon.policies.policy import Batch
 from nathlon.sim.observation import ObservationSpec
-from tests.policies.test_gym_env import RACE, SPEC, TIME_TRIAL, Steady, scenario_file
+from tests.policies.test_gym_env import RACE, SEEING, SPEC, TIME_TRIAL, Steady, scenario_file
 
 SHORT = 12
 """Steps of the short scenario."""
@@ -47,6 +47,21 @@ def test_is_what_make_vec_makes_and_follows_its_spaces() -> None:
         assert observations.shape == (4, ObservationSpec().size)
         _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
         assert [part.shape for part in (reward, terminated, truncated)] == [(4,)] * 3
+
+
+def test_with_a_camera_it_goes_as_the_single_environment_does(short: str) -> None:
+    env = gymnasium.make_vec(RACE, 2, "vector_entry_point", scenario=short, **SEEING)
+    single = gymnasium.make(RACE, scenario=short, **SEEING)
+    seen, _ = env.reset(seed=7)
+    alone, _ = single.reset(seed=7)
+    for action in actions(SHORT, 2):
+        assert env.observation_space.contains(seen)
+        assert all((seen[name][0] == alone[name]).all() for name in ("picture", "sensors"))
+        seen, _, _, _, infos = env.step(action)
+        alone, *_ = single.step(action[0])
+    # It has begun again, and what was seen last is among the infos.
+    assert all((infos["final_obs"][0][name] == alone[name]).all() for name in ("picture", "sensors"))
+    assert (seen["picture"][0] != alone["picture"]).any()
 
 
 class Tiring(Steady):

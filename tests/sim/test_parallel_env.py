@@ -10,6 +10,7 @@ import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from nathlon import sim
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.episode import STUCK_S
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -30,6 +31,13 @@ def test_keeps_the_parallel_api() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         parallel_api_test(short_race(), num_cycles=450)
+
+
+def test_keeps_the_parallel_api_with_a_camera() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        spec = ObservationSpec(camera=CameraSpec(mount="chase"))
+        parallel_api_test(sim.parallel_env(scenario="slipstream_pass", observation=spec), num_cycles=20)
 
 
 def test_same_seed_gives_the_same_race() -> None:

@@ -1,7 +1,8 @@
-"""The network of pictures that Stable-Baselines3 calls `NatureCNN` (Mnih et al., 2015), run by numpy."""
+"""Convolutions of pictures, run by numpy, and the network that Stable-Baselines3 calls `NatureCNN`."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ STRIDES = (4, 2, 1)
 
 @dataclass(frozen=True)
 class NatureCnn:
-    """Three convolutions and a layer of units, each with ReLU.
+    """Three convolutions and a layer of units, each with ReLU (Mnih et al., 2015).
 
     Attributes:
         layers: weights (outputs, channels, height, width) and bias (outputs,) of each convolution, float32.
@@ -31,22 +32,19 @@ class NatureCnn:
         """Features (n, units) float32 of pictures (n, channels, height, width) float32."""
         seen = pictures
         for (weight, bias), stride in zip(self.layers, STRIDES, strict=True):
-            seen = _convolved(seen, weight, bias, stride)
+            seen = convolved(seen, weight, bias, stride)
         return self.last(np.ascontiguousarray(seen.reshape(len(seen), -1)))
 
 
-def size_after(height: int, width: int, layers: tuple[tuple[Batch, Batch], ...]) -> int:
-    """How many numbers the last convolution gives for a picture; 0 if that is too small."""
-    for (weight, _), stride in zip(layers, STRIDES, strict=True):
-        height, width = (
-            (size - side) // stride + 1 for size, side in zip((height, width), weight.shape[2:], strict=True)
-        )
-        if height < 1 or width < 1:
-            return 0
-    return height * width * len(layers[-1][1])
+def size_after(height: int, width: int, layers: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    """Height and width that layers, given by side and stride, leave of a picture; 0 if it is too small."""
+    for side, stride in layers:
+        height, width = ((size - side) // stride + 1 if size >= side else 0 for size in (height, width))
+    return height, width
 
 
-def _convolved(seen: NDArray[np.float32], weight: Batch, bias: Batch, stride: int) -> NDArray[np.float32]:
+def convolved(seen: NDArray[np.float32], weight: Batch, bias: Batch, stride: int) -> NDArray[np.float32]:
+    """ReLU of convolutions of pictures (n, channels, h, w) by weights (outputs, channels, high, wide)."""
     outputs, channels, high, wide = weight.shape
     windows = sliding_window_view(seen, (high, wide), axis=(2, 3))[:, :, ::stride, ::stride]
     n, _, height, width, _, _ = windows.shape

@@ -1,0 +1,1 @@
+"""What cars with cameras see: `picture` takes the pictures as `nathlon.sim.camera_spec` describes them."""
