@@ -17,6 +17,7 @@ from nathlon.arena.match import Match, Swap
 from nathlon.arena.team import ROW_WISE, Absent, Team
 from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.arena.watch import Watch
+from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
@@ -148,6 +149,8 @@ class _Meeting:
         self._endings = np.full(self.world.state.shape, "", dtype="U16")
         self._driven = np.zeros(self.world.state.shape)
         self._actions = np.zeros((self._cars.size, 2), np.float32)
+        everybody = [one for _, policies in line_ups.values() for one in policies]
+        show_plan(self.world, *(one.observation_spec for one in everybody if not isinstance(one, Absent)))
         self._views = self._line_up(line_ups)
         self._reliefs = [
             self._relief(number, match.swap, policies)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.car import Car, parameters, with_grip
+from nathlon.sim.errors import InputError
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars, view_parameters
@@ -30,6 +31,7 @@ from nathlon.sim.physics.course import (
 )
 from nathlon.sim.physics.draught import set_draught
 from nathlon.sim.physics.tyre import Ground
+from nathlon.sim.plan import Plan
 from nathlon.sim.rules import Rules, load_rules, rule_parameters
 from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, Race, Races
 from nathlon.sim.steward import Approach, note_contact, serve_penalty, watch_limits
@@ -229,6 +231,7 @@ class World:
         contacts: (races, pairs) CONTACT, the contacts that began in the last step, oldest first.
         contact_count: (races,) int64, how many of them there are.
         track, car, conditions, rules: as given.
+        plan: of a lap, for those who see one; None until it is shown.
         parameters: the kernels' view of car, circuit, conditions and rules.
     """
 
@@ -271,8 +274,14 @@ class World:
         self._touched = np.full((races, cars, cars), -np.inf)
         self._races = Races(self.state, self.ticks, self._touched, self.contacts, self.contact_count)
         self._view = view_parameters(self.parameters)
+        self.plan: Plan | None = None
         self._ground = [Ground(*np.empty((3, 4))) for _ in range(threads)]
         self._threads = ThreadPool(threads)
+
+    def show(self, plan: Plan) -> None:
+        """Have observations that see a plan see this one."""
+        self.plan = plan
+        self._view = view_parameters(self.parameters, plan.table)
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -353,7 +362,15 @@ class World:
 
         Returns:
             (n, spec.size) float32.
+
+        Raises:
+            InputError: if a plan is seen and none has been shown to this world.
         """
+        if spec.planned and self.plan is None:
+            raise InputError(
+                f"observation version {spec.version} sees a driver's plan, "
+                "expected a world that has been shown one"
+            )
         out = np.empty((len(races), spec.size), np.float32)
         layout = layout_parameters(spec)
 

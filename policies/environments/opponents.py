@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
+from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.planning import decide
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.episode import Episodes, Moment, View
@@ -78,6 +79,7 @@ class OpponentWrapper:
                 f"of scenario {episodes.scenario.name!r}"
             )
         self.races, self.cars = _seats(np.arange(races), np.sort(places))
+        show_plan(episodes.world, observation)
         self._view = episodes.watch(observation, self.races, self.cars)
         self._other_races, self._other_cars = _seats(np.arange(races), others)
         self._views: dict[ObservationSpec, View] = {}
@@ -90,6 +92,7 @@ class OpponentWrapper:
     def _engage(self, policy: Policy) -> Opponent:
         spec = policy.observation_spec
         if spec not in self._views:
+            show_plan(self.episodes.world, spec)
             self._views[spec] = self.episodes.watch(spec, self._other_races, self._other_cars)
         return Opponent(policy, self._views[spec], self.episodes.world, self._other_races, self._other_cars)
 
