@@ -18,7 +18,7 @@ from nathlon.arena.team import ROW_WISE, Absent, Team
 from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.arena.watch import Watch
 from nathlon.policies.driver.shown_plan import show_plan
-from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
 from nathlon.sim.observation import ObservationSpec
@@ -167,6 +167,7 @@ class _Meeting:
             seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
             for entrant, policy in enumerate(policies):
                 cars = np.flatnonzero(seats == entrant) + grid * self._races[number].start
+                self._cars["has_reverse"][cars] = has_reverse(policy)
                 if isinstance(policy, Absent):
                     self._retire(cars, policy.ending)
                 elif isinstance(policy, ROW_WISE):
@@ -269,6 +270,8 @@ class _Meeting:
                 self._retire(np.array([relief.car]), relief.policy.ending)
             return
         assert relief.view is not None, "a policy looks"
+        if now:
+            self._cars["has_reverse"][relief.car] = has_reverse(relief.policy)
         # What it sees may be late: it looks from the start.
         for team, seen, due in relief.view.look(self.world):
             [row] = np.flatnonzero(team.cars == relief.car)

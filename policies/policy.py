@@ -12,6 +12,11 @@ from nathlon.sim.observation import ObservationSpec
 Batch = NDArray[np.float32]
 
 
+def has_reverse(policy: object) -> bool:
+    """Whether a policy's cars have a reverse gear: if its `reverse` says so, which most policies lack."""
+    return bool(getattr(policy, "reverse", False))
+
+
 class Policy(Protocol):
     """Maps a batch of observations to a batch of actions, one row a car.
 

@@ -30,6 +30,7 @@ from nathlon.sim.physics.course import (
     stand_on,
 )
 from nathlon.sim.physics.draught import set_draught
+from nathlon.sim.physics.powertrain import REVERSE, choose_direction
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.plan import Plan
 from nathlon.sim.rules import Rules, load_rules, rule_parameters
@@ -163,6 +164,8 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
                 car.off_course_s += DYNAMICS_DT
             watch_limits(car, off, now, DYNAMICS_DT, p.rules)
             serve_penalty(car, DYNAMICS_DT, course, p.rules)
+            if car.has_reverse:
+                choose_direction(car, DYNAMICS_DT)
             feel_road(car, sine, cosine, course)
             advance(car, actions[i, 1] * p.car.full_lock, ground, DYNAMICS_DT, p.car, p.rates)
             locate(car, course)
@@ -172,7 +175,8 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
                 car.wall_s += DYNAMICS_DT
                 locate(car, course)
             time_lines(car, before, now, DYNAMICS_DT, course)
-            car.stationary_s = 0.0 if car.velocity_x > MOVING_M_S else car.stationary_s + DYNAMICS_DT
+            moving = car.velocity_x > MOVING_M_S or (car.gear == REVERSE and car.velocity_x < -MOVING_M_S)
+            car.stationary_s = 0.0 if moving else car.stationary_s + DYNAMICS_DT
         for i in range(count):
             for j in range(i + 1, count):
                 if near(cars[i], cars[j], reach_squared) and not on_other_level(cars[i], cars[j], course):
@@ -293,9 +297,14 @@ class World:
         return self._races
 
     def reset(self, race: int, start: Start) -> None:
-        """Put the cars of one race at their start, wheels rolling at the speed of the road."""
+        """Put the cars of one race at their start, wheels rolling at the speed of the road.
+
+        Those that have a reverse gear keep it.
+        """
         cars = self.state[race]
+        has_reverse = cars["has_reverse"].copy()
         cars[:] = np.zeros((), CAR_STATE)
+        cars["has_reverse"] = has_reverse
         x, y, heading = self.track.pose(start.distance, start.lateral)
         cars["x"], cars["y"], cars["yaw"] = x, y, heading + start.heading
         ahead, aside = np.cos(cars["yaw"]), np.sin(cars["yaw"])

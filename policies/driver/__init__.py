@@ -92,6 +92,7 @@ class Follower:
         self, track: Track, car: Car, pace: float, line: Profile, temper: Temper = TEMPERS[FAIR]
     ) -> None:
         self.observation_spec = ObservationSpec(course_points=1)
+        self.reverse = True
         self.pace = pace
         self.line = line
         self._knowledge = _knowledge(track, car, pace, line, temper)

@@ -42,6 +42,7 @@ def evaluate_laps(
     scenario, track = pair.conditions(load_scenario(SCENARIO)), load_track(pair.circuit)
     world = scenario.world(track, load_car(pair.car), RUNS)
     show_plan(world, spec)
+    world.state["has_reverse"] = spec.planned
     rng = np.random.default_rng(seed)
     for race in range(RUNS):
         world.reset(race, scenario.place(track, rng))
