@@ -118,6 +118,28 @@ def p_values(estimate: Floats, error: Floats, freedom: Floats) -> Floats:
     return np.where(np.isnan(p), 1.0, p)
 
 
+def third_cumulants(values: Floats, sizes: Sizes) -> Floats:
+    """Third cumulants (M,) of the means of consecutive groups of `values` (rows,), from their own moments."""
+    return group_sums(_residuals(values, sizes) ** 3, sizes) / sizes.astype(np.float64) ** 3
+
+
+def unskewed(estimate: Floats, error: Floats, third: Floats) -> Floats:
+    """Estimates (K,) moved so that Student's t takes no skewness for a difference.
+
+    The transformation of Hall (J. R. Statist. Soc. B 54, 1992). Where runs now and then go much worse, a mean
+    that has not seen one yet looks better, and surer, than it is.
+
+    Args:
+        estimate: (K,) against 0.
+        error: (K,) standard errors.
+        third: (K,) third cumulants of the estimates.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        skewness, t = third / error**3, estimate / error
+    moved = t + skewness * t**2 / 3 + skewness**2 * t**3 / 27 + skewness / 6
+    return np.where(np.isfinite(moved), moved * error, estimate)
+
+
 def holm(p: Floats) -> Floats:
     """p-values (K,) adjusted for their number (Holm, Scandinavian Journal of Statistics 6, 1979).
 

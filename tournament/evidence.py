@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 
 from nathlon.arena.results import VOID_ENDINGS
 from nathlon.arena.rounding import differing
-from nathlon.arena.statistics import Floats, Sizes, interval, p_values, precision, spread, standard_error
+from nathlon.arena.statistics import (
+    Floats,
+    Sizes,
+    interval,
+    p_values,
+    precision,
+    spread,
+    standard_error,
+    third_cumulants,
+    unskewed,
+)
 
 MATCHUP = ("entrant", "opponent")
 UNIT = ("test", "match", "unit")
@@ -184,7 +194,7 @@ class Cells(ABC):
         """Standard errors (L,) of linear `combinations` (L, cells) of the means, and degrees of freedom."""
 
     def p_values(self, combinations: Floats) -> Floats:
-        """Two-sided p-values (L,) of linear `combinations` (L, cells) of the means against 0."""
+        """Two-sided p-values (L,) of linear `combinations` (L, cells) of the means against 0: Student's t."""
         return p_values(self.estimates(combinations), *self.errors(combinations))
 
 
@@ -242,6 +252,15 @@ class Evidence(Cells):
         """Standard errors (L,) of linear `combinations` (L, cells) of the means, and degrees of freedom."""
         values, sizes, weights = self._groups(combinations)
         return standard_error(weights, precision(values, sizes, ENOUGH))
+
+    def p_values(self, combinations: Floats) -> Floats:
+        """As of `Cells`, and not below what they are without the skewness of the units; see `unskewed`."""
+        values, sizes, weights = self._groups(combinations)
+        error, freedom = standard_error(weights, precision(values, sizes, ENOUGH))
+        estimate = self.estimates(combinations)
+        moved = unskewed(estimate, error, weights**3 @ third_cumulants(values, sizes))
+        beside = np.where(moved * estimate > 0, p_values(moved, error, freedom), 1.0)
+        return np.where(estimate == 0, 1.0, np.maximum(p_values(estimate, error, freedom), beside))
 
     def _groups(self, combinations: Floats) -> tuple[Floats, Sizes, Floats]:
         """Values, group sizes and weights (L, groups) of independent groups of units.

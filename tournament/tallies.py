@@ -177,7 +177,8 @@ class Tallied(Cells):
 def rank_tally(tally: Tally, confidence: float = 0.95) -> pl.DataFrame:
     """Turn a tally into RANKING, best first, as `nathlon.tournament.points.rank` does with all the races.
 
-    Points and ranks are the same. Intervals are by Student's t: there is nothing left to resample.
+    Points are the same. Intervals are by Student's t: there is nothing left to resample. So are ranks: how
+    skewed the units are is not kept, see `nathlon.arena.statistics.unskewed`.
     """
     scored = pl.DataFrame(schema=SCORED) if tally.cells.is_empty() else _scores(tally.cells, confidence)
     table = tally.totals.join(scored, on="entrant", how="left")

@@ -46,14 +46,14 @@ def free_for_all(pace: dict[str, float], blocks: int, rng: np.random.Generator) 
 def test_a_free_for_all_of_more_or_fewer_than_eight_scores_what_its_cars_do(entrants: int) -> None:
     """Eight starts in a unit of as many races as entrants: points of all one's cars, a race of the unit."""
     pace = {letter: 0.5 * index for index, letter in enumerate("abcdefghijkl"[:entrants])}
-    results = free_for_all(pace, 10, seeded())
+    results = free_for_all(pace, 20, seeded())
     ranking = rank(results, seeded())
     own = results.group_by("entrant").agg(pl.col("points").sum(), pl.col("race").n_unique())
     for entrant, points, races in own.iter_rows():
         row = ranking.row(by_predicate=pl.col("entrant") == entrant, named=True)
-        assert row["points_per_race"] == pytest.approx(points / (10 * entrants))
-        assert (row["pairs"], row["races"]) == (10, races)
-    assert results.group_by("entrant").len()["len"].unique().to_list() == [80]
+        assert row["points_per_race"] == pytest.approx(points / (20 * entrants))
+        assert (row["pairs"], row["races"]) == (20, races)
+    assert results.group_by("entrant").len()["len"].unique().to_list() == [160]
     assert ranking["entrant"][0] == max(pace, key=pace.__getitem__)
     assert ranking["rank"][0] == 1 < ranking["rank"][-1]
 
