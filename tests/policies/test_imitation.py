@@ -10,7 +10,7 @@ import pytest
 import nathlon
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
-from nathlon.policies.checkpoint import Card, encoded, load_checkpoint
+from nathlon.policies.checkpoint import Card, encoded, load_checkpoint, read_card
 from nathlon.policies.driver import Driver
 from nathlon.policies.mlp import EncodedMlp, Mlp
 from nathlon.policies.training import imitation
@@ -20,6 +20,7 @@ from nathlon.policies.training.imitation import Imitation, fresh
 from nathlon.policies.training.instruction import Class, Notes, instruct
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.teacher import Teacher
+from nathlon.policies.training.trainer import Trainer
 from nathlon.policies.weights import mean_network
 from nathlon.sim.errors import InputError
 from tests.support.trainings import TOML, polishing
@@ -138,8 +139,18 @@ def test_who_has_seen_the_plan_in_training_sees_it_in_races(tmp_path: Path) -> N
     assert not set(results["ending"]) & {"simulator_fault", "policy_error", "illegal_action"}
 
 
-def test_what_only_rewards_know_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "pupil.toml"
-    path.write_text(f"{TOML}\n[imitation]\nrounds = 2\n")
+@pytest.mark.usefixtures("unmeasured")
+def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_path: Path) -> None:
+    path, run = tmp_path / "pupil.toml", tmp_path / "run"
+    path.write_text(f"{TOML}\n[imitation]\nrounds = 2\nlength_s = 1.0\n")
     with pytest.raises(InputError, match="origin: expected for training by rewards, not by imitation"):
-        nathlon.train(path, tmp_path / "run", origin=tmp_path, progress=False)
+        nathlon.train(path, run, origin=tmp_path, progress=False)
+    trained = nathlon.train(path, run, progress=False)
+    assert [read_card(path).step for path in trained.checkpoints] == [2, 4]
+        "step-0000002.safetensors",
+        "step-0000004.safetensors",
+    ]
+    assert trained.curve["lap_s"].to_list() == [100.0, 100.0]
+    assert nathlon.train(out=run, resume=True, progress=False).updates == 4
+    with pytest.raises(InputError, match="imitation: expected none in a training by rewards"):
+        Trainer.resume(run)
