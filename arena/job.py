@@ -113,6 +113,7 @@ class Loss(NamedTuple):
         memory: whether it ended for want of memory.
         taken: by whom it had been taken, as far as known.
         hung: whether it slept while it was late: the machine may have been to blame.
+        unreadable: whether it was ended for what it has sent; who is asked by then need not have written it.
     """
 
     asked: Asked
@@ -120,6 +121,7 @@ class Loss(NamedTuple):
     memory: bool = False
     taken: Taken = Taken(NOBODY, 0.0)
     hung: bool = False
+    unreadable: bool = False
 
 
 def again(jobs: Mapping[int, Job], loss: Loss) -> tuple[list[list[Job]], list[tuple[Job, Answer]]]:
@@ -132,8 +134,12 @@ def again(jobs: Mapping[int, Job], loss: Loss) -> tuple[list[list[Job]], list[tu
     Returns:
         groups to do again, and the jobs that are given up with their answers.
     """
+    if loss.unreadable:
+        loss = loss._replace(asked=loss.asked._replace(match=NOBODY, entrant=NOBODY))
     guilty = jobs.get(loss.asked.match)
-    if guilty is not None and (guilty.alone or (loss.late and not loss.hung)):
+    # What hangs while it is opened has had its time; in a match others are asked beside it.
+    convicted = loss.late and (not loss.hung or isinstance(guilty, Opening))
+    if guilty is not None and (guilty.alone or convicted):
         others = [job for job in jobs.values() if job is not guilty]
         done_again, given_up = _convict(guilty, loss)
         return [group for group in (others, done_again) if group], given_up
@@ -168,4 +174,6 @@ def _convict(job: Job, loss: Loss) -> tuple[list[Job], list[tuple[Job, Answer]]]
 def _why(loss: Loss) -> str:
     if loss.late:
         return f"took more than {loss.asked.limit_s:g} s to open"
+    if loss.unreadable:
+        return "has spoilt what the process that opened it sends"
     return "needs more memory than there is" if loss.memory else "ended the process that opened it"

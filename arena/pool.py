@@ -186,8 +186,8 @@ class Pool(Executor):
                 if jobs:
                     # It may have gone on in its last moment.
                     late = killed and worker.patience.over
-                    memory = not killed and worker.out_of_memory
-                    loss = Loss(worker.watch.asked, late, memory, worker.watch.taken, hung)
+                    memory = not killed and not worker.unreadable and worker.out_of_memory
+                    loss = Loss(worker.watch.asked, late, memory, worker.watch.taken, hung, worker.unreadable)
                     groups, given_up = again(jobs, loss)
                     queue.extend(groups)
                     yield from given_up

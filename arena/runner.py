@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from nathlon.arena.classification import BLANK, classify
 from nathlon.arena.match import Match, Swap
+from nathlon.arena.pit_walls import Advised, PitWalls
 from nathlon.arena.team import ROW_WISE, Absent, Team
 from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.arena.watch import Watch
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.policy import Batch, Policy, has_reverse
+from nathlon.policies.sources.composite import Composite
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
 from nathlon.sim.observation import ObservationSpec
@@ -152,6 +154,7 @@ class _Meeting:
         everybody = [one for _, policies in line_ups.values() for one in policies]
         show_plan(self.world, *(one.observation_spec for one in everybody if not isinstance(one, Absent)))
         self._views = self._line_up(line_ups)
+        self._pit_walls = PitWalls(self.world, scenario.laps, list(self._advised(line_ups)))
         self._reliefs = [
             self._relief(number, match.swap, policies)
             for number, (match, policies) in line_ups.items()
@@ -179,6 +182,15 @@ class _Meeting:
             everybody = Team(teams[0].policy, np.concatenate([team.cars for team in teams]), 0, 0)
             views[everybody.policy.observation_spec].append(everybody)
         return [_View(spec, teams, grid, self._reaction) for spec, teams in views.items()]
+
+    def _advised(self, line_ups: Mapping[int, LineUp]) -> Iterator[Advised]:
+        """The cars whose policies have a strategist."""
+        for number, (match, policies) in line_ups.items():
+            for index, race in enumerate(match.races, start=self._races[number].start):
+                for car, seat in enumerate(race.seats):
+                    policy = policies[seat.entrant]
+                    if isinstance(policy, Composite) and policy.strategist is not None:
+                        yield Advised(index, car, policy.strategist)
 
     def _relief(self, number: int, swap: Swap, policies: Sequence[Policy | Absent]) -> _Relief:
         match, first, grid = self._matches[number], self._races[number].start, self._endings.shape[1]
@@ -227,6 +239,7 @@ class _Meeting:
         self._watch.work()
         self.world.step(self._actions.reshape(*state.shape, 2), self._reaction.tick)
         self._void_faulty_races(driving)
+        self._pit_walls.listen()
         end_runs(self.world, self._endings, self._time_s)
         if np.count_nonzero(state["driving"]) == before:
             return False

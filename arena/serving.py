@@ -66,8 +66,12 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
 
 
 def _fall_silent(pipe: connection.Connection, watch: Watch) -> None:
-    """What a policy forks has the same pipe: one of the two would be taken for the other."""
+    """What a policy forks has the same pipe: one of the two would be taken for the other.
+
+    It ends where the policy does: it would run the match beside its parent, and fork again at every answer.
+    """
     watch.fall_silent()
+    watch._tell = lambda *_: os._exit(1)  # type: ignore[method-assign]
     with suppress(OSError):
         pipe.close()
 

@@ -15,6 +15,7 @@ from typing import Any
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.watch import TOLD, Patience, Watch
 from nathlon.policies.child_processes import starting_processes
+from nathlon.policies.incoming import Incoming, UnreadableError
 from nathlon.sim.scratch import scratch_folder
 
 NO_MEMORY = 71
@@ -69,6 +70,8 @@ class Worker:
         patience: how long it has been so.
         idle: whether it waits for something to do.
         fresh: whether it has not been given anything yet.
+        unreadable: whether it was ended for what it has sent: foreign code in it writes into the pipe, or has
+            changed what was to be sent.
     """
 
     def __init__(
@@ -82,12 +85,13 @@ class Worker:
         """Start a process that calls `serve`, printing into the sink of a log; see `Watch` for the times."""
         _sockets_folder()
         self.watch = Watch(answer_s, first_answer_s, match_s, _CONTEXT.RawArray("d", TOLD))
-        self.idle, self.fresh, self.began = False, True, False
+        self.idle, self.fresh, self.began, self.unreadable = False, True, False, False
         self._pipe, theirs = _CONTEXT.Pipe()
         self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch, sink), daemon=True)
         with starting_processes():
             self._process.start()
         self.patience = Patience(self.watch, self._process.pid)
+        self._incoming = Incoming(self._pipe, self._process.pid, first_answer_s)
         theirs.close()
 
     @property
@@ -113,16 +117,15 @@ class Worker:
     def news(self) -> Iterator[Any]:
         """What it has sent and was not read yet, READY apart."""
         try:
-            while self._pipe.poll():
-                message = self._pipe.recv()
+            for message in self._incoming.messages():
                 if message == READY:
                     self.idle = self.began = True
                 else:
                     yield message
         except (EOFError, OSError):
             return  # it has died; what it was sending is lost
-        except Exception:
-            # Foreign code in it has written into the pipe, or changed what was to be sent.
+        except UnreadableError:
+            self.unreadable = True
             self.kill()
 
     def kill(self) -> None:

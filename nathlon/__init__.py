@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from nathlon.api.recipes import RecipesResult, recipes
     from nathlon.api.reward import RewardDesign, design_reward
     from nathlon.api.selection import SelectionResult, select
+    from nathlon.api.stints import StintsResult, stints
     from nathlon.api.train import TrainingResult, train
     from nathlon.api.twin import TwinResult, twin
     from nathlon.api.worker import work
@@ -70,6 +71,7 @@ _FROM = {
     "RecipesResult": "nathlon.api.recipes",
     "RewardDesign": "nathlon.api.reward",
     "SelectionResult": "nathlon.api.selection",
+    "StintsResult": "nathlon.api.stints",
     "TrainingResult": "nathlon.api.train",
     "TwinResult": "nathlon.api.twin",
     "load_policy": "nathlon.policies.load",
@@ -86,6 +88,7 @@ _FROM = {
     "race": "nathlon.api.race",
     "recipes": "nathlon.api.recipes",
     "select": "nathlon.api.selection",
+    "stints": "nathlon.api.stints",
     "train": "nathlon.api.train",
     "twin": "nathlon.api.twin",
     "work": "nathlon.api.worker",
@@ -113,6 +116,7 @@ __all__ = [
     "RecipesResult",
     "RewardDesign",
     "SelectionResult",
+    "StintsResult",
     "TrainingResult",
     "TwinResult",
     "coach",
@@ -126,6 +130,7 @@ __all__ = [
     "race",
     "recipes",
     "select",
+    "stints",
     "train",
     "twin",
     "work",

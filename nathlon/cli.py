@@ -32,6 +32,7 @@ from nathlon.commands.replay import replay
 from nathlon.commands.reward import design_reward
 from nathlon.commands.selection import demo, evaluate, report
 from nathlon.commands.serve import serve
+from nathlon.commands.stints import stints
 from nathlon.commands.store import clean_store, copy_store
 from nathlon.commands.track import generate_track, import_track, limit_track, show_track
 from nathlon.commands.training import polish, train
@@ -83,7 +84,7 @@ app.add(
     committee=committee,
 )
 app.add("Judge", gate, matrix, recipes, incident, twin)
-app.add("Look", race, drive, serve, replay, coach)
+app.add("Look", race, stints, drive, serve, replay, coach)
 app.add("Train", train, polish, league, ablate, reward=reward)
 app.add("Files", export, observation, track=track, car=car, world=world, store=store)
 

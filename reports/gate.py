@@ -73,7 +73,7 @@ def cells(finding: GateFinding) -> tuple[str, ...]:
         return finding.measure, f"not asked: {finding.set_aside}", "", "", "", ""
 
     def number(value: float | None) -> str:
-        return "" if value is None else f"{value:+.3g}"
+        return "" if value is None else f"{value:+z.3g}"
 
     if finding.margin is None:
         return finding.measure, MARKS[finding.verdict], f"{finding.difference:g}", "", "", str(finding.units)

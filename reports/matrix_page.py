@@ -94,7 +94,7 @@ def difference(measure: MatrixMeasure, finding: MatrixFinding) -> str:
     scale, unit = (100.0, "%") if measure.relative else (1.0, measure.unit)
     numbers = [scale * value for value in (finding.worse, finding.low, finding.high)]
     worse, low, high = (f"{number:+.2g}" if abs(number) < 10 else f"{number:+.0f}" for number in numbers)
-    return f"{worse} {unit} ({low} to {high})"
+    return f"{worse}{'' if unit == '1' else f' {unit}'} ({low} to {high})"
 
 
 def amount(measure: MatrixMeasure, finding: MatrixFinding) -> str:

@@ -33,6 +33,7 @@ from nathlon.sim.observation import (
 )
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.course import CourseParameters, on_other_level
+from nathlon.sim.physics.pit_lane import in_lane
 from nathlon.sim.plan import CURVATURE, DIRECTION, OFFSET, SIDESLIP, SPEED, UNPLANNED
 from nathlon.sim.plan import STEERING as WHEELS
 from nathlon.sim.plan import X as LINE_X
@@ -387,7 +388,7 @@ def find_opponents(
     nearest[:] = -1
     distance[:] = np.inf
     for j in range(len(field)):
-        if j == index or not field[j].driving:
+        if j == index or not field[j].driving or in_lane(field[j]):
             continue
         dx, dy = field[j].x - car.x, field[j].y - car.y
         forward = dx * car.cos_yaw + dy * car.sin_yaw >= 0.0

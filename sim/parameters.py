@@ -7,6 +7,7 @@ from typing import NamedTuple
 from nathlon.sim.car import CarParameters
 from nathlon.sim.physics.chassis import Rates
 from nathlon.sim.physics.course import CourseParameters
+from nathlon.sim.physics.pit_lane import LaneParameters
 from nathlon.sim.rules import RuleParameters
 
 
@@ -17,3 +18,4 @@ class WorldParameters(NamedTuple):
     course: CourseParameters
     rates: Rates
     rules: RuleParameters
+    lane: LaneParameters

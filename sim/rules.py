@@ -52,6 +52,14 @@ class Serving(Section):
     speed_m_s: Positive
 
 
+class Pit(Section):
+    """What a stop takes; see `nathlon.sim.physics.pit_lane`."""
+
+    tyres_s: NotNegative = 8.0
+    fuel_kg_s: Positive = 2.5
+    together: bool = False
+
+
 class Rules(Section):
     """Rules as their file describes them; see `sim/data/rules/sporting.toml` for each field."""
 
@@ -61,6 +69,15 @@ class Rules(Section):
     cutting: Cutting
     contact: Contact
     serving: Serving
+    pit: Pit = Pit()
+
+
+class PitParameters(NamedTuple):
+    """What the kernels read of a stop; s and kg/s."""
+
+    tyres: float
+    fuel_rate: float
+    together: bool
 
 
 class RuleParameters(NamedTuple):
@@ -78,6 +95,7 @@ class RuleParameters(NamedTuple):
     rear_end_penalty: float
     side_swipe_penalty: float
     serving_speed: float
+    pit: PitParameters
 
 
 def rule_parameters(rules: Rules) -> RuleParameters:
@@ -96,6 +114,7 @@ def rule_parameters(rules: Rules) -> RuleParameters:
         rear_end_penalty=contact.rear_end_s,
         side_swipe_penalty=contact.side_swipe_s,
         serving_speed=rules.serving.speed_m_s,
+        pit=PitParameters(rules.pit.tyres_s, rules.pit.fuel_kg_s, rules.pit.together),
     )
 
 

@@ -109,6 +109,23 @@ class CarRecord(Protocol):
     finish: float  # progress at which the run is over, m
     finish_s: float  # nan until then; with the penalties not served
     driving: bool
+    # Tyres as fitted, against those of the world's compound.
+    tyre_grip: float
+    tyre_wear: float
+    # In the pit lane, see `nathlon.sim.physics.pit_lane`.
+    stage: int  # of a stop
+    lane_m: float  # from the entry line
+    lane_s: float  # in the lane since the start, s
+    service_s: float  # still to stand in the box
+    clear_s: float  # since it came back to the road
+    stops: int
+    missed: int  # stops that were asked for, but the entry line crossed too fast
+    # What was asked for, to be done at the next stop.
+    asked: bool
+    asked_tyres: bool
+    asked_grip: float
+    asked_wear: float
+    asked_fuel: float  # kg in the tank afterwards; no more than there is where it is less
 
 
 Cars: TypeAlias = Sequence[CarRecord]

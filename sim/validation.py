@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -20,6 +21,18 @@ def first_fault(error: ValidationError, model: type[BaseModel]) -> str:
     if fault["type"] == "missing" or isinstance(fault["input"], dict):
         return f"field {field}: {message}"
     return f"field {field} is {fault['input']!r}: {message}"
+
+
+def check_distinct(**fields: Iterable[object]) -> None:
+    """Make sure that in none of some fields something stands twice.
+
+    Raises:
+        ValueError: if it does; a validator of a model raises it.
+    """
+    for name, values in fields.items():
+        for value, times in Counter(values).items():
+            if times > 1:
+                raise ValueError(f"{name} has {value!r} twice")
 
 
 def _known(models: Sequence[type[BaseModel]], place: Sequence[int | str]) -> list[str]:

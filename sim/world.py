@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.car import Car, parameters, with_grip
+from nathlon.sim.car import Car, compound_ratio, parameters, with_grip
 from nathlon.sim.errors import InputError
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
@@ -30,6 +30,15 @@ from nathlon.sim.physics.course import (
     stand_on,
 )
 from nathlon.sim.physics.draught import set_draught
+from nathlon.sim.physics.pit_lane import (
+    approach,
+    clear_road,
+    drive_lane,
+    enter,
+    in_lane,
+    lane_parameters,
+    on_road,
+)
 from nathlon.sim.physics.powertrain import REVERSE, choose_direction
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.plan import Plan
@@ -89,6 +98,19 @@ class Conditions:
     wear_rate: float = 0.0
     fuel_rate: float = 0.0
     grip: SurfaceGrip = DRY
+
+
+@dataclass(frozen=True)
+class Service:
+    """What is done to a car when it stops.
+
+    Attributes:
+        compound: of the tyres that are fitted, new; None to keep those on the car.
+        fuel_kg: in the tank afterwards; None to add none.
+    """
+
+    compound: str | None = None
+    fuel_kg: float | None = None
 
 
 @lean_kernel
@@ -153,6 +175,11 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
             car = cars[i]
             if not car.driving:
                 continue
+            if in_lane(car):
+                before = car.progress
+                drive_lane(car, i, DYNAMICS_DT, p.car, p.lane, p.rules.pit, course)
+                time_lines(car, before, now, DYNAMICS_DT, course)
+                continue
             before = car.progress
             # Anew each step, since a penalty that is served overrides them.
             car.throttle = max(actions[i, 0], 0.0)
@@ -166,6 +193,8 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
             serve_penalty(car, DYNAMICS_DT, course, p.rules)
             if car.has_reverse:
                 choose_direction(car, DYNAMICS_DT)
+            if car.asked:
+                approach(car, p.lane, course.length)
             feel_road(car, sine, cosine, course)
             advance(car, actions[i, 1] * p.car.full_lock, ground, DYNAMICS_DT, p.car, p.rates)
             locate(car, course)
@@ -177,10 +206,13 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
             time_lines(car, before, now, DYNAMICS_DT, course)
             moving = car.velocity_x > MOVING_M_S or (car.gear == REVERSE and car.velocity_x < -MOVING_M_S)
             car.stationary_s = 0.0 if moving else car.stationary_s + DYNAMICS_DT
+            if car.asked:
+                enter(car, before, p.lane, course.length)
         for i in range(count):
             for j in range(i + 1, count):
                 if near(cars[i], cars[j], reach_squared) and not on_other_level(cars[i], cars[j], course):
                     meet(race, i, j, now, p)
+        clear_road(cars, DYNAMICS_DT)
         ticks[0] += 1
     for i in range(count):
         set_heading_error(cars[i], course)
@@ -188,9 +220,9 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
 
 @lean_inlined
 def near(a: CarRecord, b: CarRecord, reach_squared: float) -> bool:
-    """Whether two driving cars are near enough to touch."""
+    """Whether two cars on the road are near enough to touch."""
     dx, dy = b.x - a.x, b.y - a.y
-    return dx * dx + dy * dy < reach_squared and a.driving and b.driving
+    return dx * dx + dy * dy < reach_squared and on_road(a) and on_road(b)
 
 
 @lean_kernel
@@ -270,6 +302,7 @@ class World:
             course_parameters(track, conditions.grip),
             Rates(float(conditions.wear_rate), float(conditions.fuel_rate)),
             rule_parameters(rules or load_rules("free")),
+            lane_parameters(track),
         )
         self.state = np.zeros((races, cars), CAR_STATE)
         self.ticks = np.zeros(races, np.int64)
@@ -325,6 +358,7 @@ class World:
             cars[unset] = np.nan
         cars["contact_s"] = -np.inf
         cars["driving"] = True
+        cars["tyre_grip"] = cars["tyre_wear"] = 1.0
         cars["finish"] = start.finish
         locate_all(cars, self.parameters.course)
         cars["start"] = cars["progress"]
@@ -355,6 +389,39 @@ class World:
             step_races(self._races, legal, substeps, self._ground[thread], self.parameters, tally, thread)
 
         self._threads.run(work, len(self.state))
+
+    def fit(self, race: int, car: int, service: Service) -> None:
+        """Do to a car at once what a stop would do: before its start."""
+        state = self.state[race, car]
+        if service.compound is not None:
+            state["tyre_grip"], state["tyre_wear"] = self._fitted(service.compound)
+            state["wear"] = 0.0
+        if service.fuel_kg is not None:
+            state["fuel"] = min(service.fuel_kg, self.parameters.car.fuel_capacity)
+            state["mass"] = self.parameters.car.dry_mass + state["fuel"]
+
+    def ask_stop(self, race: int, car: int, service: Service | None) -> None:
+        """Have a car stop the next time it comes to the pit lane's entry, or not stop after all.
+
+        Args:
+            race, car: indices.
+            service: what is to be done; None for no stop.
+
+        Raises:
+            InputError: if there is no such compound.
+        """
+        state = self.state[race, car]
+        state["asked"] = service is not None
+        if service is None:
+            return
+        state["asked_tyres"] = service.compound is not None
+        if service.compound is not None:
+            state["asked_grip"], state["asked_wear"] = self._fitted(service.compound)
+        state["asked_fuel"] = 0.0 if service.fuel_kg is None else service.fuel_kg
+
+    def _fitted(self, compound: str) -> tuple[float, float]:
+        """Grip and wear of a compound against those of the world's."""
+        return compound_ratio(self.conditions.compound or self.car.tyre.compound, compound)
 
     def new_contacts(self, race: int) -> NDArray[np.void]:
         """The contacts of one race that began in the last step, CONTACT."""

@@ -82,6 +82,7 @@ class Asking:
         if watch.used_up(match, entrant):
             self.fault = "timed_out"
             return idle(self._done)
+        action: Any = None
         try:
             action = self._decide(seen, _allowed(observation, mask))
         except MemoryError:
@@ -90,14 +91,14 @@ class Asking:
         except IllegalActionError as error:
             log.warning("the policy of seat %r %s: it idles", self._seat, error)
             self.fault = "illegal_action"
-            return idle(self._done)
         # Whatever a policy raises, an exit too, is its own fault and must not stop the others.
         except (Exception, SystemExit) as error:
             log.warning("the policy of seat %r raised %r: it idles", self._seat, error)
             self.fault = "policy_raised"
+        # Not after what ends this process: the watch must say then who was asked.
+        watch.work(self._step_limit_s)
+        if self.fault:
             return idle(self._done)
-        finally:
-            watch.work(self._step_limit_s)
         if not (_finite(action) and self._done.contains(action)):
             log.warning(
                 "the policy of seat %r gave %r, expected one of %s: it idles", self._seat, action, self._done

@@ -51,7 +51,9 @@ class GateFinding(ResultModel):
         """Its bounds in words; completion has a lower one alone."""
         if self.low is None:
             return ""
-        return f"{self.low:+.3g} to {self.high:+.3g}" if self.high is not None else f"{self.low:+.3g} or more"
+        return (
+            f"{self.low:+z.3g} to {self.high:+z.3g}" if self.high is not None else f"{self.low:+z.3g} or more"
+        )
 
     @property
     def sentence(self) -> str:
@@ -65,8 +67,8 @@ class GateFinding(ResultModel):
         else:
             bounds = f" ({self.bounds})" if self.bounds else ""
             said = (
-                f"{self.measure} {self.unit}: {self.difference:+.3g}{bounds}, "
-                f"may be {-self.margin:+.3g}; {self.units} of {self.most} units"
+                f"{self.measure} {self.unit}: {self.difference:+z.3g}{bounds}, "
+                f"may be {-self.margin:+z.3g}; {self.units} of {self.most} units"
             )
         return f"{said}; {self.note}" if self.note else said
 
@@ -77,6 +79,7 @@ class Gated(ResultModel):
     Attributes:
         not_judged: it, or the champion beside it, where most of their units are void.
         also: other files with the same contents.
+        other_gates: of it against the champion that the store holds, with other seeds or settings.
     """
 
     name: str
@@ -85,11 +88,18 @@ class Gated(ResultModel):
     findings: tuple[GateFinding, ...]
     not_judged: tuple[Voided, ...] = ()
     also: tuple[str, ...] = ()
+    other_gates: int = 0
 
     @property
     def notes(self) -> list[str]:
         """What its findings rest on, or do not, measure by measure."""
-        return [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
+        notes = [f"{finding.measure}: {finding.note}" for finding in self.findings if finding.note]
+        if self.other_gates:
+            notes.append(
+                f"other gates: the store holds {self.other_gates} of the same two with other seeds or "
+                "settings, and of several one passes by chance more often than alpha says"
+            )
+        return notes
 
 
 class GateReport(ResultModel):

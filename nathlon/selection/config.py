@@ -30,6 +30,7 @@ from nathlon.selection.pareto.objective import OWN, RACE, Objective
 from nathlon.selection.publish.recordings import Kept
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.sim.data_file import Named, Section, read_toml
+from nathlon.sim.errors import InputError
 
 SectionT = TypeVar("SectionT", bound=Section)
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -193,6 +194,8 @@ def read_config(path: Path) -> Config:
 
     def located(name: str) -> str:
         """A path from the configuration's folder; names of drivers, plug-ins and databases as they are."""
+        if "\0" in name:
+            raise InputError(f"{path}: {name!r} is no path: a name has no zero byte")
         if name == GENERALIST:
             return str(generalist())
         return name if ":" in name or name in (DRIVER, RANDOM) else os.path.abspath(root / name)

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 from nathlon.selection.battery.measures import MEASURES, OWN
 from nathlon.sim.data_file import Named, Section
 from nathlon.sim.scenario import Delay
+from nathlon.sim.validation import check_distinct
+from nathlon.sim.world import DYNAMICS_HZ
 
 Margin = Annotated[float, Field(ge=0, le=1e6)]
 Levels = Annotated[tuple[Named, ...], Field(max_length=200)]
@@ -65,6 +67,18 @@ class MatrixSettings(Section):
     most_runs: Annotated[int, Field(ge=8, le=10_000)] = 128
     false_discovery_rate: Annotated[float, Field(ge=0.001, le=0.5)] = 0.05
     replays: Annotated[int, Field(ge=0, le=100)] = 6
+
+    @model_validator(mode="after")
+    def _distinct(self) -> MatrixSettings:
+        check_distinct(
+            circuits=self.circuits,
+            cars=self.cars,
+            scenarios=self.scenarios,
+            compounds=self.compounds,
+            delays_s=[round(delay * DYNAMICS_HZ) / DYNAMICS_HZ for delay in self.delays_s],
+            places=self.places,
+        )
+        return self
 
     @model_validator(mode="after")
     def _known(self) -> MatrixSettings:

@@ -37,6 +37,12 @@ from nathlon.tournament.points import pair_correlation
 from nathlon.tournament.power import unit_deviation
 
 GONE = "is gone or has changed since the selection began, so it could not be sent"
+ALIKE = (
+    "All mirrored pairs of the same two came out alike, so the intervals know of no chance. Where seeds have "
+    "no effect (nathlon world check) they say nothing of other episodes."
+)
+ALIKE_DEVIATION = 1e-9
+"""Points a race: what adding up in another order may leave of none."""
 
 
 def select(run: Run, field: Field, config: Config) -> Summary | None:
@@ -175,12 +181,23 @@ def _summary(
         most_void=_most_void(results, names),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
         gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
-        notes=field.notes,
+        notes=remarks(field, deviation),
         also={
             entrant.name: tuple(map(printable, entrant.also)) for entrant in field.entrants if entrant.also
         },
         stages_set_aside=stages_set_aside,
     )
+
+
+def remarks(field: Field, deviation: float | None) -> tuple[str, ...]:
+    """What is said of a run beside its verdict.
+
+    Args:
+        field: who took part.
+        deviation: of a matchup's difference from unit to unit; None where nobody met twice.
+    """
+    alike = deviation is not None and deviation < ALIKE_DEVIATION
+    return (*field.notes, ALIKE) if alike else field.notes
 
 
 def _most_void(results: pl.DataFrame, names: dict[str, str]) -> MostVoid | None:

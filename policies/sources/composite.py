@@ -14,6 +14,7 @@ from pydantic import Field
 
 from nathlon.policies.policy import Batch, Policy
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN, ROLES
+from nathlon.policies.strategy import Stint, StintPlan, Strategist
 from nathlon.sim.data_file import Name, Section, read_toml
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -50,10 +51,15 @@ class CompositePart(Section):
 
 
 class CompositeFile(Section):
-    """The composite's TOML file: of the parts whose conditions hold, the first drives."""
+    """The composite's TOML file: of the parts whose conditions hold, the first drives.
+
+    Attributes:
+        stint: its strategy: what it drives on which tyres, and where it stops; without any it never stops.
+    """
 
     name: Name
     part: Annotated[tuple[CompositePart, ...], Field(min_length=1)]
+    stint: tuple[Stint, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,7 @@ class CompositeSource:
     def identity(self, ids: Sequence[str]) -> str:
         """SHA-256 in hexadecimal of all that decides how it drives, given the ids of all its policies."""
         facts = [part.model_dump_json(exclude={"policy"}) for part in self.file.part]
+        facts += [stint.model_dump_json() for stint in self.file.stint]
         return hashlib.sha256("\n".join([*facts, *ids]).encode()).hexdigest()
 
     def load(self, circuit: str, car: str, load: Load) -> Composite:
@@ -114,7 +121,7 @@ class CompositeSource:
         policies = [load(source, circuit, car) for source in sources]
         spec = joint_spec(sources, [policy.observation_spec for policy in policies])
         try:
-            return Composite(track, parts, policies, spec)
+            return Composite(track, parts, policies, spec, self.file.stint)
         except InputError as error:
             raise InputError(f"{self.path}: sections: {error}") from None
 
@@ -127,10 +134,18 @@ class Composite:
 
     Its memory is where the car started and the furthest it has come since, both in rad of the lap
     angle, then the memories of its parts.
+
+    Attributes:
+        strategist: who decides when its cars stop; None if they never do.
     """
 
     def __init__(
-        self, track: Track, parts: Sequence[CompositePart], policies: Sequence[Policy], spec: ObservationSpec
+        self,
+        track: Track,
+        parts: Sequence[CompositePart],
+        policies: Sequence[Policy],
+        spec: ObservationSpec,
+        stints: Sequence[Stint] = (),
     ) -> None:
         """A composite of parts with their policies.
 
@@ -139,10 +154,12 @@ class Composite:
             parts: in the order in which they are asked; the last is unconditional.
             policies: one for each part.
             spec: contains what each policy sees.
+            stints: its strategy.
 
         Raises:
             InputError: if the circuit lacks a section.
         """
+        self.strategist: Strategist | None = StintPlan(stints) if stints else None
         self.observation_spec = spec
         self._policies = policies
         self._columns = [columns(spec, policy.observation_spec) for policy in policies]

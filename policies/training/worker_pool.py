@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
 from multiprocessing.connection import Connection, wait
 from typing import Protocol
 
@@ -12,6 +13,8 @@ import numpy as np
 import torch
 
 from nathlon.policies.child_processes import FreshProcesses
+from nathlon.policies.incoming import Incoming, UnreadableError
+from nathlon.policies.patience import LOOK_S
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.pairs import Pair
@@ -92,6 +95,7 @@ class ProcessWorkers:
         """Start the processes, as many as the configuration says; for the arguments see `RolloutWorker`."""
         context = FreshProcesses()
         self._pipes: list[Connection] = []
+        self._incoming: list[Incoming] = []
         self._processes = []
         for stream in seed.spawn(config.workers):
             here, there = context.Pipe()
@@ -100,6 +104,7 @@ class ProcessWorkers:
             process.start()
             there.close()
             self._pipes.append(here)
+            self._incoming.append(Incoming(here, process.pid))
             self._processes.append(process)
         # Sent by a thread: a worker that waits until its own message is read takes in none.
         self._sender = ThreadPoolExecutor(1)
@@ -119,29 +124,30 @@ class ProcessWorkers:
 
     def take(self, wait_for_one: bool) -> Take:
         taken: Take = []
-        for pipe in wait(self._pipes, None if wait_for_one else 0.0):
-            index = self._pipes.index(pipe)  # type: ignore[arg-type]
-            try:
-                message = self._pipes[index].recv()
-            except (EOFError, OSError):
-                raise self._ended(index) from None
-            except Exception as error:
-                # Foreign code in it has written into the pipe, or changed what was to be sent.
-                raise InputError(
-                    f"training: rollout worker {index + 1} sends what cannot be read ({type(error).__name__})"
-                ) from error
-            if isinstance(message, InputError):
-                raise message
-            taken.append((index, message))
-            self._ask(index)
-        return taken
+        while True:
+            for index, incoming in enumerate(self._incoming):
+                try:
+                    for message in islice(incoming.messages(), 1):
+                        if isinstance(message, InputError):
+                            raise message
+                        taken.append((index, message))
+                        self._ask(index)
+                except (EOFError, OSError):
+                    raise self._ended(index) from None
+                except UnreadableError as error:
+                    raise InputError(
+                        f"training: rollout worker {index + 1} sends what cannot be read: {error}"
+                    ) from error
+            if taken or not wait_for_one:
+                return taken
+            wait(self._pipes, LOOK_S)
 
     def tell(self, news: News) -> None:
         self._news = dict.fromkeys(range(len(self._pipes)), news)
 
     def close(self) -> None:
         for process in self._processes:
-            process.terminate()
+            process.kill()  # foreign code in it may ignore SIGTERM
         for process in self._processes:
             process.join()
         self._sender.shutdown()  # what was to be sent to the ended fails

@@ -106,7 +106,9 @@ def advance(
         car.fuel = max(car.fuel - burnt, 0.0)
         car.mass = p.dry_mass + car.fuel
 
-    tyres_x, tyres_y, moment = step_wheels(car, loads, torque, engine_inertia, ground, dt, p, rates.wear)
+    tyres_x, tyres_y, moment = step_wheels(
+        car, loads, torque, engine_inertia, ground, dt, p, rates.wear * car.tyre_wear
+    )
     follow = dt / (p.load_lag + dt)
     car.carried_x += (tyres_x / car.mass - car.carried_x) * follow
     car.carried_y += (tyres_y / car.mass - car.carried_y) * follow

@@ -14,7 +14,7 @@ from nathlon.sim.data_file import Section
 from nathlon.sim.kernel import fused, lean_inlined
 from nathlon.sim.physics.contact import hit_wall
 from nathlon.sim.physics.tyre import Ground, broadcast, worn_grip
-from nathlon.sim.simd import store
+from nathlon.sim.simd import multiply, store
 from nathlon.sim.state import CarRecord
 from nathlon.sim.track import (
     BANK,
@@ -210,7 +210,7 @@ def stand_on(
     wear = car.wear
     if worn:
         left = (worn_grip(wear[0]), worn_grip(wear[1]), worn_grip(wear[2]), worn_grip(wear[3]))
-        store(ground.grip, 0, left)
+        store(ground.grip, 0, multiply(left, car.tyre_grip))
     else:
         store(ground.grip, 0, broadcast(1.0))
     store(ground.drag, 0, broadcast(p.rolling_resistance))

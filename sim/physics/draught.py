@@ -6,6 +6,7 @@ import math
 
 from nathlon.sim.kernel import lean_inlined
 from nathlon.sim.physics.course import CourseParameters, on_other_level
+from nathlon.sim.physics.pit_lane import on_road
 from nathlon.sim.state import Cars
 
 LENGTH = 45.0  # m over which a wake fades by a factor e
@@ -31,12 +32,12 @@ def set_draught(cars: Cars, car_length: float, course: CourseParameters) -> None
     """Sum the wakes that each car of one race sits in, at most 1."""
     for i in range(len(cars)):
         follower = cars[i]
-        if not follower.driving:
+        if not on_road(follower):
             continue
         total = 0.0
         for j in range(len(cars)):
             leader = cars[j]
-            if i == j or not leader.driving or leader.velocity_x < 10.0:
+            if i == j or not on_road(leader) or leader.velocity_x < 10.0:
                 continue
             dx = leader.x - follower.x
             dy = leader.y - follower.y

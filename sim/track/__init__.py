@@ -19,10 +19,12 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name
 from nathlon.sim.track.centre_line import COLUMNS, RIGHT_WIDTH, read_centre_line
 from nathlon.sim.track.crossing import LEAST_CLEARANCE_M, find_crossings, levels
+from nathlon.sim.track.pit_lane import PitLane, laid_out
 
 SPACING_M = 2.0
 TAPER_M = 8.0
 """Over this length a kerb grows to its width."""
+SHORTEST_LANE_M = 50.0
 # Columns of `Track.table`, so that what one look-up needs lies close together.
 X, Y, TANGENT_X, TANGENT_Y, CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT = range(9)
 SLOPE, BANK, CREST, TWIST, KERB_LEFT, KERB_RIGHT, RUNOFF_LEFT, RUNOFF_RIGHT, Z, SECTION, ZONE = range(9, 20)
@@ -91,6 +93,7 @@ class CircuitFile(Section):
     kerb: tuple[Kerb, ...] = ()
     runoff_stretch: tuple[RunoffStretch, ...] = ()
     penalty_zone: tuple[Stretch, ...] = ()
+    pit_lane: PitLane | None = None
 
     @model_validator(mode="after")
     def _in_order(self) -> CircuitFile:
@@ -119,6 +122,7 @@ class Track:
         length: of the centre line, m.
         spacing: of the rows, m.
         sectors: where the sectors begin, m; the first at 0.
+        pit_lane: of the file, or laid out.
     """
 
     name: str
@@ -130,6 +134,7 @@ class Track:
     sectors: tuple[float, ...]
     grid: Grid
     sections: tuple[NamedSection, ...]
+    pit_lane: PitLane
 
     def offset_line(self, offset: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """The closed line at `offset` metres left of the centre line, (n, 3)."""
@@ -263,6 +268,7 @@ def build_track(points: NDArray[np.float64], facts: CircuitFile) -> Track:
         sectors=(0.0, *facts.sectors_m),
         grid=facts.grid,
         sections=facts.section,
+        pit_lane=facts.pit_lane or laid_out(table[:, CURVATURE], wall_left, wall_right, spacing),
     )
     for place, offset in enumerate((left, np.zeros(rows), -right)):
         track.edges[:, [place, place + 4, place + 8]] = track.offset_line(offset)
@@ -282,6 +288,14 @@ def _check_on_lap(path: Path, facts: CircuitFile, track: Track) -> None:
             raise InputError(
                 f"{path}: grid.{name} is {value:g}, expected at most the lap's {track.length:.1f} m"
             )
+    lane = facts.pit_lane
+    if lane is not None and not max(lane.entry_m, lane.exit_m) < track.length:
+        raise InputError(f"{path}: pit_lane is not on the lap of {track.length:.1f} m")
+    if lane is not None and not SHORTEST_LANE_M <= lane.length(track.length) <= track.length / 2.0:
+        raise InputError(
+            f"{path}: pit_lane is {lane.length(track.length):.1f} m long, expected at least "
+            f"{SHORTEST_LANE_M:g} m and at most half of the lap"
+        )
     widest = float(track.table[:, [LEFT, RIGHT]].max())
     if facts.grid.lateral_m > widest:
         raise InputError(

@@ -29,6 +29,7 @@ from nathlon.sim.track.plan import (
     INK,
     PAPER,
     PENALTY,
+    PIT_LANE,
     ROAD,
     SECTORS,
     START,
@@ -127,6 +128,7 @@ def _draw_key(figure: Figure, track: Track) -> None:
     marks.append(Line2D([], [], color=WALL, linewidth=1.0, label="wall"))
     if table[:, ZONE].any():
         marks.append(Patch(color=PENALTY, label="penalty zone"))
+    marks.append(Patch(color=PIT_LANE, label="pit lane"))
     marks.append(Line2D([], [], color=START, linewidth=3.0, label="start and finish"))
     marks += [
         Line2D([], [], color=colour, linewidth=2.0, label=f"sector {number}")

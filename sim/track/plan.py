@@ -34,6 +34,8 @@ from nathlon.sim.track import (
 
 PAPER, INK, FAINT = "#fbfaf6", "#22262b", "#8b9096"
 ROAD, WALL, PLACE, PENALTY, START = "#4a5058", "#2b2f36", "#ffffff", "#f2b134", "#d7263d"
+PIT_LANE, LANE_M = "#c2409b", (4.0, 8.0)
+"""Its colour, and how far beside the edge of the road it is drawn."""
 SURFACE = {"tarmac": "#a9adb3", "kerb": "#d7263d", "grass": "#a9cf8e", "gravel": "#e3cf9f"}
 SECTORS = ("#2f6fde", "#12a594", "#8e4ec6")
 PLACES, CAR_M = 20, (4.6, 2.0)
@@ -61,6 +63,7 @@ def draw_plan(axes: Axes, track: Track, inch: float) -> None:
     for order, rows in ((1.0, ~bridge), (2.0, bridge)):
         draw_ground(axes, track, rows, order)
         _draw_sector_line(axes, track, rows, order)
+    _draw_pit_lane(axes, track)
     _draw_grid(axes, track)
     names = _Names(axes, track, inch)
     names.avoid(_draw_start(axes, track, inch))
@@ -107,6 +110,15 @@ def draw_ground(axes: Axes, track: Track, rows: NDArray[np.bool_], order: float)
     for line in wall_lines(track):
         wall_line = np.where(ends[:, None], line, np.nan)
         axes.plot(*np.vstack([wall_line, wall_line[:1]]).T, color=WALL, linewidth=0.9, zorder=order + 0.4)
+
+
+def _draw_pit_lane(axes: Axes, track: Track) -> None:
+    lane = track.pit_lane
+    sign, edge = (1.0, LEFT) if lane.side == "left" else (-1.0, RIGHT)
+    begin, rows = int(lane.entry_m / track.spacing), int(lane.length(track.length) / track.spacing)
+    inside = (begin + np.arange(rows)) % len(track.table)
+    near, far = (sign * (track.table[:, edge] + beyond) for beyond in LANE_M)
+    _fill(axes, _ribbon(track, near, far)[inside], PIT_LANE, 5.5)
 
 
 def _draw_sector_line(axes: Axes, track: Track, rows: NDArray[np.bool_], order: float) -> None:

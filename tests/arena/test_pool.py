@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from multiprocessing import active_children, connection
 from pathlib import Path
 
@@ -19,11 +20,12 @@ from hypothesis import strategies as st
 
 from nathlon.arena.entrant import enter
 from nathlon.arena.grouping import CARS, MATCHES, fill, group
-from nathlon.arena.job import HOG_BYTES, Loss, Racing, again
+from nathlon.arena.job import HOG_BYTES, Loss, Opening, Racing, again
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match, run_together
+from nathlon.arena.serving import _fall_silent
 from nathlon.arena.watch import NOBODY, Asked, Patience, Taken, Watch
 from nathlon.arena.workers import Worker, new_output_log
 from nathlon.selection.trials import against
@@ -205,6 +207,27 @@ def test_what_a_lost_worker_leaves_is_run_again() -> None:
     )
 
 
+def test_nobody_is_blamed_for_what_a_worker_sends() -> None:
+    asked = Asked(9, 0, 1, 1.0)
+    spoilt = Loss(asked, unreadable=True)
+    assert again({0: job("a")}, spoilt) == ([[job("a", alone=True)]], [])
+    groups, [(_, answer)] = again({0: job("a", alone=True)}, spoilt)
+    assert groups == []
+    assert set(answer.results["ending"]) == {"simulator_fault"}
+    opening = Opening("plugin:p", str, (), alone=True)
+    _, [(_, refusal)] = again({0: opening}, spoilt)
+    assert "spoilt what the process that opened it sends" in str(refusal)
+
+
+def test_what_hangs_while_it_is_opened_has_one_limit() -> None:
+    opening, other = Opening("slow.pt", str, ()), Opening("other.pt", str, ())
+    hung = Loss(Asked(9, 0, 0, 120.0), late=True, hung=True)
+    groups, [(given_up, refusal)] = again({0: opening, 1: other}, hung)
+    assert (groups, given_up) == ([[other]], opening)
+    assert str(refusal) == "slow.pt: took more than 120 s to open, expected a policy"
+    assert again({0: job("a")}, hung) == ([[job("a", alone=True)]], []), "a match may do better alone"
+
+
 def test_memory_is_laid_to_who_took_it_once_a_match_runs_by_itself() -> None:
     jobs = {0: job("a"), 1: job("b")}
     asked = Asked(9, 1, 0, 1.0)
@@ -258,13 +281,48 @@ def babble(pipe: connection.Connection, watch: Watch, sink: connection.Connectio
     time.sleep(1e6)
 
 
-def test_a_worker_that_sends_what_cannot_be_read_is_ended() -> None:
+def break_off(pipe: connection.Connection, watch: Watch, sink: connection.Connection) -> None:
+    os.write(pipe.fileno(), b"\0\0\1\0half of a message")
+    time.sleep(1e6)
+
+
+@pytest.mark.parametrize(
+    "serve",
+    [
+        babble,
+        pytest.param(break_off, marks=pytest.mark.skipif(os.name != "posix", reason="writes half messages")),
+    ],
+)
+def test_a_worker_that_sends_what_cannot_be_read_is_ended(
+    serve: Callable[[connection.Connection, Watch, connection.Connection], None],
+) -> None:
     log = new_output_log()
-    worker = Worker(babble, log.sink, 10.0, 10.0, 10.0)
+    worker = Worker(serve, log.sink, 10.0, 0.0, 10.0)
     connection.wait(worker.signs)
     assert list(worker.news()) == []
     assert worker.dead
+    assert worker.unreadable
     log.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="forks")
+def test_what_a_policy_forks_does_not_run_the_match_beside_its_parent() -> None:
+    pipe, theirs = connection.Pipe()
+    read, write = os.pipe()
+    watch = Watch()
+    if (forked := os.fork()) == 0:
+        try:
+            _fall_silent(pipe, watch)
+            watch.work()  # as after every answer
+            os.write(write, b"went on")
+        finally:
+            os._exit(0)
+    os.close(write)
+    assert os.read(read, 9) == b""
+    assert os.waitstatus_to_exitcode(os.waitpid(forked, 0)[1]) == 1
+    os.close(read)
+    pipe.close()
+    theirs.close()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")

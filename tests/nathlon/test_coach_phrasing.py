@@ -79,6 +79,11 @@ def test_what_is_not_in_the_facts_is_refused(reply: str, refused: list[str]) -> 
     assert set(refused) <= set(found)
 
 
+def test_a_lap_as_long_as_the_other_is_neither_more_nor_less() -> None:
+    told = tell(FACTS.model_copy(update={"lost_s": -0.0004}))
+    assert "That is as long as the lap of " in told
+
+
 def test_the_coach_s_own_sentences_are_in_the_facts() -> None:
     assert unfounded(FACTS, NOTES, NOTES) == []
 

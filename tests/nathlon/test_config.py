@@ -109,3 +109,30 @@ def test_names_are_no_paths_but_the_generalists_is_that_of_its_file(tmp_path: Pa
     assert config.checkpoints == (str(tmp_path / "runs"), str(generalist()))
     assert config.nightly.anchors == ("driver", str(generalist()))
     assert generalist().parent.name == "generalist"
+
+
+@pytest.mark.parametrize("field", ["out", "store"])
+def test_a_zero_byte_in_a_path_is_refused(field: str, tmp_path: Path) -> None:
+    path = tmp_path / "nathlon.toml"
+    path.write_text(f'{field} = "a\\u0000b"\n')
+    with pytest.raises(InputError, match=r"nathlon\.toml: 'a\\x00b' is no path: a name has no zero byte"):
+        read_config(path)
+
+
+@pytest.mark.parametrize(
+    ("given", "twice"),
+    [
+        ('scenarios = ["sprint", "following", "sprint"]', "scenarios has 'sprint' twice"),
+        ('circuits = ["lindenring", "lindenring"]', "circuits has 'lindenring' twice"),
+        ("delays_s = [0.1, 0.1001]", "delays_s has 0.1 twice"),  # to the nearest 1/60 s
+        ("places = [1, 2, 2]", "places has 2 twice"),
+    ],
+)
+def test_a_setting_of_the_matrix_that_is_given_twice_is_refused(
+    given: str, twice: str, tmp_path: Path
+) -> None:
+    """Its cells would be counted twice: among those that got worse, and in what chance may call worse."""
+    path = tmp_path / "nathlon.toml"
+    path.write_text(f"[matrix]\n{given}\n")
+    with pytest.raises(InputError, match=twice):
+        read_config(path)

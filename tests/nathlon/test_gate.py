@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 import yaml
 
 import nathlon
 from nathlon.arena.decision import Decision
+from nathlon.arena.entrant import enter
 from nathlon.arena.store import Store
+from nathlon.judge.gate.gate import other_gates
+from nathlon.judge.gate.series import RunPair
+from nathlon.results.gate import Gated
+from nathlon.selection.run import DONE, Run
 from nathlon.sim.errors import InputError
 from tests.support import planted_laps
 from tests.support.command_line import nathlon as command
@@ -95,6 +102,28 @@ def test_files_with_the_same_contents_are_said(tmp_path: Path) -> None:
         f"Same file as new: {twin}.",
         f"Same file as the champion old, left out: {old}, {copy}.",
     ]
+
+
+def test_other_gates_of_the_same_two_are_said(tmp_path: Path) -> None:
+    """Whoever asks with seed after seed until one passes has spent more than one alpha."""
+    new, old = (enter(name, "lindenring", "gt3") for name in ("driver:pace=0.9", "driver"))
+    with Store(tmp_path / "store.sqlite") as store:
+        for name, config, field in (
+            ("gate-this", "seed 1", [old.id, new.id]),
+            ("gate-same", "seed 1", [old.id, new.id, "another candidate"]),
+            ("gate-other", "seed 2", [old.id, new.id]),
+            ("gate-turned", "seed 3", [new.id, old.id]),
+            ("matrix-other", "seed 4", [old.id, new.id]),
+        ):
+            store.begin_run(name, {"config": config, "entrants": field})
+            store.end_run(name, DONE)
+        store.begin_run("gate-stopped", {"config": "seed 5", "entrants": [old.id, new.id]})
+        run = cast(Run, SimpleNamespace(store=store, name="gate-this"))
+        assert other_gates(run, RunPair(new, old)) == 1
+    gated = Gated(name="new", entrant=new.id, verdict=Decision.PASS, findings=(), other_gates=1)
+    [note] = gated.notes
+    assert "the store holds 1 of the same two with other seeds" in note
+    assert not gated.model_copy(update={"other_gates": 0}).notes
 
 
 def test_wrong_settings_are_one_sentence(tmp_path: Path) -> None:

@@ -92,6 +92,9 @@ def test_copies_of_a_training_run_are_no_further_run_and_said(tmp_path: Path) ->
     with Pool(1) as pool:
         files = checkpoints_of(found, ())
         runs = attempts(pool, found, files, "lindenring", "gt3", "racing")
+        echo = {"plain": tmp_path / "plain", "echo": tmp_path / "wary/again"}
+        with pytest.raises(InputError, match="again: all training runs end with a copy of another recipe's"):
+            attempts(pool, echo, checkpoints_of(echo, ()), "lindenring", "gt3", "racing")
     assert [(run.recipe, len(run.checkpoints)) for run in runs] == [("plain", 2), ("wary", 1)]
     [itself, copied, left] = same_files(runs, files, [runs[0].checkpoints[0]])
     assert itself.endswith("itself, which it does not race.")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import signal
 from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Thread
 
@@ -14,6 +16,7 @@ import numpy as np
 import pytest
 import torch
 
+from nathlon.policies.incoming import Incoming
 from nathlon.policies.qrsac.networks import Perceptron
 from nathlon.policies.training import rewards, worker_pool
 from nathlon.policies.training import trainer as training
@@ -289,7 +292,7 @@ class InThisProcess:
     Pipe = staticmethod(Pipe)
 
     class Process:
-        exitcode = 0
+        exitcode, pid = 0, None
 
         def __init__(self, target: Callable[..., None], args: tuple, daemon: bool) -> None:
             self._do = partial(target, *args)
@@ -297,7 +300,7 @@ class InThisProcess:
         def start(self) -> None:
             self._do()
 
-        def terminate(self) -> None:
+        def kill(self) -> None:
             pass
 
         def join(self, timeout: float | None = None) -> None:
@@ -311,6 +314,27 @@ def test_a_worker_says_what_it_cannot_do(tmp_path: Path, monkeypatch: pytest.Mon
     trainer = Trainer.start(tmp_path, changed(workers=1, rollouts=rollouts), seed=1)
     with pytest.raises(InputError, match="rollouts 1v0: learners is 2"):
         train(trainer)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="writes half messages")
+def test_a_worker_that_does_not_end_its_message_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends: list[int] = []
+
+    def begin_a_message(pipe: Connection, *_: object) -> None:
+        os.write(pipe.fileno(), b"\0\0\1\0half")
+        ends.append(os.dup(pipe.fileno()))  # as of a process that goes on
+
+    monkeypatch.setattr(worker_pool, "FreshProcesses", InThisProcess)
+    monkeypatch.setattr(worker_pool, "_serve", begin_a_message)
+    monkeypatch.setattr(worker_pool, "Incoming", partial(Incoming, limit_s=0.0))
+    config = changed(workers=1)
+    network = Perceptron((config.observation.spec().size, 8, 4))
+    news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
+    workers = ProcessWorkers(config, [PAIR], network, news, np.random.SeedSequence(1))
+    with pytest.raises(InputError, match="rollout worker 1 sends what cannot be read: the rest of a message"):
+        workers.take(wait_for_one=True)
+    workers.close()
+    os.close(*ends)
 
 
 def test_one_table_takes_the_experience_of_all_rollouts(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from nathlon.arena.decision import Decision
-from nathlon.reports.gate import junit, markdown
+from nathlon.reports.gate import cells, junit, markdown
 from nathlon.reports.gate_page import MARGINS, WIDTH, place, write_gate_page
 from nathlon.results.gate import Gated, GateFinding, GateReport
 
@@ -55,6 +55,12 @@ UNSURE = ("unsure", Decision.CANNOT_TELL, (PASSED, OPEN))
 )
 def test_exit_codes(candidates: list[tuple[str, Decision, tuple[GateFinding, ...]]], code: int) -> None:
     assert report(*candidates).exit_code == code
+
+
+def test_no_difference_has_no_sign_of_its_own() -> None:
+    equal = PASSED.model_copy(update={"difference": -0.0})
+    assert cells(equal)[2] == "+0"
+    assert "a race: +0 (" in equal.sentence
 
 
 def test_ci_reads_what_failed_and_why() -> None:

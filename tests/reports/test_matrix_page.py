@@ -7,7 +7,7 @@ from typing import Any
 
 from playwright.sync_api import Browser
 
-from nathlon.reports.matrix_page import write_matrix_page
+from nathlon.reports.matrix_page import difference, write_matrix_page
 from nathlon.results.matrix import CellReport, LevelReport, MatrixFinding, MatrixMeasure, MatrixReport
 from tests.support.opened_page import overhear, picture
 
@@ -52,6 +52,11 @@ def report(circuits: int = 3, cars: int = 3) -> MatrixReport:
             level(0.2, finding(0.02, "worse"), finding(0.1, "no sign")),
         ),
     )  # fmt: skip
+
+
+def test_what_has_no_unit_is_told_without() -> None:
+    score = MatrixMeasure(name="score", unit="1", relative=False, less_is_better=False, margin=0.0)
+    assert difference(score, finding(2.0, "worse")).startswith("+2 (")
 
 
 def test_what_got_worse_stands_first_and_every_cell_can_be_reached(browser: Browser, tmp_path: Path) -> None:

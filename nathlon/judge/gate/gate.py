@@ -36,7 +36,7 @@ from nathlon.selection.battery.skill import Marks, Skill, load_skills
 from nathlon.selection.config import Config
 from nathlon.selection.gate_settings import GateSettings
 from nathlon.selection.round_robin import entered_there, plan
-from nathlon.selection.run import GATE, Run
+from nathlon.selection.run import DONE, GATE, Run
 from nathlon.selection.trials import draw_seeds
 from nathlon.sim.errors import InputError
 from nathlon.tournament.non_inferiority import together
@@ -129,7 +129,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
         champion_also=champion.also,
         wall_s=round(time.perf_counter() - began, 1),
         versions=versions(),
-        candidates=tuple(_gated(case, settings) for case in cases),
+        candidates=tuple(_gated(case, settings, other_gates(run, case.pair)) for case in cases),
     )
 
 
@@ -168,7 +168,19 @@ def _judged(case: _Case, question: GateQuestion, settings: GateSettings) -> Gate
     return None if results is None else question.answer(results, settings.breakdowns or 0.0)
 
 
-def _gated(case: _Case, settings: GateSettings) -> Gated:
+def other_gates(run: Run, pair: RunPair) -> int:
+    """How many gates of the same two have ended in a run's store, with other seeds or settings."""
+    gates = [record for record in run.store.runs() if record.name.startswith(f"{GATE}-")]
+    [own] = [record for record in gates if record.name == run.name]
+    others = set()
+    for record in gates:
+        champion, *candidates = record.config["entrants"]
+        if record.status == DONE and champion == pair.champion.id and pair.candidate.id in candidates:
+            others.add(record.config["config"])
+    return len(others - {own.config["config"]})
+
+
+def _gated(case: _Case, settings: GateSettings, other_gates: int) -> Gated:
     findings = [_finding(case, question, settings) for question in case.asked]
     # Where nothing is measured, nothing speaks for the candidate.
     measured = together([finding.verdict for finding in findings if finding.set_aside is None])
@@ -183,6 +195,7 @@ def _gated(case: _Case, settings: GateSettings) -> Gated:
         findings=(*findings, counted),
         not_judged=voided(not_judged, names),
         also=case.pair.candidate.also,
+        other_gates=other_gates,
     )
 
 

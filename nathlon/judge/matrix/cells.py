@@ -164,7 +164,7 @@ def _cells(world: World, setting: CellSetting, places: Sequence[int], set_aside:
         if str(error) not in set_aside:
             set_aside.append(str(error))
         return []
-    cells = [Cell(setting, place) for place in dict.fromkeys(places) if place <= len(setup.sides)]
+    cells = [Cell(setting, place) for place in places if place <= len(setup.sides)]
     if not cells:
         lack = f"scenario {setting.scenario!r} has {len(setup.sides)} places, expected one of them in places"
         if lack not in set_aside:

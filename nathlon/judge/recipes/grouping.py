@@ -82,7 +82,7 @@ def attempts(
     their folders alone.
 
     Raises:
-        InputError: if a checkpoint cannot drive there.
+        InputError: if a checkpoint cannot drive there, or a recipe has no run of its own.
     """
     sources = [str(path) for paths in files.values() for path in paths]
     entered = {
@@ -90,10 +90,15 @@ def attempts(
         for entrant in enter_all(pool, sources, circuit, car, world)
         for source in (entrant.source, *entrant.also)
     }
+    own = {name: _runs(folders[name], paths, entered) for name, paths in files.items()}
+    for name, runs in own.items():
+        if not runs:
+            raise InputError(
+                f"{folders[name]}: all training runs end with a copy of another recipe's checkpoint, "
+                "expected one of its own"
+            )
     return [
-        TrainingRun(name, run, tuple(checkpoints))
-        for name, paths in files.items()
-        for run, checkpoints in _runs(folders[name], paths, entered)
+        TrainingRun(name, run, tuple(checkpoints)) for name, runs in own.items() for run, checkpoints in runs
     ]
 
 

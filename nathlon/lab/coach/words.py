@@ -95,9 +95,11 @@ def told_gain(advice: Advice, sections: Sequence[CoachedSection]) -> str:
 
 def _lap(facts: CoachFacts) -> str:
     who = f"{facts.other}, {KINDS[facts.other_kind]}"
-    apart = f"{abs(facts.lost_s):.3f} s {'more' if facts.lost_s > 0.0 else 'less'}"
+    apart = f"{abs(facts.lost_s):.3f} s {'more' if facts.lost_s > 0.0 else 'less'} than"
+    if round(facts.lost_s, 3) == 0.0:
+        apart = "as long as"
     line = f"The best lap of {facts.name} on {facts.raced.circuit} takes {facts.lap.lap_s:.3f} s. "
-    line += f"That is {apart} than the lap of {who}: {facts.other_lap_s:.3f} s."
+    line += f"That is {apart} the lap of {who}: {facts.other_lap_s:.3f} s."
     if facts.pace is not None:
         line += (
             f" It is slower everywhere: at {facts.pace.speed_share:.0%} of that one's speed in the median."

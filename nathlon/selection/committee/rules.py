@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -15,6 +14,7 @@ from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.selection.bounds import MOST_SHORTLISTED
 from nathlon.selection.committee.ballots import Ballot
 from nathlon.sim.data_file import Name, Section
+from nathlon.sim.validation import check_distinct
 
 AUTOMATIC = "rule:"
 """What the name of an automatic member begins with."""
@@ -115,9 +115,7 @@ class CommitteeSettings(Section):
 
     @model_validator(mode="after")
     def _complete(self) -> CommitteeSettings:
-        for field, names in (("members", self.members), ("rule", [rule.name for rule in self.rule])):
-            if names and (twice := Counter(names).most_common(1)[0])[1] > 1:
-                raise ValueError(f"{field} has {twice[0]!r} twice")
+        check_distinct(members=self.members, rule=[rule.name for rule in self.rule])
         if self.quorum > len(self.members):
             raise ValueError(f"quorum is {self.quorum}, expected at most the {len(self.members)} members")
         for by in SOURCES.values():

@@ -1,0 +1,96 @@
+"""What a lap takes: by compound, age of the tyres and fuel, fitted to practice, with its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from nathlon.sim.errors import InputError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LapModel:
+    """Lap times as sums of coefficients, by least squares.
+
+    The coefficients are one for each compound and age of its tyres, one for a kilogram of fuel, one for the
+    start, and one for a stop without its service. Only sums over whole races are known: tyres may take more
+    if start and stop take less.
+
+    Attributes:
+        compounds: by whose names the model goes.
+        ages: laps on one set of tyres that were practised.
+        coefficients: (k,) s.
+        covariance: (k, k) of them.
+        freedom: degrees of freedom of the residuals.
+        used_kg: (compounds, ages) fuel that a lap takes, kg: the faster, the more.
+    """
+
+    compounds: tuple[str, ...]
+    ages: int
+    coefficients: Floats
+    covariance: Floats
+    freedom: int
+    used_kg: Floats
+
+    def tyres(self, compound: int, laps: int) -> Floats:
+        """Counts (k,) of the coefficients in a stint of so many laps, without start, stop and fuel."""
+        counts = np.zeros(len(self.coefficients))
+        counts[compound * self.ages : compound * self.ages + laps] = 1.0
+        return counts
+
+    def seconds(self, counts: Floats) -> Floats:
+        """What some sums of coefficients, `counts` (n, k), come to, s."""
+        return counts @ self.coefficients
+
+    def half_width(self, counts: Floats, confidence: float = 0.95) -> Floats:
+        """Half the widths (n,) of confidence intervals of some sums of coefficients, `counts` (n, k), s."""
+        variance = np.einsum("nk,kl,nl->n", counts, self.covariance, counts)
+        wide = float(stdtrit(self.freedom, (1 + confidence) / 2))
+        return np.asarray(wide * np.sqrt(np.maximum(variance, 0.0)))
+
+
+FUEL, START, STOP = -3, -2, -1
+"""Indices of the last coefficients."""
+
+
+def fit(laps: pl.DataFrame) -> LapModel:
+    """The model of some practice laps (LAPS of `nathlon.lab.stints.practice`).
+
+    Raises:
+        InputError: if there are too few laps to tell how sure anything is.
+    """
+    compounds = tuple(laps["compound"].unique(maintain_order=True))
+    ages = int(laps["age"].max())  # type: ignore[arg-type]
+    rows = np.zeros((laps.height, len(compounds) * ages + 3))
+    for row, lap in zip(rows, laps.iter_rows(named=True), strict=True):
+        first = compounds.index(lap["compound"]) * ages
+        row[first + lap["age"] - 1] += 1.0
+        row[FUEL], row[START] = lap["fuel_kg"], float(lap["start"])
+        if lap["stops"]:
+            row[first] += 1.0
+            row[STOP] = 1.0
+    freedom = laps.height - int(np.linalg.matrix_rank(rows))
+    if freedom < 2:
+        raise InputError(f"{laps.height} practice laps, expected at least two runs on each compound")
+    inverse: Floats = np.linalg.pinv(rows.T @ rows, hermitian=True).astype(np.float64)
+    lap_s = laps["lap_s"].to_numpy()
+    found: Floats = inverse @ rows.T @ lap_s
+    variance = float(((lap_s - rows @ found) ** 2).sum()) / freedom
+    return LapModel(compounds, ages, found, variance * inverse, freedom, _used(laps, compounds, ages))
+
+
+def _used(laps: pl.DataFrame, compounds: tuple[str, ...], ages: int) -> Floats:
+    """Mean fuel of laps by compound and age; of those that were not driven alone, that of the age before."""
+    mean = laps.filter(~pl.col("stops")).group_by("compound", "age").agg(pl.col("used_kg").mean())
+    used = np.full((len(compounds), ages), np.nan)
+    for compound, age, used_kg in mean.iter_rows():
+        used[compounds.index(compound), age - 1] = used_kg
+    for age in range(1, ages):
+        used[:, age] = np.where(np.isnan(used[:, age]), used[:, age - 1], used[:, age])
+    return used

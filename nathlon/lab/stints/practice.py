@@ -1,0 +1,211 @@
+"""Practice: a policy drives alone on tyres that wear, and every lap is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import polars as pl
+
+from nathlon.arena.job import Opening
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool, quietly
+from nathlon.arena.runner import run_match
+from nathlon.policies.load import load_policy
+from nathlon.policies.sources.composite import Composite, CompositePart
+from nathlon.policies.strategy import Stint
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import settings_of
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.sim.world import World
+
+MOST_STINT_LAPS = 20
+"""Laps of a practice stint, at most."""
+SPARE_KG = 2.0
+"""More fuel than what the laps of a stint took in practice."""
+
+LAPS = pl.Schema(
+    {
+        "compound": pl.String,
+        "run": pl.Int64,
+        "start": pl.Boolean,  # whether it is the first from the start
+        "age": pl.Int64,  # laps on these tyres, this one counted
+        "stops": pl.Boolean,  # whether the lap after a stop at its end is part of it
+        "fuel_kg": pl.Float64,  # when it began; of two laps the sum
+        "used_kg": pl.Float64,  # in the first lap; nothing is known where it was filled in
+        "lap_s": pl.Float64,  # without the service
+    }
+)
+LapRow = tuple[str, int, bool, int, bool, float, float, float]
+"""A row of LAPS."""
+
+
+class Practice(NamedTuple):
+    """One run to practise.
+
+    Attributes:
+        source: of the policy.
+        scenario, circuit, car: where; the scenario with one car.
+        stints: on the same compound.
+        seed: of its start.
+    """
+
+    source: str
+    scenario: str
+    circuit: str
+    car: str
+    stints: tuple[Stint, ...]
+    seed: int
+
+
+class Place(NamedTuple):
+    """Where a policy practises: names of a scenario with one car, of the circuit and of the car."""
+
+    scenario: str
+    circuit: str
+    car: str
+
+    @classmethod
+    def alone(cls, scenario: str, circuit: str, car: str) -> Place:
+        """In a scenario, but alone.
+
+        Raises:
+            InputError: if it is not driven in laps, or nothing wears in it.
+        """
+        wanted = load_scenario(scenario)
+        if wanted.laps is None or wanted.wear_rate == 0.0:
+            raise InputError(
+                f"scenario {scenario!r}: laps or wear_rate is not set, expected a race on tyres that wear"
+            )
+        laps = min(wanted.laps, MOST_STINT_LAPS)
+        return cls(with_settings(scenario, cars=1, laps=laps), circuit, car)
+
+    @property
+    def laps(self) -> int:
+        """Laps of a run."""
+        return load_scenario(self.scenario).laps or 0
+
+
+def heavy(source: str, place: Place, compounds: Sequence[str], runs: int, seed: int) -> list[Practice]:
+    """Runs with a full tank and no stop, so many on each compound."""
+    return [
+        Practice(source, *place, (Stint(laps=place.laps, compound=compound),), seed + run)
+        for compound in compounds
+        for run in range(runs)
+    ]
+
+
+def light(source: str, place: Place, driven: pl.DataFrame, runs: int, seed: int) -> list[Practice]:
+    """Runs with a stop half-way and no more fuel than each half needs, so many on each compound.
+
+    Laps on old tyres are those of a light car as well: only runs that begin with other tanks tell the two
+    apart. What a stop loses shows where the lap before it was also driven without one.
+
+    Args:
+        source, place: as for `heavy`.
+        driven: LAPS of the heavy runs, which say how much fuel laps take.
+        runs, seed: as for `heavy`.
+    """
+    asked = []
+    for compound in driven["compound"].unique(maintain_order=True):
+        laps = driven.filter(pl.col("compound") == compound)
+        lengths = place.laps // 2, place.laps - place.laps // 2
+        stints = tuple(
+            Stint(
+                laps=length,
+                compound=compound,
+                fuel_kg=float(laps.filter(pl.col("age") <= length)["used_kg"].mean() or 0.0) * length  # type: ignore[arg-type]
+                + SPARE_KG,
+            )
+            for length in lengths
+        )
+        asked += [Practice(source, *place, stints, seed + run) for run in range(runs)]
+    return asked
+
+
+def with_settings(scenario: str, **settings: int) -> str:
+    """The name of a scenario with some settings instead of its own.
+
+    Raises:
+        InputError: if one cannot be.
+    """
+    file, _, given = scenario.rpartition(":")
+    if not file or "=" not in given:
+        file, given = scenario, ""
+    kept = dict(settings_of(given, f"scenario {scenario!r}")) | {key: str(n) for key, n in settings.items()}
+    name = f"{file}:{','.join(f'{key}={value}' for key, value in kept.items())}"
+    load_scenario(name)
+    return name
+
+
+def practise(
+    pool: Pool, asked: Sequence[Practice], on_driven: Callable[[int, int], None] = quietly
+) -> pl.DataFrame:
+    """Drive practice runs; LAPS of them all.
+
+    Args:
+        pool: where policies run.
+        asked: the runs.
+        on_driven: told how many are done, of how many.
+
+    Raises:
+        InputError: if the policy cannot drive, or does not come round.
+    """
+    answers = pool.open([Opening(one.source, drive, tuple(one)) for one in asked], on_driven)
+    frames = []
+    for run, (one, answer) in enumerate(zip(asked, answers, strict=True)):
+        if isinstance(answer, InputError):
+            raise answer
+        laps = sum(stint.laps for stint in one.stints)
+        if len(answer) < laps - 1:
+            raise InputError(f"{one.source}: did not come round {laps} times on {one.stints[0].compound}")
+        frames.append(pl.DataFrame(answer, schema=LAPS, orient="row").with_columns(run=pl.lit(run)))
+    return pl.concat(frames)
+
+
+def drive(
+    source: str, scenario: str, circuit: str, car: str, stints: Sequence[Stint], seed: int
+) -> list[LapRow]:
+    """Drive one practice run, see `Practice`; rows of LAPS."""
+    policy = load_policy(source, circuit, car)
+    planned = Composite(
+        load_track(circuit), [CompositePart(policy=source)], [policy], policy.observation_spec, stints
+    )
+    match = Match("race", "practice", scenario, circuit, car, (source,), (source,), (Race(seed, (Seat(0),)),))
+    begun: list[_Begin] = []
+    service_s = 0.0
+
+    def look(world: World) -> None:
+        nonlocal service_s
+        state = world.state[0, 0]
+        service_s = max(service_s, float(state["service_s"]))
+        if state["progress"] >= 0.0 and int(state["laps"]) == len(begun):
+            begun.append(_Begin(float(state["line_s"][0]), float(state["fuel"]), int(state["stops"])))
+
+    run_match(match, [planned], look)
+    return _rows(str(stints[0].compound), stints[0].laps, begun, service_s)
+
+
+class _Begin(NamedTuple):
+    """When a lap began, with how much fuel, and after how many stops."""
+
+    time_s: float
+    fuel_kg: float
+    stops: int
+
+
+def _rows(compound: str, stop: int, begun: Sequence[_Begin], service_s: float) -> list[LapRow]:
+    """Those of a run; the laps before and after its stop together, wherever the line lies."""
+    rows: list[LapRow] = []
+    first, age = 0, 1
+    while first < len(begun) - 1:
+        stops = age == stop and first + 2 < len(begun) and begun[first + 2].stops > begun[first].stops
+        last = first + 2 if stops else first + 1
+        begin, end = begun[first], begun[last]
+        taken = end.time_s - begin.time_s - (service_s if stops else 0.0)
+        fuel_kg = sum(each.fuel_kg for each in begun[first:last])
+        used_kg = begun[first].fuel_kg - begun[first + 1].fuel_kg
+        rows.append((compound, 0, first == 0, age, stops, fuel_kg, used_kg, taken))
+        first, age = last, 2 if stops else age + 1
+    return rows

@@ -1,0 +1,97 @@
+"""Strategies in races: plans are driven as they are written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.runner import run_match
+from nathlon.policies.load import load_policy
+from nathlon.policies.sources.identity import policy_id
+from nathlon.policies.strategy import PitWall, Stint, StintPlan
+from nathlon.sim.world import Service, World
+from tests.support.refusals import refusal
+
+PART = '[[part]]\npolicy = "driver:pace=0.9"\n'
+SOFT = '[[stint]]\nlaps = 1\ncompound = "racing-soft"\nfuel_kg = 20\n'
+HARD = '[[stint]]\nlaps = 1\ncompound = "racing-hard"\nfuel_kg = 25\n'
+
+
+def written(folder: Path, text: str, name: str = "plan") -> str:
+    path = folder / f"{name}.toml"
+    path.write_text(f'name = "{name}"\n{text}', "utf-8")
+    return str(path)
+
+
+def wall(stops: int, ends_lap: int) -> PitWall:
+    nothing = np.zeros(1)
+    return PitWall(
+        0, 9, ends_lap - 1, ends_lap, np.zeros(4), 10.0, nothing, nothing, np.zeros(1, int), np.array([stops])
+    )
+
+
+def test_a_plan_stops_at_the_end_of_each_stint_but_the_last() -> None:
+    plan = StintPlan([Stint(laps=3, compound="racing-soft"), Stint(laps=2, fuel_kg=30), Stint(laps=4)])
+    assert plan.start(9) == Service("racing-soft", None)
+    asked = [plan.decide(wall(stops, lap)) for stops, lap in ((0, 2), (0, 3), (1, 4), (1, 5), (2, 9))]
+    assert asked == [None, Service(None, 30.0), None, Service(), None]
+
+
+def test_a_stop_that_was_missed_is_due_a_lap_later() -> None:
+    plan = StintPlan([Stint(laps=3), Stint(laps=9)])
+    assert plan.decide(wall(0, 4)) == Service()
+
+
+def test_a_race_is_driven_by_its_plans(tmp_path: Path) -> None:
+    """One stops after a lap, the other never; both start as they said."""
+    sources = (written(tmp_path, PART + SOFT + HARD, "one"), written(tmp_path, PART + HARD, "none"))
+    match = Match(
+        "race",
+        "stops",
+        "grand_prix_stops:laps=2,cars=2",
+        "lindenring",
+        "gt3",
+        ("one", "none"),
+        sources,
+        (Race(1, (Seat(0), Seat(1))),),
+    )
+    policies = [load_policy(source, "lindenring", "gt3") for source in sources]
+    worlds: list[World] = []
+    grips = []
+
+    def look(world: World) -> None:
+        worlds.append(world)
+        grips.append(world.state["tyre_grip"][0].copy())
+
+    results = run_match(match, policies, look)
+    assert results["ending"].to_list() == ["finished", "finished"]
+    assert worlds[-1].state["stops"][0].tolist() == [1, 0]
+    assert grips[0].tolist() == [1.04, 0.96]
+    assert grips[-1].tolist() == [0.96, 0.96]
+    assert worlds[-1].state["fuel"][0, 0] < 25.0
+
+
+def test_a_strategy_is_part_of_the_entrant(tmp_path: Path) -> None:
+    plans = [PART, PART + SOFT, PART + SOFT + HARD]
+    assert len({policy_id(written(tmp_path, plan, str(i))) for i, plan in enumerate(plans)}) == 3
+
+
+@pytest.mark.parametrize(
+    ("stint", "complaint"),
+    [
+        ("laps = 0", "field stint.0.laps is 0: .*greater than or equal to 1"),
+        (
+            'laps = 1\ncompound = "butter"',
+            "field stint.0.compound is 'butter': .*expected one of comfort-hard",
+        ),
+        ("laps = 1\nfuel_kg = -1", "field stint.0.fuel_kg is -1: .*greater than or equal to 0"),
+        ("laps = 1\nfuel = 1", "field stint.0.fuel is unknown; expected one of compound, fuel_kg, laps"),
+    ],
+)
+def test_a_faulty_stint_is_named(tmp_path: Path, stint: str, complaint: str) -> None:
+    source = written(tmp_path, f"{PART}[[stint]]\n{stint}\n")
+    with refusal(Path(source), complaint):
+        load_policy(source, "lindenring", "gt3")

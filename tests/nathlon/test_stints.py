@@ -1,0 +1,149 @@
+"""Plans of stops: the model of laps, the search, and what the command leaves."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import nathlon
+from nathlon.lab.stints.model import LapModel, fit
+from nathlon.lab.stints.planning import Plan, plans
+from nathlon.lab.stints.practice import LAPS, SPARE_KG, Place, with_settings
+from nathlon.policies.sources.composite import CompositeSource
+from nathlon.sim.errors import InputError
+from nathlon.sim.rules import Pit
+
+COMPOUNDS = ("racing-soft", "racing-hard")
+FRESH, WEAR, FUEL_S, START_S, STOP_S, USED = (100.0, 101.5), (1.5, 0.4), 0.03, 6.0, 14.0, 4.0
+PIT = Pit(tyres_s=8.0, fuel_kg_s=2.0)
+
+
+def lap_s(compound: int, age: int, fuel_kg: float) -> float:
+    return FRESH[compound] + WEAR[compound] * (age - 1) ** 2 + FUEL_S * fuel_kg
+
+
+def practised(laps: int, noise: float, rng: np.random.Generator, runs: int = 4) -> pl.DataFrame:
+    """LAPS of a car whose truth is known."""
+    rows = []
+    for compound, run in itertools.product(range(2), range(runs)):
+        fuel, age = 80.0 - 20.0 * (run % 2), 1
+        stop = laps // 2 if run % 2 else laps
+        lap = 1
+        while lap <= laps:
+            stops = age == stop and stop < laps
+            taken = lap_s(compound, age, fuel) + (START_S if lap == 1 else 0.0) + noise * rng.normal()
+            weight = fuel
+            if stops:
+                taken += lap_s(compound, 1, fuel - USED) + STOP_S
+                weight += fuel - USED
+            rows.append((COMPOUNDS[compound], run, lap == 1, age, stops, weight, USED, taken))
+            lap, age = (lap + 2, 2) if stops else (lap + 1, age + 1)
+            fuel -= 2 * USED if stops else USED
+    return pl.DataFrame(rows, schema=LAPS, orient="row")
+
+
+def truth(stints: list[tuple[int, int]]) -> float:
+    """What a race takes that is driven in stints of (compound, laps), s."""
+    total = START_S
+    for number, (compound, laps) in enumerate(stints):
+        fuel = laps * USED + SPARE_KG
+        total += sum(lap_s(compound, lap + 1, fuel - lap * USED) for lap in range(laps))
+        if number:
+            total += STOP_S + PIT.tyres_s + laps * USED / PIT.fuel_kg_s
+    return total
+
+
+def of(plan: Plan) -> list[tuple[int, int]]:
+    return [(COMPOUNDS.index(str(stint.compound)), stint.laps) for stint in plan.stints]
+
+
+def test_races_take_what_the_model_says() -> None:
+    model = fit(practised(8, 0.0, np.random.default_rng(1)))
+    for plan in plans(model, 12, PIT, 80.0, 3):
+        assert plan.seconds(model) == pytest.approx(truth(of(plan)), abs=1e-6)
+
+
+@settings(max_examples=15, deadline=None)
+@given(laps=st.integers(4, 9), stops=st.integers(0, 2))
+def test_no_other_stints_are_faster(laps: int, stops: int) -> None:
+    model = fit(practised(6, 0.0, np.random.default_rng(1)))
+    ways = [
+        truth(list(zip(compounds, lengths, strict=True)))
+        for lengths in itertools.product(range(1, 7), repeat=stops + 1)
+        if sum(lengths) == laps
+        for compounds in itertools.product(range(2), repeat=stops + 1)
+    ]
+    found = [plan for plan in plans(model, laps, PIT, 80.0, 2) if plan.stops == stops]
+    assert len(found) == bool(ways)
+    for plan in found:
+        assert truth(of(plan)) == pytest.approx(min(ways), abs=1e-6)
+
+
+def test_intervals_hold_what_is_true() -> None:
+    """Of the difference of two plans, in 95 % of practices."""
+    inside = []
+    for seed in range(200):
+        model = fit(practised(8, 0.5, np.random.default_rng(seed)))
+        first, second, *_ = plans(model, 12, PIT, 80.0, 3)
+        gap, half = second.behind(first, model)
+        inside.append(abs(gap - (truth(of(second)) - truth(of(first)))) <= half)
+    assert np.mean(inside) >= 0.88
+
+
+def test_a_stint_never_lasts_longer_than_was_practised() -> None:
+    model = fit(practised(5, 0.0, np.random.default_rng(1)))
+    assert all(stint.laps <= 5 for plan in plans(model, 12, PIT, 80.0, 4) for stint in plan.stints)
+    with pytest.raises(InputError, match="12 laps: no plan of 1 stops or fewer, each stint at most 5 laps"):
+        plans(model, 12, PIT, 80.0, 1)
+
+
+def test_a_small_tank_makes_short_stints() -> None:
+    model = fit(practised(8, 0.0, np.random.default_rng(1)))
+    assert all(stint.laps <= 3 for plan in plans(model, 6, PIT, 15.0, 5) for stint in plan.stints)
+
+
+def test_tyres_and_fuel_together_take_the_longer_time() -> None:
+    model: LapModel = fit(practised(8, 0.0, np.random.default_rng(1)))
+    together = PIT.model_copy(update={"together": True})
+    for one, other in zip(plans(model, 12, PIT, 80.0, 1), plans(model, 12, together, 80.0, 1), strict=True):
+        assert other.service_s <= one.service_s
+
+
+def test_one_run_on_each_compound_is_too_few() -> None:
+    with pytest.raises(InputError, match="expected at least two runs"):
+        fit(practised(6, 0.0, np.random.default_rng(1), runs=1).filter(pl.col("compound") == COMPOUNDS[0]))
+
+
+def test_settings_of_a_scenario_are_kept() -> None:
+    assert with_settings("grand_prix_stops:laps=9", cars=1) == "grand_prix_stops:laps=9,cars=1"
+
+
+@pytest.mark.parametrize("scenario", ["grand_prix", "standing_start"])
+def test_nothing_is_planned_where_nothing_wears(scenario: str) -> None:
+    with pytest.raises(InputError, match="laps or wear_rate is not set"):
+        Place.alone(scenario, "lindenring", "gt3")
+
+
+def test_plans_are_entrants(tmp_path: Path) -> None:
+    result = nathlon.stints(
+        "driver:pace=0.9",
+        scenario="grand_prix_stops:laps=3",
+        compounds=COMPOUNDS,
+        stops=1,
+        workers=1,
+        out=tmp_path,
+        progress=False,
+    )
+    assert sorted(file.name for file in result.files) == ["0-stops.toml", "1-stops.toml"]
+    assert result.table["expected_s"].is_sorted()
+    assert result.table["behind_s"][0] == 0.0
+    for plan, file in zip(result.plans, result.files, strict=True):
+        assert CompositeSource.read(file).file.stint == plan.stints
+    assert sum(stint.laps for stint in result.plans[0].stints) == 3
+    assert (tmp_path / "laps.csv").is_file()
