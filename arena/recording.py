@@ -29,6 +29,7 @@ from nathlon.arena.protobuf_rows import Rows, encode
 from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
 from nathlon.arena.recorded_race import check_race
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import typed
 from nathlon.sim.track import SURFACES
 from nathlon.sim.whole_file import whole_file
 
@@ -84,7 +85,7 @@ def read_recording(path: Path) -> RaceLog:
     if not checksums_match(content):
         raise InputError(
             f"{path} is cut short or damaged: its checksums do not match its contents "
-            f"(nathlon replay --recover {path} saves what can be read)."
+            f"({typed('replay', '--recover', path)} saves what can be read)."
         )
     try:
         return _race_log([message for message in _messages(content) if message is not None])

@@ -1,7 +1,7 @@
-"""Pictures of every view of a report and of its player, for docs/gallery.md.
+"""Pictures of every view of a report, of its player and of a replay in Rerun: the gallery, and the README's.
 
 `.venv/bin/python -m benchmarks.gallery runs/demo` takes the folder that a selection left and writes
-`docs/gallery/*.png`, of 256 colours, which keeps them small.
+`docs/gallery/*.png` and `docs/images/replay.png`, of 256 colours, which keeps them small.
 """
 
 from __future__ import annotations
@@ -18,9 +18,13 @@ from PIL import Image
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 from rich.progress import track
 
+from benchmarks.replay_viewer import paused_viewer, settled
 from nathlon.sim.errors import InputError
 
-OUT = Path(__file__).parent.parent / "docs" / "gallery"
+DOCS = Path(__file__).parent.parent / "docs"
+OUT = DOCS / "gallery"
+REPLAY = DOCS / "images" / "replay.png"
+REPLAY_SIZE = "1440x840"
 SIZE: ViewportSize = {"width": 1280, "height": 800}
 MOST_PX = 2400
 """Of a page's height that is shown."""
@@ -58,7 +62,11 @@ def shoot(page: Page, name: str) -> int:
     page.evaluate("scrollTo(0, 0)")  # a page that is loaded anew stays where it was
     height = min(int(page.evaluate("document.documentElement.scrollHeight")), MOST_PX)
     picture = page.screenshot(full_page=True, clip={"x": 0, "y": 0, "width": SIZE["width"], "height": height})
-    path = OUT / f"{name}.png"
+    return keep(picture, OUT / f"{name}.png")
+
+
+def keep(picture: bytes, path: Path) -> int:
+    """Write a picture with few colours, and return its size in bytes."""
     Image.open(io.BytesIO(picture)).convert("RGB").quantize(COLOURS).save(path, optimize=True)
     return path.stat().st_size
 
@@ -91,6 +99,9 @@ def main(folder: Annotated[Path, typer.Argument(help="What a selection left.")])
             page.wait_for_timeout(SETTLED_MS)
             sizes["player"] = shoot(page, "player")
         browser.close()
+    for replay in (folder / "replays").glob("final.rrd"):
+        with paused_viewer(replay, PLAYED_S, REPLAY_SIZE) as viewer:
+            sizes["replay"] = keep(settled(viewer.take_screenshot), REPLAY)
     print(json.dumps({"bytes": sizes, "total": sum(sizes.values())}))
 
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import polars as pl
 
+A4 = 9
+PRINTED_ROWS = 60
 BLUES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#6BA3D6"}
 ORANGES = {"type": "2_color_scale", "min_color": "#FFFFFF", "max_color": "#E9A15B"}
 DIVERGING = {
@@ -22,15 +24,20 @@ DIVERGING = {
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a sheet: its name in the frame, its header with the unit, how it looks."""
+    """A column of a sheet: its name in the frame, its header with the unit, how it looks.
+
+    Values that several rows have look like `shared`, where that is given.
+    """
 
     name: str
     header: str
     form: str = "General"
     width: int = 13
     scale: dict[str, Any] | None = None
+    shared: str | None = None
 
 
+RANK = Column("rank", "Rank", "0", 8, shared='0"="')
 ENTRANT = (Column("name", "Entrant", width=28),)
 ORIGIN = (
     Column("step", "Training step", "#,##0"),
@@ -50,10 +57,12 @@ def write_sheet(
     sheet.set_row(top, 32)
     first, last = top + 1, top + frame.height
     for at, column in enumerate(columns):
-        form = workbook.add_format({"num_format": column.form})
+        values = frame[column.name]
+        shared = values.is_duplicated() if column.shared else [False] * len(values)
+        forms = [workbook.add_format({"num_format": form}) for form in (column.form, column.shared) if form]
         sheet.set_column(at, at, column.width)
-        for row, value in enumerate(frame[column.name].to_list(), start=first):
-            write_cell(sheet, row, at, value, form)
+        for row, (value, twice) in enumerate(zip(values.to_list(), shared, strict=True), start=first):
+            write_cell(sheet, row, at, value, forms[twice])
         if column.scale and frame.height:
             sheet.conditional_format(first, at, last, at, column.scale)
     return sheet
@@ -72,7 +81,11 @@ def add_table(workbook: Any, title: str, headers: Sequence[str], rows: int, top:
     # Excel refuses a table without a row.
     sheet.add_table(top, 0, top + max(1, rows), len(headers) - 1, table)
     sheet.set_landscape()
+    sheet.set_paper(A4)
+    sheet.set_footer(f"&L{title}&RPage &P of &N")
     sheet.repeat_rows(top)
+    # Who prints the workbook wants the first of each table, not a page for every hundred races.
+    sheet.print_area(0, 0, top + min(max(1, rows), PRINTED_ROWS), len(headers) - 1)
     sheet.fit_to_pages(1, 0)
     return sheet
 

@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 from xlsxwriter.utility import xl_range, xl_range_abs, xl_rowcol_to_cell
 
-from nathlon.reports._sheets import BLUES, ENTRANT, ORIGIN, Column, add_table, write_cell, write_sheet
+from nathlon.reports._sheets import BLUES, ENTRANT, RANK, Column, add_table, write_cell, write_sheet
 from nathlon.results.selection import Selection
 
 WEIGHTS = 0
@@ -63,11 +63,10 @@ def write_skills(workbook: Any, selection: Selection) -> SkillSheet:
         Column("sum", "Sum [points]", "#,##0", scale=BLUES),
         Column("weighted", "Weighted sum [points]", "#,##0", scale=BLUES),
         Column("place", "Weighted place", "0", 10),
-        Column("rank", "Rank", "0", 8),
+        RANK,
         Column("points_low", "Sum low [points]", "#,##0"),
         Column("points_high", "Sum high [points]", "#,##0"),
         Column("shortlisted", "Shortlisted"),
-        *ORIGIN,
     )
     sheet = write_sheet(workbook, "Skills", columns, frame, top=FIRST - 1)
     written = SkillSheet(frame["name"].to_list(), frame["sum"].to_list(), len(tests))

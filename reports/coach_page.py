@@ -161,9 +161,11 @@ def _map(drawing: CoachDrawing) -> dict[str, Any]:
         for index in range(len(rate))
     ]
     advised = {one.number: place for place, one in enumerate(facts.advice, 1)}
+    most_s = max((one.lost_s for one in facts.sections), default=0.0)
     labels = []
     for number, one in enumerate(facts.sections):
-        if one.kind == "straight":
+        # A straight has a figure only where it matters: the map has no room for all.
+        if one.kind == "straight" and number not in advised and one.lost_s < most_s:
             continue
         middle = np.array([0.5 * (one.start_m + one.end_m)])
         row = int(middle[0] / track.spacing) % len(outline.centre)

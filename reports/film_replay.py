@@ -9,29 +9,24 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from nathlon.arena.film import Film
-from nathlon.sim.whole_file import whole_file
+from nathlon.reports._rerun_file import rerun_file
 
 TIMELINE = "episode_time"
 
 
 def write_film_replay(film: Film, path: Path) -> None:
     """Write a film as .rrd; a file of that name is replaced whole."""
-    stream = rr.RecordingStream("nathlon", recording_id=f"{film.match}-{film.race}", send_properties=False)
-    # To a file, Rerun writes from a thread that waits for ever once the disk is full.
-    written = rr.binary_stream(stream)
-    view = rrb.Spatial2DView(origin="pictures", name=f"{film.scenario}: {_who(film)}")
-    stream.send_blueprint(
-        rrb.Blueprint(view, rrb.TimePanel(timeline=TIMELINE, state="collapsed"), collapse_panels=True),
-        make_active=False,
+    name = f"{film.scenario}: {_who(film)}"
+    layout = rrb.Blueprint(
+        rrb.Spatial2DView(origin="pictures", name=name),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        collapse_panels=True,
     )
     pictures = rr.EncodedImage.columns(
         blob=list(film.pictures), media_type=["image/jpeg"] * len(film.pictures)
     )
-    stream.send_columns("pictures", [rr.TimeColumn(TIMELINE, duration=np.array(film.time_s))], pictures)
-    content = written.read()
-    stream.disconnect()
-    with whole_file(path) as partial:
-        partial.write_bytes(content or b"")
+    with rerun_file(path, f"{film.match}-{film.race}", name, layout) as stream:
+        stream.send_columns("pictures", [rr.TimeColumn(TIMELINE, duration=np.array(film.time_s))], pictures)
 
 
 def _who(film: Film) -> str:

@@ -41,7 +41,8 @@ def write_page(selection: Selection, folder: Path) -> Path:
 
 def render(selection: Selection) -> str:
     """The page's HTML. Its policy admits only the style and the scripts written here, by their hashes."""
-    app = f'"use strict";\n\n{player_script()}\n{template_text(*(f"app/{name}.js" for name in APP))}'
+    own = template_text("rank.js", "command.js", *(f"app/{name}.js" for name in APP))
+    app = f'"use strict";\n\n{player_script()}\n{own}'
     return render_page(
         "page.html",
         template_text("page.css") + player_style(),

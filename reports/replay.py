@@ -13,11 +13,11 @@ from nathlon.arena.race_log import NOTICES, Incident, RaceLog, orientation
 from nathlon.reports._blueprint import TIMELINE, blueprint
 from nathlon.reports._circuit import Logging, log_circuit, log_map, north_up
 from nathlon.reports._motion import POSE, gaps, poses
+from nathlon.reports._rerun_file import rerun_file
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, labels, winner
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import command_of
-from nathlon.sim.whole_file import whole_file
 
 FRAMES_PER_TICK = 3
 """Pictures between two samples of the log: cars at 10 Hz would jump by several metres."""
@@ -49,16 +49,9 @@ def write_replay(log: RaceLog, path: Path, follow: int | None = None) -> None:
     A file of that name is replaced whole.
     """
     followed = winner(log) if follow is None else follow
-    stream = rr.RecordingStream("nathlon", recording_id=f"{log.match}-{log.race}", send_properties=False)
-    # To a file, Rerun writes from a thread that waits for ever once the disk is full.
-    written = rr.binary_stream(stream)
-    stream.send_blueprint(blueprint(log, followed), make_active=False)
-    log_race(stream, log, followed)
-    stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
-    content = written.read()
-    stream.disconnect()
-    with whole_file(path) as partial:
-        partial.write_bytes(content or b"")
+    with rerun_file(path, f"{log.match}-{log.race}", race_name(log), blueprint(log, followed)) as stream:
+        log_race(stream, log, followed)
+        stream.log("race", rr.TextDocument(race_sheet(log), media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def log_race(stream: Logging, log: RaceLog, followed: int) -> None:
@@ -80,6 +73,11 @@ def open_viewer(replay: Path) -> None:
     if ended.returncode != 0:
         reason = (ended.stderr.strip().splitlines() or ["it gave no reason"])[-1]
         raise InputError(f"{replay} cannot be shown, as Rerun's viewer does not run here: {reason}")
+
+
+def race_name(log: RaceLog) -> str:
+    """What tells this race from others, in a list or a title."""
+    return f"{log.circuit}, race {log.race} of match {log.match[:10]}"
 
 
 def race_sheet(log: RaceLog) -> str:

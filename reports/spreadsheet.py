@@ -11,12 +11,14 @@ import polars as pl
 import xlsxwriter
 from xlsxwriter.exceptions import FileCreateError
 
+from nathlon.reports._committee_sheet import write_committee_sheet
 from nathlon.reports._sheets import (
     BLUES,
     DIVERGING,
     ENTRANT,
     ORANGES,
     ORIGIN,
+    RANK,
     Column,
     add_table,
     write_cell,
@@ -25,6 +27,7 @@ from nathlon.reports._sheets import (
 from nathlon.reports._skill_sheets import write_skills, write_weighted
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
+from nathlon.results.words import stage_called
 from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
@@ -39,7 +42,7 @@ RECORD = (
 )
 """Of formats other than 4v4."""
 RANKING = (
-    Column("rank", "Rank", "0", 8),
+    RANK,
     *ENTRANT,
     *RECORD,
     Column("points_per_race", "Points [1/race]", "0.00", scale=BLUES),
@@ -55,7 +58,6 @@ RANKING = (
     Column("pairs", "Units", "#,##0"),
     Column("races", "Races", "#,##0"),
     Column("faults", "Faults", "#,##0"),
-    *ORIGIN,
 )
 MATCHUPS = (
     *ENTRANT,
@@ -94,17 +96,19 @@ RACES = (
     Column("contacts_faster_behind", "Contacts from behind", "0"),
     Column("contacts_at_fault", "Contacts at fault", "0"),
     Column("penalties", "Penalties", "0"),
-    Column("match", "Match", width=34),
-    Column("entrant", "Checkpoint SHA-256", width=68),
+    Column("match", "Match", width=15),
 )
+MATCH_DIGITS = 12
+"""Of a match's key on a sheet; commands know it by them."""
 
 
 def write_spreadsheet(selection: Selection, path: Path) -> Path:
     """Write the workbook, whole or not at all, and return its path.
 
-    Sheets: Ranking, Skills, Weighted, Matchups, Pareto, Races, Run. The first row of Skills has a weight for
-    every test, which may be changed; Weighted is the order that follows. No text of the selection becomes a
-    formula or a link. Races holds at most `ROW_LIMIT` rows, the last stages first; Run counts those left out.
+    Sheets: Committee, Ranking, Skills, Weighted, Matchups, Pareto, Races, Run, Files. The first row of Skills
+    has a weight for every test, which may be changed; Weighted is the order that follows. No text of the
+    selection becomes a formula or a link. Races holds at most `ROW_LIMIT` rows, the last stages first; Run
+    counts those left out.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
@@ -122,6 +126,7 @@ def _write(selection: Selection, path: Path) -> None:
     opponents = names.rename({"entrant": "opponent", "name": "opponent_name"})
     with xlsxwriter.Workbook(str(path), plain_text) as workbook:
         workbook.set_properties({"title": selection.title, "created": CREATED})
+        write_committee_sheet(workbook, selection)
         ranking = selection.named("ranking").sort(["rank", "points_per_race"], descending=[False, True])
         write_sheet(workbook, "Ranking", _filled(selection, RANKING, ranking), ranking)
         skills = write_skills(workbook, selection)
@@ -132,13 +137,15 @@ def _write(selection: Selection, path: Path) -> None:
         write_sheet(workbook, "Matchups", _filled(selection, MATCHUPS, matchups), matchups)
         _pareto(workbook, selection)
         races = selection.results.join(names, on="entrant", how="left", maintain_order="left").with_columns(
-            name=pl.coalesce("name", "entrant")  # a fixed opponent is no entrant
+            name=pl.coalesce("name", "entrant"),  # a fixed opponent is no entrant
+            match=pl.col("match").str.head(MATCH_DIGITS),
         )
         latest = ["race", "tournament", "battery", "pareto"]
         races = races.sort(pl.col("stage").replace_strict(latest, range(4), default=4), maintain_order=True)
         shown = races.head(ROW_LIMIT).fill_nan(None)
         write_sheet(workbook, "Races", _filled(selection, RACES, races), shown)
         _run(workbook, selection, left_out=max(0, races.height - ROW_LIMIT))
+        write_sheet(workbook, "Files", (*ENTRANT, *ORIGIN), selection.tables["entrants"])
 
 
 def _filled(selection: Selection, columns: tuple[Column, ...], frame: pl.DataFrame) -> tuple[Column, ...]:
@@ -184,7 +191,6 @@ def _pareto(workbook: Any, selection: Selection) -> None:
         Column("nondominated_probability", "Non-dominated [probability]", "0.0%", 15, BLUES),
         Column("survives", "Survives"),
         Column("races", "Races", "#,##0"),
-        *ORIGIN,
     )
     frame = (
         selection.named("pareto")
@@ -210,7 +216,7 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
         ("Rows left out of Races", left_out),
     ]
     for stage in summary.stages:
-        name = stage.name.capitalize()
+        name = stage_called(stage.name).capitalize()
         facts += [
             (f"{name}: entrants in", stage.entered),
             (f"{name}: entrants out", stage.left),

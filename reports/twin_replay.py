@@ -12,11 +12,11 @@ import rerun.blueprint as rrb
 
 from nathlon.reports._blueprint import TIMELINE, absolute, chase_view, map_view, recent, series_view
 from nathlon.reports._motion import gaps
-from nathlon.reports.replay import log_race, race_sheet
+from nathlon.reports._rerun_file import rerun_file
+from nathlon.reports.replay import log_race, race_name, race_sheet
 from nathlon.reports.seen_data import PARTS, course_lines, opponents, own_numbers
 from nathlon.results.twin import Side, Twins
 from nathlon.sim.observation import PRESENT, X, Y
-from nathlon.sim.whole_file import whole_file
 
 COLOURS = {"original": (125, 184, 238), "twin": (245, 180, 80)}
 SEEN_M = 0.15
@@ -48,20 +48,13 @@ def write_twin_replay(twins: Twins, path: Path) -> None:
     """
     logs = twins.original.log, twins.twin.log
     identity = "-".join(f"{log.match[:16]}-{log.race}" for log in logs)
-    stream = rr.RecordingStream("nathlon", recording_id=identity, send_properties=False)
-    # To a file, Rerun writes from a thread that waits for ever once the disk is full.
-    written = rr.binary_stream(stream)
-    stream.send_blueprint(_blueprint(twins), make_active=False)
-    for name, side in (("original", twins.original), ("twin", twins.twin)):
-        log_race(Branch(stream, name), side.log, twins.car)
-        _log_car(stream, name, side, twins.car)
-        _log_seen(stream, name, side, twins.car)
     sheet = "\n\n".join(f"## {name}\n\n{race_sheet(log)}" for name, log in zip(COLOURS, logs, strict=True))
-    stream.log("races", rr.TextDocument(sheet, media_type=rr.MediaType.MARKDOWN), static=True)
-    content = written.read()
-    stream.disconnect()
-    with whole_file(path) as partial:
-        partial.write_bytes(content or b"")
+    with rerun_file(path, identity, f"{race_name(logs[0])}, with its twin", _blueprint(twins)) as stream:
+        for name, side in (("original", twins.original), ("twin", twins.twin)):
+            log_race(Branch(stream, name), side.log, twins.car)
+            _log_car(stream, name, side, twins.car)
+            _log_seen(stream, name, side, twins.car)
+        stream.log("races", rr.TextDocument(sheet, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def _log_car(stream: rr.RecordingStream, name: str, side: Side, car: int) -> None:

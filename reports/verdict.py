@@ -10,7 +10,8 @@ import polars as pl
 
 from nathlon.arena.voids import is_void
 from nathlon.results.selection import Selection
-from nathlon.results.summary import STAGES, Decided, Summary
+from nathlon.results.summary import Decided, Summary
+from nathlon.results.words import STAGES
 
 Row = Mapping[str, Any]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import socket
 import sys
 import zlib
@@ -18,6 +19,11 @@ OWNER = r"[0-9a-f]{8}\.[0-9]+\.[1-9][0-9]*"
 def command_of(module: str, *arguments: object) -> list[str]:
     """Runs a module in this interpreter, where nothing is imported from the current folder."""
     return [sys.executable, "-P", "-m", module, *map(str, arguments)]
+
+
+def typed(*words: object) -> str:
+    """A command of nathlon as somebody types it into a shell, to be printed as a hint."""
+    return shlex.join(["nathlon", *map(str, words)])
 
 
 def has_ended(process: int) -> bool:

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from pathlib import Path
-from shlex import quote
 
 import polars as pl
 
@@ -18,6 +17,7 @@ from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources.finding import Found
 from nathlon.reports.picture import ranking_picture
 from nathlon.reports.verdict import Verdict, verdict
+from nathlon.results.ranks import written_ranks
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config, read_config
@@ -27,6 +27,7 @@ from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import OPENED
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
+from nathlon.sim.process import typed
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal.progress import stage_progress, worker_count
 
@@ -123,7 +124,7 @@ class SelectionResult:
 
     def __repr__(self) -> str:
         if self.selection is None:
-            return f"The committee waits for its members: nathlon committee {quote(str(self.store))} show"
+            return f"The committee waits for its members: {typed('committee', self.store, 'show')}"
         told = self.verdict
         return "\n".join([told.headline, *told.sentences, f"Report: {self.report}"])
 
@@ -135,7 +136,8 @@ class SelectionResult:
         heading = self.summary.a_mean if means else f"Points {self.summary.an_episode}"
         picture = base64.b64encode(ranking_picture(self.ranking, heading)).decode()
         points = ("mean", "mean_low", "mean_high", "won", "drawn", "lost") if means else POINTS
-        shown = self.ranking.select("rank", "name", *points, "contacts_per_km", "races")
+        ranks = pl.Series("rank", written_ranks(self.ranking["rank"]), dtype=pl.String)
+        shown = self.ranking.select(ranks, "name", *points, "contacts_per_km", "races")
         return (
             f"<h3>{escape(told.headline)}</h3>"
             + "".join(f"<p>{escape(sentence)}</p>" for sentence in told.sentences)

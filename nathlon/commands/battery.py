@@ -10,7 +10,9 @@ import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import say_set_aside, stoppable
+from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given, find
+from nathlon.results.ranks import written_ranks
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -34,7 +36,7 @@ def battery(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    check_given(entrants)
+    check_given(on_this_machine(entrants))
     from nathlon.api.selection import configured, entered
     from nathlon.arena.entrance import endings_of
     from nathlon.arena.pool import Pool
@@ -91,11 +93,12 @@ def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
     ranking = new_table("N-athlon with 95 % intervals")
     for column in ("Rank", "Entrant", "Points"):
         ranking.add_column(column, justify="right" if column in ("Rank", "Points") else "left")
-    for row in _named(answer.tables["battery"], names):
+    ranked = _named(answer.tables["battery"], names)
+    for row, rank in zip(ranked, written_ranks(row["rank"] for row in ranked), strict=True):
         points = f"{row['points']:.0f}"
         if row["points_low"] is not None:
             points += f" ({row['points_low']:.0f} to {row['points_high']:.0f})"
-        ranking.add_row(str(row["rank"]), row["name"], points)
+        ranking.add_row(rank, row["name"], points)
     print_table(ranking)
 
     tests = new_table("Tests")

@@ -9,7 +9,8 @@ import typer
 
 from nathlon.commands.options import AsJson
 from nathlon.selection.bounds import LARGEST_SEED
-from nathlon.terminal import new_table, print_json, print_table, say, warn
+from nathlon.sim.process import typed
+from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
 
 if TYPE_CHECKING:
     from nathlon.sim.car import Car
@@ -101,8 +102,7 @@ def _write(car: Car, out: Path, as_json: bool) -> None:
         print_json({"car": path, "description": car.description})
         return
     say(f"Car          {path}: {car.description}")
-    say(f"Check        nathlon car check {path}")
-    say(f"Race         nathlon race driver --car {path}")
+    tell({"check": typed("car", "check", path), "race": typed("race", "driver", "--car", path)}, False)
 
 
 def _grip(car: Car) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import nathlon.selection.committee as committee
 from nathlon.arena.store import Store
 from nathlon.commands.place import Place
+from nathlon.results.ranks import written_rank
 from nathlon.selection.committee.ballots import Ballot
 from nathlon.selection.committee.decision import Decision, describe
 from nathlon.selection.committee.event_log import EventLog
@@ -112,7 +113,10 @@ def _pick(event_log: EventLog, question: Question | None, closed: bool) -> Decis
         return decisions[question]
     found = [decision for decision in decisions.values() if (decision.result is not None) == closed]
     if len(found) > 1:
-        raise InputError("question is not given, expected shortlist or selection")
+        raise InputError(
+            f"--question is not given, expected one that is {'closed' if closed else 'open'}: "
+            f"{' or '.join(one.opened.question for one in found)}"
+        )
     if not found:
         raise InputError(
             f"no decision is {'closed' if closed else 'open'}; reopen one or run a selection first"
@@ -157,8 +161,9 @@ def _print(decision: Decision) -> None:
         for entry in said:
             late = " (too late to count)" if entry in decision.late else ""
             # A ballot of test drives has a reason of many parts.
-            said_so = sentence(entry, names).replace("; ", f"\n{' ' * 22}")
-            say(f"  {entry.at[:19]} {said_so}{late}")
+            first, *others = f"{sentence(entry, names)}{late}".split("; ")
+            for start, part in [(entry.at[:19], first), *((" " * 19, other) for other in others)]:
+                say(f"  {start}  {part}")
     result = decision.result or decision.tally()
     if result.agreement is not None:
         say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")
@@ -188,7 +193,7 @@ def _standings(decision: Decision) -> Table:
             "*" if standing.chosen else "",
             row["name"],
             _interval(row),
-            "–" if row["rank"] is None else str(row["rank"]),
+            written_rank(row["rank"], row.get("tied", False)),
             _figure(row["contacts_per_km"], ".2f"),
             _figure(row["at_fault_per_km"], ".2f"),
             _figure(row["off_course_share"], ".1%"),

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, Pairs, Workers, WorldName
+from nathlon.results.words import stage_called
 from nathlon.terminal import new_table, print_json, print_table, say
 
 
@@ -46,7 +47,13 @@ def plan(
             continue
         hours = "" if stage.core_s is None else f"{stage.core_s / 3600:.2f}"
         hours = "<0.01" if hours == "0.00" else hours
-        table.add_row(stage.name, f"{stage.entrants:,}", f"{stage.races:,}", f"{stage.most_races:,}", hours)
+        table.add_row(
+            stage_called(stage.name),
+            f"{stage.entrants:,}",
+            f"{stage.races:,}",
+            f"{stage.most_races:,}",
+            hours,
+        )
     print_table(table)
     if told.budgets:
         table = new_table("What the round robin finds", lean=True)

@@ -12,6 +12,7 @@ import typer
 from nathlon.commands.options import AsJson, Out
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
+from nathlon.sim.process import typed
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import print_json, say, tell, warn
 
@@ -46,7 +47,8 @@ def replay(
         raise InputError(f"{source}: no such file, expected a recording")
     if race is not None and Path(race).suffix == Path(source).suffix == ".mcap":
         raise InputError(
-            f"{race}: is a second recording, expected one; nathlon twin {source} {race} --car N shows both"
+            f"{race}: is a second recording, expected one; "
+            f"{typed('twin', source, race, '--car', 'N')} shows both"
         )
     if recover:
         _recover(Path(source), as_json)

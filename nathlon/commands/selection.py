@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nathlon.commands.groups import NAMES
 from nathlon.commands.options import (
     AsJson,
     Checkpoints,
@@ -23,9 +24,12 @@ from nathlon.commands.options import (
     Workers,
     WorldName,
 )
+from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
+from nathlon.results.ranks import written_ranks
 from nathlon.sim.errors import InputError
-from nathlon.terminal import new_table, print_json, print_table, say, warn
+from nathlon.sim.process import typed
+from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
 
 RESULTS = ("Won", "Drawn", "Lost")
 """Heads of columns: what became of the episodes that an entrant played."""
@@ -33,6 +37,7 @@ RESULTS = ("Won", "Drawn", "Lost")
 if TYPE_CHECKING:
     from nathlon.api.selection import SelectionResult
     from nathlon.results.summary import SetAside, Summary
+    from nathlon.selection.config import Config
     from nathlon.selection.field import Exclusion
 
 
@@ -42,12 +47,53 @@ def demo(
     shortlist: Shortlist = None,
     pairs: Pairs = None,
     workers: Workers = None,
+    committee: Annotated[
+        str,
+        typer.Option(
+            metavar=NAMES,
+            help="Members of a committee, separated by commas, who are asked in the end whom to send.",
+        ),
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
     from nathlon.policies.bundled import BUNDLED
 
-    evaluate([str(BUNDLED / "lindenring")], out, None, seed, shortlist, pairs, workers, as_json=as_json)
+    members = tuple(name.strip() for name in committee.split(",") if name.strip())
+    config, bundled = _with_members(members), [str(BUNDLED / "lindenring")]
+    result = _select(bundled, out, config, seed, shortlist, pairs, workers, as_json=as_json)
+    if members:
+        store = str(result.store)
+        put_again(store, members[0])
+        if not as_json:
+            tell({"room": typed("serve", store), "votes": typed("committee", store, "show")}, False)
+
+
+def _with_members(members: tuple[str, ...]) -> Config:
+    """The standard configuration with these people on the committee."""
+    from pydantic import ValidationError
+
+    from nathlon.selection.committee.rules import CommitteeSettings
+    from nathlon.selection.config import Config
+    from nathlon.sim.validation import first_fault
+
+    try:
+        return Config(committee=CommitteeSettings(members=members))
+    except ValidationError as error:
+        raise InputError(f"--committee: {first_fault(error, CommitteeSettings)}") from None
+
+
+def put_again(store: str, member: str) -> None:
+    """Have a member of the last run's committee put the question who is sent, unless it is open."""
+    from nathlon.arena.store import Store
+    from nathlon.selection.committee import reopen
+    from nathlon.selection.committee.event_log import EventLog
+
+    with Store.open(store) as opened:
+        event_log = EventLog(opened, opened.runs()[-1].name)
+        decision = event_log.decisions().get("selection")
+        if decision is not None and decision.result is not None:
+            reopen(event_log, decision, member, "To try the committee's room.")
 
 
 def evaluate(
@@ -69,7 +115,23 @@ def evaluate(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    check_given(checkpoints)
+    check_given(on_this_machine(checkpoints))
+    _select(checkpoints, out, config, seed, shortlist, pairs, workers, world, store, as_json)
+
+
+def _select(
+    checkpoints: list[str],
+    out: Path,
+    config: Config | Path | None,
+    seed: int | None,
+    shortlist: int | None,
+    pairs: int | None,
+    workers: int | None,
+    world: str | None = None,
+    store: str | None = None,
+    as_json: bool = False,
+) -> SelectionResult:
+    """Select, and print what came of it. Exits with 3 where somebody could not be judged."""
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -100,6 +162,7 @@ def evaluate(
             print_places(result)
     if result.selection is not None and result.summary.not_judged:
         raise SystemExit(HEALTH)
+    return result
 
 
 def _print_now(summary: Summary) -> None:
@@ -190,16 +253,14 @@ def say_set_aside(excluded: Iterable[SetAside | Exclusion]) -> None:
 
 def print_places(result: SelectionResult) -> None:
     """Print where the files are."""
-    for sent in result.summary.sent:
-        if sent.path is not None:
-            say(f"Copy         {result.folder / sent.path}")
-    say(f"Report       {result.report}")
-    say(f"Spreadsheet  {result.spreadsheet}")
+    copies = [result.folder / sent.path for sent in result.summary.sent if sent.path is not None]
+    for copy in copies:
+        tell({"copy": copy}, False)
+    tell({"report": result.report, "spreadsheet": result.spreadsheet}, False)
     if result.summary.recording:
-        say(
-            f"Replay       nathlon replay {os.path.normpath(result.report.parent / result.summary.recording)}"
-        )
-    say(f"Summary      {result.folder / 'summary.json'}")
+        recording = os.path.normpath(result.report.parent / result.summary.recording)
+        tell({"replay": typed("replay", recording)}, False)
+    tell({"summary": result.folder / "summary.json"}, False)
 
 
 def _print_ranking(summary: Summary) -> None:
@@ -216,8 +277,8 @@ def _print_ranking(summary: Summary) -> None:
     heads += ["Contacts per km"] if touches else []
     for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
-    for row in ranking:
-        cells = ["–" if row.rank is None else str(row.rank), row.name]
+    for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
+        cells = [rank, row.name]
         if means:
             shares = (row.won, row.drawn, row.lost)
             cells.append(_interval(row.mean, row.mean_low, row.mean_high))

@@ -12,8 +12,9 @@ from nathlon.commands.options import AsJson
 from nathlon.selection.bounds import LARGEST_SEED
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import file_stem
+from nathlon.sim.process import typed
 from nathlon.sim.whole_file import check_output
-from nathlon.terminal import new_table, print_json, print_table, say, warn
+from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
 
 if TYPE_CHECKING:
     from nathlon.sim.track import NamedSection, Track
@@ -118,8 +119,7 @@ def _tell(path: Path, as_json: bool, **facts: Any) -> None:
         print_json({"circuit": path, "description": circuit.description, "length_m": circuit.length, **facts})
         return
     say(f"Circuit      {path}: {circuit.description}")
-    say(f"Map          nathlon track show {path}")
-    say(f"Race         nathlon race driver --circuit {path}")
+    tell({"map": typed("track", "show", path), "race": typed("race", "driver", "--circuit", path)}, False)
 
 
 def limit_track(

@@ -12,6 +12,7 @@ from nathlon.commands.selection import stoppable
 from nathlon.selection.bounds import MOST_WORKERS
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
+from nathlon.sim.process import typed
 from nathlon.terminal import tell
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def train(
     need("torch", "train", "training")
     import nathlon
 
-    with stoppable(f"Go on with: nathlon train --resume --out {out}"):
+    with stoppable(f"Go on with: {typed('train', '--resume', '--out', out)}"):
         result = nathlon.train(
             config,
             out,

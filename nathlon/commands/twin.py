@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -64,4 +65,4 @@ def twin(
         return
     for line in repr(result).splitlines():
         say(line)
-    say(f"Rerun: rerun {result.replay}")
+    say(f"Rerun: {shlex.join(['rerun', str(result.replay)])}")

@@ -16,15 +16,13 @@ from nathlon.arena.voids import NotJudged
 from nathlon.arena.world_finding import RACING
 from nathlon.results.forecast import Forecast
 from nathlon.results.part import ResultModel
-from nathlon.results.words import an_episode, episodes
+from nathlon.results.words import STAGES, an_episode, episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
 from nathlon.sim.whole_file import whole_file
 
 VERSION = 1
 """Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
-STAGES = {"pareto": "filter", "battery": "n-athlon", "tournament": "round robin"}
-"""What readers call the stages that judge."""
 NAMED = 3
 """Of those that could not be judged, in a sentence."""
 PACKAGES = ("nathlon", "numpy", "numba")
@@ -144,10 +142,15 @@ class Decided(ResultModel):
 
 
 class TestMarks(ResultModel):
-    """What is worth 500 points in a test (`base`) and 1,000 (`reference`), in the test's unit."""
+    """What is worth 500 points in a test (`base`) and 1,000 (`reference`), in the test's unit.
+
+    Attributes:
+        asks: what the test asks, for people.
+    """
 
     base: float
     reference: float
+    asks: str = ""
 
 
 class SetAside(ResultModel):

@@ -1,6 +1,14 @@
-"""What a world's users call an episode, in sentences."""
+"""What stages are called, and what a world's users call an episode, in sentences."""
 
 from __future__ import annotations
+
+STAGES = {"pareto": "filter", "battery": "n-athlon", "tournament": "round robin"}
+"""What readers call the stages that judge."""
+
+
+def stage_called(stage: str) -> str:
+    """What readers call a stage; one of another name by that."""
+    return STAGES.get(stage, stage)
 
 
 def an_episode(episode: str) -> str:

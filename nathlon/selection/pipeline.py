@@ -170,7 +170,7 @@ def _summary(
         forecast=expected,
         confidence=CONFIDENCE,
         marks={
-            test: TestMarks(base=marks.base, reference=marks.reference)
+            test: TestMarks(base=marks.base, reference=marks.reference, asks=tested.asked[test])
             for test, marks in tested.marks.items()
         },
         tests_set_aside=tested.set_aside,

@@ -1,4 +1,4 @@
-"""The terminal: names and paths are never markup, and a table never cuts a number or a name."""
+"""The terminal: names and paths are never markup, no number is cut, and no word is broken."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ def new_table(title: str | None = None, lean: bool = False) -> Table:
 
 
 def print_table(table: Table) -> None:
-    """Print a table, nothing of it cut."""
+    """Print a table, as a list where the terminal is too narrow; nothing of it is cut."""
     console().table(table)
 
 
 def say(text: str) -> None:
-    """Print a line as it is: paths stay whole."""
-    console().print(text, soft_wrap=True)
+    """Print a line; in a narrow terminal it goes on below, and words and paths stay whole."""
+    console().sentence(text)
 
 
 def warn(text: str) -> None:
-    """Print a line that is no result to standard error, as it is."""
-    console(stderr=True).print(text, soft_wrap=True)
+    """Print a line that is no result to standard error, as `say` does."""
+    console(stderr=True).sentence(text)
 
 
 def print_json(value: Any) -> None:
@@ -55,4 +55,5 @@ def tell(results: Mapping[str, Any], as_json: bool) -> None:
         print_json(results)
     else:
         for name, value in results.items():
-            say(f"{name.capitalize():<12} {value}")
+            # Whole: it is a path or a command, and may be copied.
+            console().print(f"{name.capitalize():<12} {value}", soft_wrap=True)

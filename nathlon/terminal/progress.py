@@ -17,6 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from nathlon.results.words import stage_called
 from nathlon.terminal import console, warn
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
         return
     with progress_bars(shown) as bars:
         tasks = {
-            stage: bars.add_task(stage, total=None, note=_counted(stage), visible=False)
+            stage: bars.add_task(stage_called(stage), total=None, note=_counted(stage), visible=False)
             for stage in stages or (OPENED, KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
         }
 
@@ -108,7 +109,7 @@ class _Lines:
 
     def _tell(self, stage: str, when: str) -> None:
         ended = f"{self._before + self._done:,} {_counted(stage)}".rstrip()
-        warn(f"{stage.capitalize():<12} {ended} {when} {time.monotonic() - self._began:.0f} s")
+        warn(f"{stage_called(stage).capitalize():<12} {ended} {when} {time.monotonic() - self._began:.0f} s")
 
 
 def _counted(stage: str) -> str:

@@ -84,6 +84,7 @@ async function start() {
   stewardsOf(player, at("incidents"));
   at("side").prepend(orderTable(player));
   at("main").prepend(player.node);
+  at("foot").append(keyHints());
   document.addEventListener("keydown", player.key);
   keepMoment(player, (moment) => history.replaceState(null, "", `#${new URLSearchParams(moment)}`));
   player.on.push(() => (document.body.dataset.ready = "yes"));

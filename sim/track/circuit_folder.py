@@ -21,6 +21,7 @@ DIGITS = tuple(5 if column == BANK_ANGLE else 3 for column in range(len(COLUMNS)
 TOML_ORDER = (
     *("name", "description", "centre_line", "runoff", "sectors_m", "kind", "side"),
     *("pole_m", "spacing_m", "lateral_m", "start_m", "end_m", "width_m", "surface"),
+    *("entry_m", "exit_m", "speed_m_s"),
 )
 
 
@@ -83,10 +84,12 @@ def write_circuit(target: Path, circuit: Circuit, origin: str) -> Path:
 
 def _toml(facts: CircuitFile, origin: str) -> str:
     arrays = ("section", "kerb", "runoff_stretch", "penalty_zone")
-    fields = facts.model_dump(mode="json")
+    fields = facts.model_dump(mode="json", exclude_none=True)
+    tables: list[str] = [name for name in ("grid", "pit_lane") if name in fields]
     lines = [f"# {origin} Metres along the centre line."]
-    lines += _assignments({name: fields[name] for name in fields if name not in ("grid", *arrays)})
-    lines += ["", "[grid]", *_assignments(fields["grid"])]
+    lines += _assignments({name: fields[name] for name in fields if name not in (*tables, *arrays)})
+    for name in tables:
+        lines += ["", f"[{name}]", *_assignments(fields[name])]
     for name in arrays:
         for table in fields[name]:
             lines += ["", f"[[{name}]]", *_assignments(table)]

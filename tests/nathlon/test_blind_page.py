@@ -38,7 +38,7 @@ def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_
         assert drive.page.locator("[name=opponent]:checked").count() == 2
         raced(drive, interrupted=True)
         rows = drive.page.locator("#result td:nth-child(2)").all_inner_texts()
-        assert set(rows) == {"A", "B", "human:ann"}
+        assert set(rows) == {"A", "B", "ann"}
         drive.picture("blind-result")
         drive.page.click("#result >> text=Answer")
         assert serious(drive.page) == []
@@ -50,7 +50,7 @@ def test_a_blind_test_from_the_first_race_to_the_decision(browser: Browser, tmp_
         drive.until("document.getElementById('blind').textContent.includes('Race C first')")
         raced(drive)
         rows = drive.page.locator("#result td:nth-child(2)").all_inner_texts()
-        pair = sorted(set(rows) - {"human:ann"})
+        pair = sorted(set(rows) - {"ann"})
         assert pair[1] == "C"
         drive.page.click("#result >> text=Answer")
         answered(drive, "C", {pair[0]: (3, 3, 3, 3), "C": (4, 4, 4, 4)})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -183,6 +184,9 @@ def test_the_page_shows_what_was_found_and_goes_there(
     # Every piece of the map has a colour of its own loss; most is lost, hardly anything gained.
     colours = page.locator(".piece").evaluate_all("all => all.map((one) => getComputedStyle(one).stroke)")
     assert len(set(colours)) > 20
+    lost = [one.lost_s for one in facts.sections]
+    assert page.locator(f".label[data-section='{lost.index(max(lost))}']").count() == 1
+    assert not re.search(r"-0\.0+\b", page.locator("main").inner_text())
     last = facts.advice[-1]
     page.locator(".advice .look").last.click()
     assert page.locator("#range").inner_text().startswith(last.section)

@@ -12,9 +12,15 @@ from typer.testing import CliRunner
 
 from nathlon.arena.store import Store
 from nathlon.commands.committee_app import committee
+from nathlon.commands.selection import put_again
+from nathlon.selection.committee import ask as put
 from nathlon.selection.committee.event_log import EventLog
+from nathlon.selection.committee.rules import CommitteeSettings
 from nathlon.sim.errors import InputError
-from tests.support.committees import PEOPLE, RUN, ask, ids
+from tests.nathlon.test_committee import ranking
+from tests.support.command_line import nathlon as command
+from tests.support.command_line import refused
+from tests.support.committees import NAMES, PEOPLE, RUN, ask, entrants, ids, results
 
 
 class Terminal:
@@ -59,6 +65,7 @@ def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
     assert [s["name"] for s in closed["standings"] if s["chosen"]] == ["cedar", "delta"]
     assert "open" in terminal("reopen", "--member", "bob", "--reason", "new videos")
     shown = terminal("show")
+    assert " 1= " in shown
     for part in ("shortlist-", "birch", "bob prefers cedar to delta: on second sight", "Agreement"):
         assert part in shown
     assert [entry["event"] for entry in terminal.json("log")] == [
@@ -113,3 +120,24 @@ def test_only_an_existing_store_has_a_committee(tmp_path: Path) -> None:
     Store(tmp_path / "empty.sqlite").close()
     with pytest.raises(InputError, match=r"empty.sqlite: holds no run"):
         Terminal(tmp_path / "empty.sqlite")("show")
+
+
+def test_a_demo_with_a_committee_puts_its_question_again(terminal: Terminal, tmp_path: Path) -> None:
+    store = str(tmp_path / "store.sqlite")
+    with Store.open(store) as opened:
+        tables = {"ranking": ranking({"amber": 21.0, "birch": 20.0})}
+        settings = CommitteeSettings(members=("ann",))
+        put(EventLog(opened, RUN), "selection", entrants(NAMES[:2]), tables, results(), settings)
+    assert "selection" in terminal("show")
+    for _ in range(2):
+        put_again(store, "ann")
+    assert [decision["open"] for decision in terminal.json("show")] == [True, True]
+    assert [entry["event"] for entry in terminal.json("log")].count("reopened") == 1
+    # Both are open now, so that one has to be named.
+    with pytest.raises(InputError, match=r"^--question is not given, expected one that is open"):
+        terminal("decide", "--member", "ann")
+
+
+def test_a_demo_says_who_cannot_be_on_its_committee(tmp_path: Path) -> None:
+    refused(command("demo", "--committee", "ann,ann", "--out", "out", cwd=tmp_path), "--committee: ", "twice")
+    assert not list(tmp_path.iterdir())

@@ -17,7 +17,7 @@ from nathlon.arena.store import Store
 from nathlon.lab.drive.aids import Controls
 from nathlon.lab.drive.choice import Choice, Offer, Opponent, plan
 from nathlon.lab.drive.clock import FURTHEST_BEHIND_S
-from nathlon.lab.drive.frames import CAR, COUNTDOWN, HEAD, OVER, RACING
+from nathlon.lab.drive.frames import CAR, COUNTDOWN, DRIVING, FINISHED, HEAD, OUT, OVER, RACING, car_rows
 from nathlon.lab.drive.heat import DrivenHeat
 from nathlon.lab.drive.input_buffer import INPUT, InputBuffer
 from nathlon.lab.drive.keeping import Kept, keep
@@ -25,6 +25,7 @@ from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.publish.recordings import stored_match
 from nathlon.sim.errors import InputError
+from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import load_track
 from nathlon.sim.world import DYNAMICS_DT
 from tests.support.drives import MARKED, STOP, Hurry, choice, drive, inputs, offer, planned
@@ -112,6 +113,12 @@ def test_frames_tell_of_the_countdown_the_race_and_its_end(driven: tuple[DrivenH
     cars = np.frombuffer(frames[-1], CAR, 3, HEAD.itemsize)
     assert sorted(cars["place"].tolist()) == [1, 2, 3]
     assert all(len(frame) == HEAD.itemsize + 3 * CAR.itemsize for frame in frames)
+
+
+def test_a_car_behind_the_flag_has_finished_and_is_not_out() -> None:
+    cars = np.zeros(3, CAR_STATE)
+    cars["finish_s"], cars["driving"] = (50.0, np.nan, np.nan), (False, True, False)
+    assert car_rows(cars)["doing"].tolist() == [FINISHED, DRIVING, OUT]
 
 
 def test_the_grid_is_filled_in_turn_around_the_person() -> None:

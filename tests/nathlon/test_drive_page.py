@@ -57,6 +57,17 @@ def test_a_race_is_driven_with_keys(browser: Browser, tmp_path: Path) -> None:
 def race_with_keys(drive: Drive, clock: LedClock) -> None:
     assert serious(drive.page) == []
     drive.picture("menu")
+    # A choice is wide enough for its longest text, beside the arrow.
+    cut = """() => [...document.querySelectorAll('#choice select')].filter((one) => {
+      const pen = document.createElement('canvas').getContext('2d');
+      pen.font = getComputedStyle(one).font;
+      const longest = Math.max(...[...one.options].map(({ text }) => pen.measureText(text).width));
+      return longest > one.clientWidth - 44;
+    }).map(({ name }) => name)"""
+    for width in (1280, 1440):
+        drive.page.set_viewport_size({"width": width, "height": 720})
+        assert drive.page.evaluate(cut) == []
+    drive.page.set_viewport_size({"width": 1280, "height": 720})
     drive.begin(name="Ada", laps="1", cars="4", seat="2")
     keyboard = drive.page.keyboard
     keyboard.down("ArrowUp")
@@ -95,7 +106,8 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     drive.until("document.getElementById('result').open")
     drive.picture("result")
     assert drive.page.locator("#result h2").inner_text() == "Your race ended: stuck"
-    assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "human:Ada"
+    assert drive.page.evaluate("[1, 2, 3, 11].map(ordinal).join()") == "1st,2nd,3rd,11th"
+    assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "Ada"
     assert drive.room.kept[-1].recording.exists()
     assert Path(drive.page.locator("#result code").nth(1).inner_text()).exists()
     drive.page.click("#result >> text=Another race")
@@ -196,7 +208,7 @@ def test_a_difficulty_is_told_with_all_its_paces(browser: Browser, drives: tuple
     drive.page.select_option("[name=temper]", "calm")
     drive.begin(cars="3", seat="3")
     drive.until("document.getElementById('news').textContent.includes('at 74.0% to 84.0% of its pace, calm')")
-    drive.until("document.getElementById('order').textContent.includes('driver:pace=0.8400,temper=calm')")
+    drive.until("document.getElementById('order').textContent.includes('Built-in driver, 84 % pace, calm')")
     assert drive.room.heat is not None
     assert drive.room.heat.plan.grid[:2] == tuple(
         f"driver:pace={pace},temper=calm" for pace in ("0.8400", "0.7400")

@@ -39,6 +39,8 @@ def test_two_browsers_and_the_terminal_decide_together(browser: Browser, store: 
         ann, bob = (Window(browser, meeting.url(member)) for member in ("ann", "bob"))
         assert serious(ann.page) == []
         ann.picture("questions")
+        standings = ann.page.locator("[aria-label^=Standings] tbody tr").all_inner_texts()
+        assert {row.split("\t")[1] for row in standings} == {"1="}
         assert ann.page.locator("h2").first.inner_text() == "Who is shortlisted?"
         # The address bar does not show the token.
         assert ann.page.url == f"{meeting.address.origin}/#/questions"
@@ -129,8 +131,8 @@ def test_the_report_is_of_now_and_follows_the_run(browser: Browser, store: Path)
         with Store.open(store) as opened:
             opened.begin_run("next", {})
             opened.put_fact("next", "progress", {"stage": "pareto", "done": 3, "total": 40})
-        window.shows("pareto: 3 of 40 matches", "#stands")
-        report.locator("text=under way: pareto, 3 of 40 matches").wait_for()
+        window.shows("filter: 3 of 40 matches", "#stands")
+        report.locator("text=under way: filter, 3 of 40 matches").wait_for()
         window.page.get_by_label("Run").select_option(RUN)
         window.page.click("#views >> text=Questions")
         window.shows("Who is shortlisted?")

@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from nathlon.reports.page import render, write_page
+from nathlon.results.ranks import written_ranks
 from nathlon.results.selection import Selection
 from tests.support.opened_page import Opened, full_night, views
 from tests.support.selections import PERSON, TESTS, build, card, ranked, with_tables
@@ -32,12 +33,15 @@ def test_tonight_tells_the_decision_and_what_changed(
     assert f"ann, “{PERSON[1]}”" in text
     assert "Sent in night-0001\ncoast-old" in text
     assert "Newcomers\n1, 1 through the filter" in text
-    assert f"New in the pool: {ranking['name'][0]} (rank 1)" in text
+    ranks = dict(zip(ranking["entrant"], written_ranks(ranking["rank"]), strict=True))
+    assert f"New in the pool: {ranking['name'][0]} (rank {ranks[ranking['entrant'][0]]})" in text
     before = dict(full.previous.pool.select("entrant", "rank").iter_rows()) if full.previous else {}
     moved = [row for row in ranking[1:].to_dicts() if before[row["entrant"]] != row["rank"]]
     moves = opened.page.locator(".moves li").all_inner_texts()
     assert len(moves) == len(moved) > 0
-    assert any(f"{before[moved[0]['entrant']]} → {moved[0]['rank']}" in move for move in moves)
+    former = dict(zip(before, written_ranks(before.values()), strict=True))
+    first = moved[0]["entrant"]
+    assert any(f"{former[first]} → {ranks[first]}" in move for move in moves)
     assert "chicane in traffic was not held: harbour has no chicane" in text
     assert "broken.safetensors not a checkpoint" in text
     links = {a.inner_text(): a.get_attribute("href") for a in opened.page.locator("section a").all()}
@@ -55,6 +59,9 @@ def test_leaderboard_shows_the_tables_and_keeps_its_state(
     row = ranking.row(0, named=True)
     assert opened.names("leaderboard") == ranking.sort("rank", maintain_order=True)["name"].to_list()
     assert f"{row['points_low']:.1f} to {row['points_high']:.1f}" in opened.column("leaderboard", 4)[0]
+    ranks = written_ranks(ranking.sort("rank", maintain_order=True)["rank"])
+    assert opened.column("leaderboard", 2) == ranks
+    assert ranks[0] == "1="
     assert opened.page.locator("#leaderboard .whisker").count() == 2 * ranking.height
     by_rate = ranking.sort("contacts_per_km")["name"].to_list()
     head = opened.page.get_by_role("button", name="Contacts per km")
@@ -100,6 +107,10 @@ def test_links_lead_from_the_leaderboard_to_a_race(browser: Browser, tmp_path: P
     match = full.results["match"][0]
     page.locator("#leaderboard").get_by_role("link", name=first["name"]).click()
     expect(page.locator("h1")).to_have_text(first["name"])
+    assert "rank 1=" in page.locator(".funnel").inner_text()
+    assert "in the time trials" in page.locator(".funnel").inner_text()
+    assert set(opened.column("own-races", 2)) == {"Round robin", "Pareto filter"}
+    assert set(opened.column("own-races", 3)) == {"", *full.named("ranking")["name"][1:]}
     races = full.results.filter(pl.col("entrant") == first["entrant"])
     assert len(opened.column("own-races", 1)) == races.height == 41
     page.locator("#own-races a").last.click()
@@ -123,12 +134,33 @@ def test_two_are_compared(browser: Browser, tmp_path: Path, full: Selection) -> 
         page.get_by_label(f"Compare {row['name']}", exact=True).check()
     assert page.locator(".pick input:checked").count() == 2
     page.get_by_role("link", name=f"Compare {rows[1]['name']} and {rows[2]['name']}").click()
-    cells = page.locator(".sides tbody tr").nth(1).locator("td").all_inner_texts()
+    ranks = page.locator(".sides tbody tr").nth(1).locator("strong").all_inner_texts()
+    assert ranks == written_ranks(row["rank"] for row in rows)[1:3]
+    cells = page.locator(".sides tbody tr").nth(2).locator("td").all_inner_texts()
     points = [row["points_per_race"] for row in rows[1:3]]
     assert [cell.split()[0] for cell in cells[:2]] == [f"{value:.1f}" for value in points]
-    assert cells[2] == f"{points[0] - points[1]:+.1f}"
+    assert cells[2].strip() == f"{points[0] - points[1]:+.1f}"
+    told = {
+        row[0]: row[1:]
+        for row in (tr.inner_text().split("\t") for tr in page.locator(".sides tbody tr").all())
+    }
+    assert told["Round robin"] == []
+    skills = full.tables["skills"].filter(pl.col("test") == TESTS[1])
+    first, second = (
+        skills.row(by_predicate=pl.col("entrant") == row["entrant"], named=True) for row in rows[1:3]
+    )
+    lower, upper = (  # as of two independent estimates with intervals of 4 either side
+        first["points"] - second["points"] + side * np.hypot(4, 4) for side in (-1, 1)
+    )
+    assert f"{lower:.0f} to {upper:.0f}".replace("-", "−") in told["race eight"][2]
+    better = rows[1]["name"] if lower > 0 else rows[2]["name"] if upper < 0 else "not told apart"
+    assert told["race eight"][3] == better
     page.get_by_role("link", name="Their races").click()
     assert len(opened.column("races", 1)) == 2
+    each = [sum(map(int, cell.split(":"))) for cell in opened.column("races", 7)]
+    page.locator("#races a").first.click()
+    assert page.locator("dt:text-is('Contacts') + dd").inner_text().startswith(str(each[0] // 2))
+    assert sum(map(int, opened.column("result", 8))) == each[0]
     opened.assert_quiet()
 
 
@@ -164,6 +196,9 @@ def test_n_athlon_and_matchups_show_their_tables(browser: Browser, tmp_path: Pat
     names = dict(full.tables["entrants"].select("entrant", "name").iter_rows())
     assert opened.names("n-athlon")[0] == names[best]
     assert opened.page.locator("main").inner_text().count("harbour has no chicane") == 1
+    hint = opened.page.get_by_role("button", name="hot lap").get_attribute("title")
+    assert hint == "The best of four laps alone. Measured in s; less is better."
+    assert "The best of four laps alone." in opened.page.locator("main").inner_text()
     opened.go("#/matchups")
     assert opened.page.locator("#matchups .cell").count() == full.tables["matchups"].height == 30
     decided = ((pl.col("difference_low") > 0) | (pl.col("difference_high") < 0)).sum()

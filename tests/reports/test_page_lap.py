@@ -24,7 +24,7 @@ def test_the_lap_is_compared_with_the_limit_and_the_drivers_line(
     opened = Opened(browser, full, tmp_path)
     opened.go(f"#/checkpoint/{key(full, 0)}")
     facts = opened.page.locator("main").inner_text()
-    assert f"Limit\n60.500 s\nLap / limit\n{64.2 / LIMIT_S:.3f}\n" in facts
+    assert f"Limit\n60.500 s\nBest lap / limit\n{64.2 / LIMIT_S:.3f}\n" in facts
     assert f"Built-in driver's line\n{LEAST_S:.3f} s\nDifference\n+2.200 s" in facts
     assert opened.names("sections") == []
     assert opened.column("sections", 1) == [*SECTIONS[:3], "after Quay"]
@@ -56,7 +56,7 @@ def test_nothing_is_said_of_an_unknown_limit(browser: Browser, tmp_path: Path, f
     ):
         opened.go(address)
         text = opened.page.locator("main").inner_text()
-        assert "Lap / limit" not in text
+        assert "/ limit" not in text
         assert "optimal control" not in text
     opened.assert_quiet()
 

@@ -123,6 +123,8 @@ def test_trackside_cameras_keep_the_followed_car_in_the_picture(
         assert label is not None
         assert view is not None
         x, y = round(label["x"] - view["x"]), round(label["y"] - view["y"])
+        at_px = watched.page.evaluate("parseFloat(document.querySelector('.label.own').style.translate)")
+        assert x + label["width"] / 2 == pytest.approx(at_px, abs=1.0), "the label stands above its car"
         around = watched.picture()[max(y, 0) : y + 90, max(x - 50, 0) : x + 58].reshape(-1, 3)
         # Light changes how bright a colour is, haze its hue somewhat.
         cosine = around @ own / (np.linalg.norm(around, axis=1) * np.linalg.norm(own) + 1e-9)
@@ -168,6 +170,10 @@ def test_the_closest_two_are_shown(
         found = re.search(r": (\d) entrant ., [\d.]+ s before (\d) entrant .$", watched.told())
         assert found is not None
         assert (int(found[1]), int(found[2])) == closest
+        shown = watched.page.locator(
+            "#space + .labels .label:visible, .labels .label:visible"
+        ).all_inner_texts()
+        assert {found[1], found[2]} <= set(shown), "who is spoken of is in the picture"
     watched.close()
 
 

@@ -83,6 +83,11 @@ def test_it_carries_its_own_layout(replay: Path) -> None:
     assert blueprint.application_id == "nathlon"
 
 
+def test_it_has_the_name_of_its_race(replay: Path) -> None:
+    [name] = entities(replay)["/__properties"]["RecordingInfo:name"].to_pylist()
+    assert name == ["oval, race 3 of match 0123456789"]
+
+
 def test_poses_are_those_of_the_log(replay: Path, log: RaceLog) -> None:
     columns = entities(replay)["/world/cars/1"]
     translation = np.array([row[0] for row in columns["Transform3D:translation"].to_pylist()])

@@ -71,6 +71,13 @@ def test_the_address_keeps_the_moment(browser: Browser, tmp_path: Path, full: Se
 
 def test_the_order_in_the_page_is_that_of_the_log(browser: Browser, tmp_path: Path, full: Selection) -> None:
     opened = open_race(browser, tmp_path, full, at=10)
+    # A click on the picture gives the player the keys that stand beside it.
+    assert "Space play" in opened.page.locator("p.keys").inner_text()
+    opened.page.locator("#scene").click()
+    opened.page.keyboard.press("ArrowRight")
+    assert shown_time(opened) == 11.0
+    opened.page.keyboard.press("ArrowLeft")
+    assert shown_time(opened) == 10.0
     order = np.argsort(full.logs[0].samples["place"][100]).tolist()
     names = opened.page.locator("#order tbody button").all_inner_texts()
     assert [name.split()[0] for name in names] == [str(car) for car in order]

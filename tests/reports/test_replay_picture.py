@@ -3,15 +3,8 @@
 from __future__ import annotations
 
 import io
-import os
-import re
-import signal
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import ExitStack
 
 import numpy as np
 import pygame
@@ -19,15 +12,15 @@ import pytest
 from numpy.typing import NDArray
 from rerun.experimental import ViewerClient
 
+from benchmarks.replay_viewer import paused_viewer
 from nathlon.arena.circuit_mesh import KERB, ROAD
 from nathlon.arena.foxglove_scene import TEAM_COLOURS
-from nathlon.reports._blueprint import SKY, TIMELINE
+from nathlon.reports._blueprint import SKY
 from nathlon.reports._circuit import ZONE_COLOUR
 from nathlon.reports.replay import DRAUGHT_COLOUR, MARK_COLOURS, write_replay
+from nathlon.sim.errors import InputError
 from tests.support.race_logs import oval_race
 
-RERUN = Path(sys.executable).with_name("rerun")
-PATIENCE_S = 120.0
 MOMENT_S = 9.0
 """Soon after the contact of a race of 20 s, in the first bend."""
 Picture = NDArray[np.uint8]
@@ -38,58 +31,12 @@ def viewer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewerClient]:
     """The viewer with a race at MOMENT_S, from behind car 1."""
     replay = tmp_path_factory.mktemp("picture") / "race.rrd"
     write_replay(oval_race(cars=3, duration_s=20.0), replay, follow=1)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command: list[str | Path] = [
-        RERUN,
-        "--headless",
-        "--bind",
-        "127.0.0.1",
-        "--port",
-        str(port),
-        "--window-size",
-        "1200x800",
-    ]
-    said = replay.with_name("viewer.log")
-    with said.open("w") as log:
-        process = subprocess.Popen([*command, replay], stdout=log, stderr=log, start_new_session=True)
-    try:
-        until = time.monotonic() + PATIENCE_S
-        while (client := _loaded(f"rerun+http://127.0.0.1:{port}/proxy")) is None:
-            if process.poll() is not None:
-                reason = re.search(
-                    "No graphics adapter was found|Failed to get render context", said.read_text()
-                )
-                assert reason, said.read_text()
-                pytest.skip(f"needs a Vulkan driver: apt-get install mesa-vulkan-drivers ({reason[0]})")
-            assert time.monotonic() < until, "the viewer does not answer"
-            time.sleep(0.2)
-        client.set_time(TIMELINE, duration=MOMENT_S, play_state="paused")
-        _settled(client.take_screenshot)
-        yield client
-    finally:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-
-def _loaded(url: str) -> ViewerClient | None:
-    """A viewer that runs and has all of its replay."""
-    try:
-        client = ViewerClient.connect(url)
-        state = client.get_state()
-    except (ConnectionError, RuntimeError):
-        return None
-    return client if state.recordings and state.recordings[0].timelines and not state.loading else None
-
-
-def _settled(take: Callable[[], bytes]) -> bytes:
-    """A picture that is like the one before: cameras take a moment to arrive."""
-    until, before = time.monotonic() + PATIENCE_S, b""
-    while (now := take()) != before:
-        assert time.monotonic() < until, "the picture never comes to rest"
-        before = now
-    return now
+    with ExitStack() as stack:
+        try:
+            viewer = stack.enter_context(paused_viewer(replay, MOMENT_S))
+        except InputError as error:
+            pytest.skip(str(error))
+        yield viewer
 
 
 def picture(viewer: ViewerClient, kind: str) -> Picture:

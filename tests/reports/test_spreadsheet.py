@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -13,11 +14,12 @@ import pytest
 import nathlon.reports.spreadsheet
 from nathlon.reports.spreadsheet import write_spreadsheet
 from nathlon.reports.tables import write_tables
+from nathlon.reports.verdict import verdict
 from nathlon.results.selection import Selection
 from tests.support.selections import TESTS, build, with_tables
 
 SOFFICE = shutil.which("soffice")
-SHEETS = ["Ranking", "Skills", "Weighted", "Matchups", "Pareto", "Races", "Run"]
+SHEETS = ["Committee", "Ranking", "Skills", "Weighted", "Matchups", "Pareto", "Races", "Run", "Files"]
 HOSTILE = ("=1+1", "+1", "-1", "@SUM(A1)", "=cmd|' /C calc'!A0", "{=1+1}", "https://example.org", "42")
 
 
@@ -40,6 +42,7 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
     assert book.sheetnames == SHEETS
     heights = {
         "Ranking": selection.tables["ranking"].height,
+        "Files": selection.tables["entrants"].height,
         "Skills": selection.tables["battery"].height,
         "Weighted": selection.tables["battery"].height,
         "Matchups": selection.tables["matchups"].height,
@@ -70,7 +73,7 @@ def test_values_and_table_ranges(selection: Selection, tmp_path: Path) -> None:
     assert matchup["Difference [points/race]"] == pytest.approx(first["difference"])
     run = {row["Fact"]: row["Value"] for row in _rows(path, "Run")}
     assert run["Seed"] == 7
-    assert run["Pareto: entrants in"] == 80
+    assert run["Filter: entrants in"] == 80
     assert run["Version of torch"] == "2.9.1"
 
 
@@ -192,3 +195,57 @@ def test_tables_are_written_for_other_programs(selection: Selection, tmp_path: P
         assert pl.read_parquet(tmp_path / f"{name}.parquet").equals(table)
         text = pl.read_csv(tmp_path / f"{name}.csv", schema=table.schema)
         assert text.equals(table)
+
+
+def test_a_shared_rank_stays_a_number_and_has_its_mark(selection: Selection, tmp_path: Path) -> None:
+    sheet = openpyxl.load_workbook(write_spreadsheet(selection, tmp_path / "ranking.xlsx"))["Ranking"]
+    ranks = selection.named("ranking").sort("rank")["rank"]
+    cells = [row[0] for row in sheet.iter_rows(min_row=2)]
+    assert [cell.value for cell in cells] == ranks.to_list()
+    assert [cell.number_format == '0"="' for cell in cells] == ranks.is_duplicated().to_list()
+
+
+def test_a_committee_finds_the_verdict_and_the_finalists_on_the_first_sheet(
+    selection: Selection, tmp_path: Path
+) -> None:
+    book = openpyxl.load_workbook(write_spreadsheet(selection, tmp_path / "ranking.xlsx"))
+    sheet, told = book.worksheets[0], verdict(selection)
+    texts = [sheet.cell(row, 1).value for row in range(1, 2 + len(told.sentences))]
+    assert texts == [told.headline, *told.sentences]
+    [table] = sheet.tables.values()
+    heads, *rows = [[cell.value for cell in row] for row in sheet[table.ref]]
+    first = (
+        selection.named("ranking")
+        .sort(["rank", "points_per_race"], descending=[False, True])
+        .row(0, named=True)
+    )
+    own = dict(zip(heads, rows[0], strict=True))
+    assert (own["Entrant"], own["Committee"]) == (first["name"], "sent")
+    assert own["Points, interval"] == f"{first['points_low']:.1f} to {first['points_high']:.1f}"
+    assert own["Contacts, interval"] == f"{first['contacts_low']:.2f} to {first['contacts_high']:.2f}"
+    assert len(rows) == selection.tables["ranking"].height
+
+
+def test_digests_and_paths_are_on_the_last_sheet_alone(selection: Selection, tmp_path: Path) -> None:
+    book = openpyxl.load_workbook(write_spreadsheet(selection, tmp_path / "ranking.xlsx"))
+    cards = selection.tables["entrants"]
+    found = {
+        sheet.title
+        for sheet in book
+        for row in sheet.iter_rows(values_only=True)
+        for cell in row
+        if cell in {*cards["entrant"], *cards["source"]}
+    }
+    assert found == {"Files"}
+
+
+def test_a_printed_workbook_has_few_pages(selection: Selection, tmp_path: Path) -> None:
+    if SOFFICE is None:
+        pytest.skip("needs LibreOffice: apt-get install libreoffice-calc-nogui")
+    many = replace(selection, results=pl.concat([selection.results] * 8))
+    write_spreadsheet(many, tmp_path / "ranking.xlsx")
+    profile = f"-env:UserInstallation={(tmp_path / 'profile').as_uri()}"
+    command = [SOFFICE, profile, "--headless", "--convert-to", "pdf", "ranking.xlsx"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    printed = (tmp_path / "ranking.pdf").read_bytes()
+    assert len(SHEETS) <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 2 * len(SHEETS)

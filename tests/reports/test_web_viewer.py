@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import http.client
+import io
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from nathlon.reports._blueprint import SKY
 from nathlon.reports.replay import write_replay
 from nathlon.reports.web_viewer import LOOPBACK, WebViewer
 from nathlon.sim.errors import InputError
 from tests.support.race_logs import oval_race
 
+PATIENCE_S = 120.0
 SOFTWARE_GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
 
 
@@ -69,17 +75,29 @@ def test_it_serves_nothing_else_and_nobody_else(viewer: WebViewer) -> None:
     assert get(viewer, "/race.rrd", host="evil.example").status == 403
 
 
-def test_the_viewer_starts_in_a_browser_and_asks_nobody_else(viewer: WebViewer, chromium: str) -> None:
+def test_the_browser_shows_the_layout_of_the_replay_and_asks_nobody_else(
+    viewer: WebViewer, chromium: str
+) -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", *SOFTWARE_GL])
-        page = browser.new_page(viewport={"width": 500, "height": 400})
+        page = browser.new_page(viewport={"width": 800, "height": 600})
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))
         with page.expect_response(f"{viewer.url}race.rrd", timeout=120_000) as response:
             page.goto(viewer.url)
         assert response.value.ok
+        # Of all that Rerun would lay out by itself, nothing has the colour of the sky behind the car.
+        until = time.monotonic() + PATIENCE_S
+        while (sky := _share(page.screenshot(timeout=PATIENCE_S * 1000), SKY)) < 0.05:
+            assert time.monotonic() < until, f"sky on {sky:.1%} of the picture"
         assert all(url.startswith((viewer.url, "data:", "blob:")) for url in asked), asked
         browser.close()
+
+
+def _share(picture: bytes, colour: tuple[int, int, int]) -> float:
+    """Of the pixels of a picture that have about this colour."""
+    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
+    return float((np.abs(pixels - colour).max(axis=2) <= 12).mean())
 
 
 def test_a_replay_that_is_missing_is_said_to_be(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from nathlon.results.selection import Previous, Selection
 from nathlon.results.summary import Sent, Summary
 
 TESTS = ("hot_lap", "race_eight", "grid_start", "slipstream_pass", "final_chicane", "mistake_recovery")
+MARKS = {"base": 90.0, "reference": 85.0, "asks": "The best of four laps alone."}
 PERSON = ("ann", "calm in traffic <b>& fair</b>")
 RULE = ("rule:ranking", "passed the gates, in order of ranking points: all")
 BROKEN = f"/home/somebody/{'a-long-name' * 9}/broken.safetensors"
@@ -91,7 +92,7 @@ def with_tables(
         "ranking": [{"name": names[row["entrant"]], **row} for row in tables["ranking"].to_dicts()],
         "sent": [],
         "committee": [],
-        "marks": {test: {"base": 90.0, "reference": 85.0} for test in TESTS},
+        "marks": dict.fromkeys(TESTS, MARKS),
         "tests_set_aside": {"chicane_in_traffic": "harbour has no chicane"},
         "excluded": [{"source": BROKEN, "reason": f"{BROKEN}: not a checkpoint", "digest": None}],
         "replays": [],

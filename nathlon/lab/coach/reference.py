@@ -17,6 +17,7 @@ from nathlon.policies.checkpoint import read_card
 from nathlon.policies.sources import DRIVER
 from nathlon.selection.publish.lap_limits import known_limit
 from nathlon.sim.errors import InputError
+from nathlon.sim.process import typed
 
 CHAMPION, LIMIT = "champion", "limit"
 SEED = 1
@@ -54,7 +55,7 @@ def reference(pool: Pool, log: RaceLog, against: str) -> Reference:
     if against == LIMIT and limit_s is None:
         raise InputError(
             f"--against limit: the limit of {log.circuit} with {log.car} is not known, expected it to be "
-            f"computed: nathlon track limit {log.circuit} --car {log.car}"
+            f"computed: {typed('track', 'limit', log.circuit, '--car', log.car)}"
         )
     if against in (CHAMPION, LIMIT):
         return _champion(pool, log, limit_s)

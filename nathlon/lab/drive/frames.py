@@ -10,6 +10,8 @@ from nathlon.sim.world import World
 
 COUNTDOWN, RACING, PAUSED, OVER = range(4)
 """Phases of a race."""
+OUT, DRIVING, FINISHED = range(3)
+"""What a car is doing."""
 
 HEAD = np.dtype(
     [
@@ -46,11 +48,11 @@ CAR = np.dtype(
         ("throttle", "u1"),  # of 255
         ("brake", "u1"),
         ("place", "u1"),
-        ("driving", "u1"),
+        ("doing", "u1"),  # OUT, DRIVING or FINISHED
     ]
 )
 """What follows for every car."""
-SAME = ("x", "y", "z", "yaw", "progress", "driving")
+SAME = ("x", "y", "z", "yaw", "progress")
 """Fields of CAR and of CAR_STATE."""
 
 
@@ -77,10 +79,11 @@ def frame(world: World, car: int, number: int, phase: int) -> bytes:
     for name in ("last_lap_s", "best_lap_s", "penalty_s"):
         head[name] = own[name]
     head["sliding"] = np.abs(own["slip_angle"]).max()
-    return head.tobytes() + _cars(cars).tobytes()
+    return head.tobytes() + car_rows(cars).tobytes()
 
 
-def _cars(cars: NDArray[np.void]) -> NDArray[np.void]:
+def car_rows(cars: NDArray[np.void]) -> NDArray[np.void]:
+    """The rows of CAR for the cars of a race (schema CAR_STATE)."""
     rows = np.zeros(len(cars), CAR)
     for name in SAME:
         rows[name] = cars[name]
@@ -90,6 +93,7 @@ def _cars(cars: NDArray[np.void]) -> NDArray[np.void]:
     rows["gap_s"] = gaps(cars)
     rows["throttle"], rows["brake"] = cars["throttle"] * 255.0, cars["brake"] * 255.0
     rows["place"] = places(cars)
+    rows["doing"] = np.where(np.isfinite(cars["finish_s"]), FINISHED, np.where(cars["driving"], DRIVING, OUT))
     return rows
 
 

@@ -19,7 +19,8 @@ def drive_page(address: str, connect: str, token: str | None, room: str | None =
         token: by which the server knows its own page; None where the browser keeps it for the tab.
         room: address of the committee's room that it was opened from.
     """
-    parts = [*(f"race/{part}.js" for part in SHARED), *SPACE, *(f"drive/{part}.js" for part in OWN)]
+    own = ["command.js", *(f"drive/{part}.js" for part in OWN)]
+    parts = [*(f"race/{part}.js" for part in SHARED), *SPACE, *own]
     return render_page(
         "drive/page.html",
         template_text("drive/page.css"),

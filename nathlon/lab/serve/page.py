@@ -16,7 +16,7 @@ def room_page(address: Address, store: str) -> str:
         address: the only one to which its policy lets it connect.
         store: what members call it.
     """
-    parts = ["race/element.js", *(f"meeting/{part}.js" for part in PARTS)]
+    parts = ["race/element.js", "rank.js", *(f"meeting/{part}.js" for part in PARTS)]
     session = {"socket": f"{address.socket}/room", "longest": LONGEST_REASON}
     return render_page(
         "meeting/page.html",

@@ -72,10 +72,12 @@ class BatteryAnswer(Answer):
     Attributes:
         marks: what was worth how much, by test.
         set_aside: tests that could not be held here, and why.
+        asked: what each of the others asks, for people.
     """
 
     marks: dict[str, Marks]
     set_aside: dict[str, str]
+    asked: dict[str, str]
 
 
 def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings) -> BatteryAnswer:
@@ -89,7 +91,7 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     began = time.perf_counter()
     if not entrants:
         run.note("battery", 0, 0, pl.DataFrame(schema=RESULTS), began)
-        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), [], {}, {})
+        return BatteryAnswer(_tables(run, []), [], pl.DataFrame(schema=RESULTS), [], {}, {}, {})
     world = home(entrants[0])
     tests = load_skills(settings.tests, world) or standing_tests(world)
     set_aside = _without_room(tests, world)
@@ -125,7 +127,8 @@ def run_battery(run: Run, entrants: Sequence[Entrant], settings: BatterySettings
     ordered = [by_id[entrant] for entrant in tables["battery"]["entrant"]]
     run.note("battery", len(entrants), len(ordered), results, began)
     not_judged = not_judged_by_tests(pl.concat([pl.DataFrame(schema=RESULTS), *tested]))
-    return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside)
+    asked = {skill.name: skill.description for skill in held}
+    return BatteryAnswer(tables, ordered, results, not_judged, marks, set_aside, asked)
 
 
 def marked(skill: Skill, frames: Mapping[str, pl.DataFrame], marks: Marks, how: SkillMeasure) -> pl.DataFrame:

@@ -11,6 +11,7 @@ from nathlon.arena.results import POLICY_FAULTS, TABLES, VOID_ENDINGS
 from nathlon.arena.store import RunRecord, Store
 from nathlon.results.selection import Previous, Selection
 from nathlon.results.summary import Summary, ranked, versions
+from nathlon.results.words import stage_called
 from nathlon.selection.committee.decision import describe
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.incident.history import incident_history
@@ -61,7 +62,8 @@ def _summary(
     if record.ended_at is not None:
         return summary, "ended without a selection" if record.status == DONE else record.status
     progress = known.get("progress", {"stage": "pareto", "done": 0, "total": 0})
-    return summary, f"under way: {progress['stage']}, {progress['done']:,} of {progress['total']:,} matches"
+    stage = stage_called(progress["stage"])
+    return summary, f"under way: {stage}, {progress['done']:,} of {progress['total']:,} matches"
 
 
 def _so_far(store: Store, run: str, tables: dict[str, pl.DataFrame], results: pl.DataFrame) -> Summary:

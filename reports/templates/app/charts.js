@@ -56,6 +56,9 @@ function chart(title, draw) {
 
 const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
 
+// The mark of an entrant in a test: its mean has other points than the mean of the points that the runs have.
+const measuredAs = ({ measure, unit, runs }) => `mean over ${count(runs, "run")}, each scored by itself; mean mark ${number(measure, 3)} ${unit} of the runs that set one`;
+
 // The points of some entrants in every test, as one line each.
 const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamond2"], ["var(--third)", "triangle"]];
 function profile(chosen) {
@@ -83,7 +86,7 @@ function profile(chosen) {
             Plot.dot(own, { ...at, x: "points", fill: "var(--paper)", symbol: LINES[line][1], r: 4 }),
           ];
         }),
-        Plot.tip(points, Plot.pointer({ ...tip, x: "points", y: "test", title: (p) => `${p.name}\n${p.test}\n${number(p.points)} points (${number(p.points_low)} to ${number(p.points_high)})\n${number(p.measure, 3)} ${p.unit}, ${p.runs} runs` })),
+        Plot.tip(points, Plot.pointer({ ...tip, x: "points", y: "test", title: (p) => `${p.name}\n${p.test}\n${number(p.points)} points (${number(p.points_low)} to ${number(p.points_high)})\n${measuredAs(p)}` })),
       ],
     }),
   );

@@ -35,9 +35,9 @@ function wayThrough(index) {
   const between = (low, high, digits) => `${number(low, digits)} to ${number(high, digits)}`;
   return h("ol", { class: "funnel" },
     box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
-      (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
-    box("n-athlon", "n-athlon", battery, [`rank ${battery?.rank}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
-    met && box("leaderboard", MEETINGS, ranking, [`rank ${ranking?.rank ?? ABSENT}`], `${number(ranking?.[POINTS[0]], RANK_DIGITS)} ${summary.brings} ${EACH} (${between(ranking?.[POINTS[1]], ranking?.[POINTS[2]], RANK_DIGITS)}), `,
+      (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)} ${measuredIn(row.objective)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
+    box("n-athlon", "n-athlon", battery, [`rank ${batteryRank(battery?.rank)}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
+    met && box("leaderboard", MEETINGS, ranking, [`rank ${rankWritten(ranking?.rank)}`], `${number(ranking?.[POINTS[0]], RANK_DIGITS)} ${summary.brings} ${EACH} (${between(ranking?.[POINTS[1]], ranking?.[POINTS[2]], RANK_DIGITS)}), `,
       touches && `${number(ranking?.contacts_per_km, 2)} contacts per km, `, blames && `${number(ranking?.at_fault_per_km, 2)} at fault, `, `${count(ranking?.faults ?? 0, "fault")}`));
 }
 
@@ -49,9 +49,9 @@ function trained(card) {
   const curve = curves.get(start);
   const laps = curve.filter((row) => row.lap_s !== null);
   const kin = entrants.filter((one) => one.step !== null && one.source?.startsWith(start));
-  const label = { labelAnchor: "center", labelArrow: "none", domain: [0, d3.max(curve, (row) => row.updates)], tickFormat: "~s" };
+  const label = { labelAnchor: "center", labelArrow: "none", domain: d3.extent(curve, (row) => row.updates), tickFormat: "~s" };
   const line = (title, y, rows, height, extra) => chart(title, (width) => Plot.plot({
-    width, height, marginLeft: 52, marginRight: 16, marginBottom: 38, ariaLabel: title, x: { ...label, label: "updates", ticks: width / 110 }, y: { label: null, grid: true, ...extra },
+    width, height, marginLeft: 52, marginRight: 16, marginBottom: 38, ariaLabel: title, x: { ...label, label: "updates", ticks: width / 110, inset: 6 }, y: { label: null, grid: true, ...extra },
     marks: [
       Plot.ruleX(kin, { x: "step", stroke: "var(--rule)", strokeDasharray: "2 3" }),
       Plot.ruleX([card.step], { stroke: "var(--finalist)", strokeWidth: 2 }),
@@ -118,9 +118,12 @@ function bestLaps(index) {
 function ownRaces(index) {
   const driven = ownCars(index);
   if (!driven.length) return empty(`It has been in no ${EPISODE}.`);
+  // Whom it met: the other entrants of the race.
+  const against = ({ race }) => [...new Set(carsOf(race).map((car) => car.entrant))].filter((other) => other !== index).map(nameOf).join(", ");
   return dataTable("own-races", [
     { key: "race", head: capital(EPISODE), kind: "name", first: "ascending", value: (row) => row.race.number, cell: (row) => link(raceHref(row.race), `${plain(row.race.test)} ${row.race.key.slice(0, 6)}/${row.race.race}`) },
-    { key: "stage", head: "Stage", kind: "text", first: "ascending", value: (row) => plain(row.race.stage) },
+    { key: "stage", head: "Stage", kind: "text", first: "ascending", value: (row) => stageName(row.race.stage) },
+    { key: "against", head: "Against", kind: "text", first: "ascending", value: against },
     { key: "grid", head: onCircuit ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot },
     { key: "place", head: "Place", first: "ascending", value: (row) => row.place, cell: (row) => [number(row.place), " ", onCircuit && gained(row.slot - row.place)] },
     { key: "points", head: "Points", value: (row) => row.points, cell: (row) => number(row.points, POINT_DIGITS) },
@@ -131,5 +134,5 @@ function ownRaces(index) {
     measured("penalties") && { key: "penalties", head: "Penalties", value: (row) => row.penalties },
     measured("off_course_s") && { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
     { key: "ending", head: "Ending", kind: "text", first: "ascending", value: (row) => plain(row.ending) },
-  ], driven, { sort: "-race", prefix: "races-", text: (row) => `${plain(row.race.test)} ${row.race.stage} ${plain(row.ending)}`, label: capital(EPISODES), shown: 50 });
+  ], driven, { sort: "-race", prefix: "races-", text: (row) => `${plain(row.race.test)} ${stageName(row.race.stage)} ${against(row)} ${plain(row.ending)}`, label: capital(EPISODES), shown: 50 });
 }

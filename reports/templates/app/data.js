@@ -28,6 +28,7 @@ const nameOf = (number) => entrants[number].name;
 
 const byEntrant = (rows) => new Map(rows.map((row) => [row.entrant, row]));
 const rankingOf = byEntrant(tables.ranking);
+const [rankWritten, poolRank, batteryRank] = [tables.ranking, tables.pool.length ? tables.pool : tables.ranking, tables.battery].map(rankIn);
 const batteryOf = byEntrant(tables.battery);
 const paretoOf = byEntrant(tables.pareto);
 const groups = (rows, key) => {
@@ -58,6 +59,8 @@ const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISODE}s`;
 const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;
 const capital = (text) => text[0].toUpperCase() + text.slice(1);
 const MEETINGS = "Round robin";
+const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
+const stageName = (stage) => STAGES[stage] ?? capital(stage.replaceAll("_", " "));
 const met = !("tournament" in summary.stages_set_aside);
 // Of whom the means are known: in 4v4 points are a team's, elsewhere the fit says little by itself.
 const MEANS = ranks("mean");

@@ -8,9 +8,9 @@ const number = (value, digits = 0) => {
   if (!formats.has(digits)) {
     formats.set(digits, new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }));
   }
-  return formats.get(digits).format(value).replace("-", MINUS);
+  return formats.get(digits).format(value).replace(/^-(?=0[.0]*$)/, "").replace("-", MINUS);
 };
-const signed = (value, digits = 1) => (value > 0 ? "+" : "") + number(value, digits);
+const signed = (value, digits = 1) => (value > 0 && /[1-9]/.test(number(value, digits)) ? "+" : "") + number(value, digits);
 const percent = (share, digits = 0) => (share === null || share === undefined ? ABSENT : number(100 * share, digits));
 const count = (value, what) => `${number(value)} ${what}${value === 1 ? "" : "s"}`;
 const plain = (name) => name.replaceAll("_", " ");

@@ -10,10 +10,10 @@ const overLimit = (lap) => (data.limit === null || lap === null || lap === undef
 
 // Of tables of entrants, where the limit is known.
 const limitColumn = () => (data.limit === null ? [] : [{
-  key: "limit", head: "Lap / limit", first: "ascending", title: `mean best lap of the time trials over the limit of ${number(data.limit, 3)} s: ${LIMIT}`,
+  key: "limit", head: "Mean / limit", first: "ascending", title: `mean best lap of the time trials over the limit of ${number(data.limit, 3)} s: ${LIMIT}`,
   value: (row) => overLimit(paretoOf.get(row.entrant)?.lap_s), cell: (row) => number(overLimit(paretoOf.get(row.entrant)?.lap_s), 3),
 }]);
-const limitNote = () => (data.limit === null ? "" : ` Lap / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
+const limitNote = () => (data.limit === null ? "" : ` Mean / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
 
 function lapView(index) {
   const lap = lapOf.get(index);
@@ -34,6 +34,7 @@ function lapView(index) {
     facts([
       ["Best time trial", link(raceHref(bestTrial(index).race), `${number(lap[last].time_s, 3)} s`)],
       ...limitFacts(lap[last].time_s),
+      data.limit !== null && ["Mean lap / limit", number(overLimit(paretoOf.get(index)?.lap_s), 3), "of the best laps of all its time trials, as in the leaderboard"],
       [against === null ? "Built-in driver's line" : nameOf(against), [number(other[last].time_s, 3), " s"]],
       ["Difference", [signed(rows[last].lost, 3), " s"]],
     ]),
@@ -55,7 +56,7 @@ function lapView(index) {
   ];
 }
 
-const limitFacts = (lap) => (data.limit === null ? [] : [["Limit", [number(data.limit, 3), " s"], LIMIT], ["Lap / limit", number(overLimit(lap), 3)]]);
+const limitFacts = (lap) => (data.limit === null ? [] : [["Limit", [number(data.limit, 3), " s"], LIMIT], ["Best lap / limit", number(overLimit(lap), 3)]]);
 
 const bestTrial = (index) => d3.least(
   ownCars(index).filter((car) => car.race.stage === "pareto" && car.race.test === "time_trial" && car.best_lap_s !== null),

@@ -15,7 +15,7 @@ function leaderboard() {
   return [
     title,
     !met && note(`The entrants did not meet: ${summary.stages_set_aside.tournament}.`),
-    note(`Rank: 1 + the number of entrants proven better, after Holm's correction. Equal ranks are statistical ties. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
+    note(`Rank: 1 + the number of entrants proven better, after Holm's correction. = marks a statistical tie. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
@@ -78,32 +78,62 @@ function compare([first, second]) {
     const row = table.get(index);
     return { value: row?.[name] ?? null, low: row?.[low] ?? null, high: row?.[high] ?? null, digits };
   });
-  const skillRow = (test) => [plain(test), numbers.map((index) => {
-    const skill = (skillsOf.get(index) ?? []).find((one) => one.test === test);
-    return { value: skill?.points ?? null, low: skill?.points_low ?? null, high: skill?.points_high ?? null, digits: 0 };
-  })];
-  const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
-  const rows = [
-    ["Rank", shown(rankingOf, "rank", 0)],
-    [POINTS_HEAD, shown(rankingOf, POINTS[0], RANK_DIGITS, POINTS[1], POINTS[2])],
-    touches && ["Contacts per km", shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high")],
-    blames && ["At fault per km", shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high")],
-    ["Faults", shown(rankingOf, "faults", 0)],
-    ["n-athlon, sum", shown(batteryOf, "points", 0, "points_low", "points_high")],
-    ...tests.map(skillRow),
-    ...objectives.map((name) => [objectiveTitle(name), numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: 3 }))]),
-  ].filter(Boolean);
+  const skill = (test) => numbers.map((index) => {
+    const own = (skillsOf.get(index) ?? []).find((one) => one.test === test);
+    return { value: own?.points ?? null, low: own?.points_low ?? null, high: own?.points_high ?? null, digits: 0 };
+  });
   const both = tables.matchups.find((row) => row.entrant === numbers[0] && row.opponent === numbers[1]);
+  const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
+  const groups = [
+    [met ? MEETINGS : null, [
+      { label: "Rank", two: shown(rankingOf, "rank", 0), written: rankWritten },
+      { label: POINTS_HEAD, two: shown(rankingOf, POINTS[0], RANK_DIGITS, POINTS[1], POINTS[2]), goal: "max", sure: both && [both.difference_low, both.difference_high] },
+      touches && { label: "Contacts per km", two: shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high"), goal: "min" },
+      blames && { label: "At fault per km", two: shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high"), goal: "min" },
+      { label: "Faults", two: shown(rankingOf, "faults", 0), goal: "min" },
+    ]],
+    ["n-athlon", [
+      { label: "Rank", two: shown(batteryOf, "rank", 0), written: batteryRank },
+      { label: "Sum", two: shown(batteryOf, "points", 0, "points_low", "points_high"), goal: "max", apart: true },
+      ...tests.map((test) => ({ label: plain(test), title: asked(test), two: skill(test), goal: "max", apart: true })),
+    ]],
+    ["Pareto filter", objectives.map((name) => ({
+      label: `${objectiveTitle(name)} ${measuredIn(name)}`, goal: objectiveUnit.get(name).goal,
+      two: numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: 3 })),
+    }))],
+  ];
   return [
     h("h1", {}, `${two[0].name} and ${two[1].name}`),
     both
       ? h("p", { class: "why" }, `Against each other: ${signed(both.difference)} points ${EACH} for ${two[0].name} (${signed(both.difference_low)} to ${signed(both.difference_high)}) in ${count(both.pairs, "unit")}. `, link(to("matchup", [first, second]), `Their ${EPISODES}`))
       : note(`They did not meet in the ${MEETINGS.toLowerCase()}.`),
     scroll("Side by side", h("table", { class: "sides" },
-      h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))), h("th", { scope: "col", class: "number" }, "Difference"))),
-      h("tbody", {}, rows.map(([label, [a, b]]) => h("tr", {}, h("th", { scope: "row", class: "name" }, label),
-        [a, b].map(({ value, low, high, digits }) => h("td", { class: "number" }, h("strong", {}, number(value, digits)), " ", interval(low, high, digits))),
-        h("td", { class: "number" }, a.value === null || b.value === null ? ABSENT : signed(a.value - b.value, a.digits))))))),
+      h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Figure"), numbers.map((index) => h("th", { scope: "col", class: "number" }, entrantLink(index))),
+        h("th", { scope: "col", class: "number" }, "Difference"), h("th", { scope: "col", class: "text" }, "Better"))),
+      groups.map(([stage, rows]) => h("tbody", {},
+        stage && h("tr", {}, h("th", { scope: "rowgroup", class: "name stage", colspan: 5 }, stage)),
+        rows.filter(Boolean).map((row) => sideBySide(row, two.map((one) => one.name))))))),
+    note(`Intervals of differences: ${percent(summary.confidence)}\u00a0%, of one figure alone. Points and contacts of the ${MEETINGS.toLowerCase()} rest on the same ${EPISODES}: their differences have no interval of their own. Nothing is proven where there is none.`),
     numbers.every((index) => skillsOf.has(index)) && section("Their n-athlon", profile(numbers)),
   ];
+}
+
+// Of two estimates that know nothing of each other: Zou and Donner's interval of their difference.
+const apartBy = (a, b) => (a.low === null || b.low === null ? [null, null] : [
+  a.value - b.value - Math.hypot(a.value - a.low, b.high - b.value), a.value - b.value + Math.hypot(a.high - a.value, b.value - b.low)]);
+
+// A figure of two entrants, what they differ by, and who is better; `goal` is "max" or "min", `apart` where the two are independent,
+// and `sure` what their difference lies within where something else tells it.
+function sideBySide({ label, title, two: [a, b], written = null, goal = null, apart = false, sure = null }, names) {
+  const known = a.value !== null && b.value !== null;
+  const difference = known ? a.value - b.value : null;
+  const [low, high] = known && apart ? apartBy(a, b) : [null, null];
+  const [least, most] = sure ?? [low, high];
+  const overlap = least === null && a.low !== null && b.low !== null && a.low <= b.high && b.low <= a.high;
+  const first = goal === "min" ? difference < 0 : difference > 0;
+  const told = !goal || !known ? "" : difference === 0 ? "alike" : overlap || (least !== null && least <= 0 && most >= 0) ? "not told apart" : names[first ? 0 : 1];
+  return h("tr", {}, h("th", { scope: "row", class: "name", title }, label),
+    [a, b].map(({ value, low: least, high: most, digits }) => h("td", { class: "number" }, h("strong", {}, written ? written(value) : number(value, digits)), " ", interval(least, most, digits))),
+    h("td", { class: "number" }, written || !known ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),
+    h("td", { class: "text" }, told));
 }

@@ -43,7 +43,7 @@ function matchup([first, second]) {
   const theirs = racesOf(a).filter((race) => race.stage === "tournament" && racesOf(b).includes(race)).map((race) => {
     const cars = carsOf(race);
     const of = (index, name) => sum(cars.filter((car) => car.entrant === index).map((car) => car[name]));
-    return { race, seed: race.seed, points: of(a, "points"), against: of(b, "points"), contacts: of(a, "contacts"), blame: of(a, "contacts_at_fault"), theirs: of(b, "contacts_at_fault") };
+    return { race, seed: race.seed, points: of(a, "points"), against: of(b, "points"), contacts: of(a, "contacts"), touched: of(b, "contacts"), blame: of(a, "contacts_at_fault"), theirs: of(b, "contacts_at_fault") };
   });
   return [
     h("h1", {}, `${two[0].name} against ${two[1].name}`),
@@ -55,7 +55,7 @@ function matchup([first, second]) {
       { key: "points", head: `Points ${two[0].name}`, value: (row) => row.points, cell: (row) => number(row.points, POINT_DIGITS) },
       { key: "against", head: `Points ${two[1].name}`, value: (row) => row.against, cell: (row) => number(row.against, POINT_DIGITS) },
       { key: "difference", head: "Difference", value: (row) => row.points - row.against, cell: (row) => h("strong", {}, signed(row.points - row.against, POINT_DIGITS)) },
-      touches && { key: "contacts", head: "Contacts", value: (row) => row.contacts, cell: (row) => number(row.contacts) },
+      touches && { key: "contacts", head: "Contacts, each", title: `of the cars of ${two[0].name} and of ${two[1].name}: one between two cars counts for both`, value: (row) => row.contacts, cell: (row) => `${number(row.contacts)} : ${number(row.touched)}` },
       blames && { key: "blame", head: "At fault, each", value: (row) => row.blame, cell: (row) => `${number(row.blame)} : ${number(row.theirs)}` },
     ], theirs, { sort: "race", label: `${capital(EPISODES)} of the matchup` }) : empty("They did not meet."),
   ];

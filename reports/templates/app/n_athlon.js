@@ -8,7 +8,7 @@ function nAthlon() {
   const shaded = (row, test) => {
     const skill = row.skills.get(test);
     if (!skill) return h("td", { class: "unmet" }, ABSENT);
-    const about = `${nameOf(row.entrant)}, ${plain(test)}: ${number(skill.points)} points (${number(skill.points_low)} to ${number(skill.points_high)}), ${number(skill.measure, 3)} ${skill.unit}, ${count(skill.runs, "run")}`;
+    const about = `${nameOf(row.entrant)}, ${plain(test)}: ${number(skill.points)} points (${number(skill.points_low)} to ${number(skill.points_high)}), ${measuredAs(skill)}`;
     return h("td", { class: `cell ${shade(skill.points, largest)}`, title: about }, number(skill.points));
   };
   const lines = h("div");
@@ -26,13 +26,13 @@ function nAthlon() {
   });
   return [
     title,
-    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: better by the gain that the test sets. Rank: 1 + the number of entrants proven better; equal ranks are statistical ties.`, shadeKey(BLUES, "0", number(largest))),
+    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: better by the gain that the test sets. Rank: 1 + the number of entrants proven better; = marks a statistical tie.`, shadeKey(BLUES, "0", number(largest))),
     dataTable("n-athlon", [
       { key: "pick", head: "", unseen: "Profile", kind: "pick", cell: box },
       rankColumn(rows),
       entrantColumn((row) => (row.shortlisted ? chip("", "shortlisted") : null)),
       { key: "sum", head: "Sum", value: (row) => row.points, cell: (row) => [h("strong", {}, number(row.points)), " ", interval(row.points_low, row.points_high, 0)] },
-      ...tests.map((test) => ({ key: test, head: plain(test), kind: "test", value: (row) => row.skills.get(test)?.points ?? null, cell: (row) => shaded(row, test) })),
+      ...tests.map((test) => ({ key: test, head: plain(test), kind: "test", title: asked(test), value: (row) => row.skills.get(test)?.points ?? null, cell: (row) => shaded(row, test) })),
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "n-athlon" }),
     section("Profiles", note("Up to three, picked in the table. Dashed: 500 and 1,000 points."), lines),
     tables.incidents.length > 0 && section("Incidents", frozen()),
@@ -69,14 +69,22 @@ function profiled(rows) {
   return [...new Set([...chosen, ...first])].slice(0, 2);
 }
 
+// What a test asks, in what it is measured, and which way is better.
+const unitOf = new Map(tables.skills.map((skill) => [skill.test, skill.unit]));
+const better = ({ base, reference }) => (reference < base ? "less" : "more");
+function asked(test) {
+  const mark = summary.marks[test];
+  return mark && [mark.asks, `Measured in ${unitOf.get(test) ?? "its own unit"}; ${better(mark)} is better.`].filter(Boolean).join(" ");
+}
+
 function marks() {
   const set = Object.entries(summary.marks);
-  const units = new Map(tables.skills.map((skill) => [skill.test, skill.unit]));
+  const asks = set.some(([, mark]) => mark.asks); // runs of earlier versions did not keep it
   const aside = Object.entries(summary.tests_set_aside);
   return [
     set.length ? scroll("Marks", h("table", {},
-      h("thead", {}, h("tr", {}, ["Test", "500 points", "1,000 points", "Unit"].map((head, i) => h("th", { scope: "col", class: i ? "number" : "name" }, head)))),
-      h("tbody", {}, set.map(([test, mark]) => h("tr", {}, h("th", { scope: "row", class: "name" }, plain(test)), h("td", { class: "number" }, number(mark.base, 3)), h("td", { class: "number" }, number(mark.reference, 3)), h("td", { class: "number" }, units.get(test) ?? "")))))) : empty("No marks were set."),
+      h("thead", {}, h("tr", {}, ["Test", "500 points", "1,000 points", "Unit", "Better", asks && "What it asks"].filter(Boolean).map((head, i) => h("th", { scope: "col", class: i === 0 ? "name" : i < 4 ? "number" : "text" }, head)))),
+      h("tbody", {}, set.map(([test, mark]) => h("tr", {}, h("th", { scope: "row", class: "name" }, plain(test)), h("td", { class: "number" }, number(mark.base, 3)), h("td", { class: "number" }, number(mark.reference, 3)), h("td", { class: "number" }, unitOf.get(test) ?? ""), h("td", { class: "text" }, better(mark)), asks && h("td", { class: "text" }, mark.asks)))))) : empty("No marks were set."),
     aside.length > 0 && [h("h3", {}, "Tests not held"), h("ul", {}, aside.map(([test, reason]) => h("li", {}, `${plain(test)}: ${reason}`)))],
   ];
 }

@@ -7,6 +7,8 @@ const objectiveTitle = (name) => {
   const title = plain(name.replace(/_per_km$|_s$|_m$/, ""));
   return `${title}${unit === "1" ? "" : ` [${unit}]`}${goal === "max" ? ", more is better" : ""}`;
 };
+const MEASURED_IN = { time_trial: "in the time trials", race: `in the filter's ${EPISODES}` };
+const measuredIn = (name) => MEASURED_IN[objectiveUnit.get(name).source] ?? "in the filter";
 const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;
 
 function pareto() {
@@ -49,12 +51,13 @@ function pareto() {
 
 function front2d(rows, x, y) {
   const points = rows
-    .map((row) => ({ ...row, name: nameOf(row.entrant), x: row[`= ${x}`], y: row[`= ${y}`] }))
+    .map((row) => ({ ...row, name: nameOf(row.entrant), sent: sent.has(entrants[row.entrant].entrant), x: row[`= ${x}`], y: row[`= ${y}`] }))
+    .map((row) => ({ ...row, label: row.sent ? `${row.name}, sent` : row.name }))
     .filter((row) => row.x !== null && row.x !== undefined && row.y !== null && row.y !== undefined);
   const unseen = rows.length - points.length;
   if (!points.length) return [empty("Nobody has both.")];
   const kinds = [points.filter((p) => !p.survives), points.filter((p) => p.survives && !p.finalist), points.filter((p) => p.finalist)];
-  const labels = [...kinds[2], ...kinds[1]];
+  const labels = [...points.filter((p) => p.sent), ...[...kinds[2], ...kinds[1]].filter((p) => !p.sent)];
   // The few that are far off lie on the edge, or the front would be a speck in a corner.
   const range = (axis) => {
     const values = points.map((p) => p[axis]);
@@ -74,7 +77,7 @@ function front2d(rows, x, y) {
       Plot.dot(kinds[1], { x: "x", y: "y", r: 4, fill: "var(--survivor)" }),
       Plot.dot(kinds[2], { x: "x", y: "y", r: 5, fill: "var(--finalist)", symbol: "diamond" }),
       ["start", "end"].map((anchor) => Plot.text(texts.filter((text) => text.anchor === anchor), {
-        x: "x", y: "y", text: "name", textAnchor: anchor, dx: anchor === "start" ? 9 : -9, fill: "currentColor", stroke: "var(--paper)", strokeWidth: 4,
+        x: "x", y: "y", text: "label", textAnchor: anchor, dx: anchor === "start" ? 9 : -9, fill: "currentColor", stroke: "var(--paper)", strokeWidth: 4,
       })),
       Plot.tip(points, Plot.pointer({ ...tip, x: "x", y: "y", title: describe })),
     ],
@@ -91,17 +94,17 @@ function front2d(rows, x, y) {
   ];
 }
 
-// Labels beside their dots, the first come first; one that would cover another is left to the tip.
+// Labels beside their dots, the first come first; one that would cover another is left to the tip, but for who is sent.
 function placed(plot, points, width) {
   const [x, y] = [plot.scale("x"), plot.scale("y")];
   const taken = points.map((p) => [x.apply(p.x) - 5, y.apply(p.y) - 5, 10, 10]);
   const clear = (box) => taken.every(([left, top, w, height]) => box[0] > left + w || left > box[0] + box[2] || box[1] > top + height || top > box[1] + box[3]);
   return points.flatMap((point) => {
-    const w = 6.6 * point.name.length;
+    const w = 6.6 * point.label.length;
     const [px, py] = [x.apply(point.x), y.apply(point.y)];
     for (const [anchor, left] of [["start", px + 9], ["end", px - 9 - w]]) {
       const box = [left, py - 7, w, 14];
-      if (left > 56 && left + w < width && clear(box)) {
+      if (left > 56 && left + w < width && (point.sent || clear(box))) {
         taken.push(box);
         return [{ ...point, anchor }];
       }

@@ -10,16 +10,16 @@ function raceView([key, index]) {
   const player = recording && playerOf(recording);
   const flagged = (value) => (value ? h("span", { class: "fault" }, number(value)) : "0");
   return [
-    h("p", { class: "over" }, `${plain(race.stage)} · ${plain(race.test)}`),
+    h("p", { class: "over" }, `${stageName(race.stage)} · ${plain(race.test)}`),
     h("h1", {}, `${capital(EPISODE)} ${race.key.slice(0, 12)}/${race.race}`),
     teams.length === 2 && h("p", { class: "why" }, teams.map(([, own], i) => [i > 0 && " : ", entrantLink(own[0].entrant), ` ${number(sum(own.map((one) => one.points)), POINT_DIGITS)}`])),
     facts([
       ["Seed", race.seed], (onCircuit || race.stage === "tournament") && [onCircuit ? "Grid" : "Sides", race.mirrored ? "mirrored" : "as drawn"],
-      onCircuit && ["Contacts", number(sum(cars.map((one) => one.contacts)) / 2), "each counted once; in the table, for both cars"],
+      onCircuit && ["Contacts", [number(sum(cars.map((one) => one.contacts)) / 2), h("small", {}, "each counted once; in the table for both cars")]],
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
     shown?.video && filmOf(shown),
-    player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), clipsHere(ready, shown), twinOf(ready, shown)]),
+    player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), keyHints("Click the race for its keys: "), clipsHere(ready, shown), twinOf(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
       { key: "grid", head: onCircuit ? "Grid" : "Seat", first: "ascending", value: (row) => row.slot, cell: (row) => [number(row.slot), " ", onCircuit && gained(row.slot - row.place)] },
@@ -57,6 +57,8 @@ function later(player, draw) {
 
 async function playerOf(race) {
   const player = racePlayer(await openRecording(race, data.circuit), { scrolls: true, ...momentOf(here().params) });
+  // A click gives it the keys: it takes the focus, and the page keeps its own keys elsewhere.
+  player.node.tabIndex = -1;
   player.node.addEventListener("keydown", player.key);
   keepMoment(player, (moment) => Object.entries(moment).forEach(([name, value]) => keep(name, value)));
   return player;

@@ -83,11 +83,11 @@ const entrantColumn = (extra = () => null) => ({
   cell: (row) => [entrantLink(row.entrant), " ", chips(row.entrant), extra(row)],
 });
 const rankColumn = (rows) => {
-  const shared = groups(rows, "rank");
+  const written = rankIn(rows);
   return {
     key: "rank", head: "Rank", kind: "rank", first: "ascending",
-    title: "1 + the number of entrants proven better, after Holm's correction; equal ranks are statistical ties",
+    title: "1 + the number of entrants proven better, after Holm's correction; = marks a statistical tie",
     value: (row) => row.rank,
-    cell: (row) => [shared.get(row.rank).length > 1 && h("span", { class: "equal", title: "statistically tied" }, "="), number(row.rank)],
+    cell: (row) => written(row.rank),
   };
 };

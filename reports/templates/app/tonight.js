@@ -24,13 +24,11 @@ function tonight() {
   ];
 }
 
-const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };
-
 function funnel() {
   const view = { pareto: "pareto", battery: "n-athlon", tournament: "leaderboard", committee: "committee" };
   return summary.stages.length > 0 && h("ol", { class: "funnel" }, summary.stages.map((stage) =>
     h("li", {},
-      link(to(view[stage.name] ?? "tonight"), STAGES[stage.name] ?? plain(stage.name)),
+      link(to(view[stage.name] ?? "tonight"), stageName(stage.name)),
       h("span", { class: "counts" }, number(stage.in), h("span", { class: "arrow" }, "→"), number(stage.out)),
       h("span", { class: "cost" }, stage.races ? `${count(stage.races, EPISODE)}, ${duration(stage.wall_s)}` : "ballots"))));
 }
@@ -60,7 +58,7 @@ function health() {
       met && ["Correlation in mirrored pairs", number(summary.pair_correlation, 2), `the more negative, the more ${EPISODES} mirroring saves`],
     ]),
     worst.length > 0 && h("p", {}, "Most faults: ", worst.map(([entrant, faults], i) => [i > 0 && ", ", entrantLink(entrant), ` ${number(faults)}`])),
-    aside.length > 0 && h("ul", {}, aside.map(([stage, reason]) => h("li", {}, `${plain(stage)} was not held: ${reason}`))),
+    aside.length > 0 && h("ul", {}, aside.map(([stage, reason]) => h("li", {}, `${stageName(stage)} was not held: ${reason}`))),
     set.length > 0 && h("ul", {}, set.map(([test, reason]) => h("li", {}, `${plain(test)} was not held: ${reason}`))),
     summary.excluded.length > 0 && h("details", { open: summary.excluded.length < 6 }, h("summary", {}, "Files set aside"),
       h("ul", {}, summary.excluded.map((file) => h("li", {}, h("code", {}, file.source), " ", file.reason.replace(`${file.source}: `, ""))))),
@@ -82,7 +80,7 @@ function foreseen() {
       h("thead", {},
         h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", capital(EPISODES), "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
         h("tr", {}, [1, 2, 3].map(() => ["forecast", "outcome"].map((text) => h("th", { class: "number" }, text))))),
-      h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, STAGES[stage.name]),
+      h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, stageName(stage.name)),
         pair(number(stage.entrants), number(came.in)),
         pair(number(stage.races), number(came.races)),
         pair(stage.core_s === null ? ABSENT : duration(stage.core_s), came.ran ? duration(came.core_s) : ABSENT)))))),
@@ -96,7 +94,8 @@ function changes() {
   const before = data.previous;
   if (!before) return empty("There is no earlier run in this store to compare with.");
   const fresh = entrants.filter((one) => one.number < data.listed && !known.has(one.number));
-  const places = byEntrant(rowsOf(before.pool));
+  const pooled = rowsOf(before.pool);
+  const [places, rankBefore] = [byEntrant(pooled), rankIn(pooled)];
   const pool = tables.pool.length ? tables.pool : tables.ranking;
   const moved = pool
     .filter((row) => places.has(row.entrant) && places.get(row.entrant).rank !== row.rank)
@@ -111,11 +110,11 @@ function changes() {
       ["Sent now", names(summary.sent)],
       ["Newcomers", `${number(fresh.length)}, ${number(survive)} through the filter`],
     ]),
-    arrived.length > 0 && h("p", {}, "New in the pool: ", arrived.slice(0, 8).map((row, i) => [i > 0 && ", ", entrantLink(row.entrant), ` (rank ${row.rank})`]),
+    arrived.length > 0 && h("p", {}, "New in the pool: ", arrived.slice(0, 8).map((row, i) => [i > 0 && ", ", entrantLink(row.entrant), ` (rank ${poolRank(row.rank)})`]),
       arrived.length > 8 && `, and ${number(arrived.length - 8)} more`, "."),
     !pool.length ? null : moved.length > 0
       ? h("ul", { class: "moves" }, moved.slice(0, 10).map((row) => h("li", {},
-          h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${row.before} → ${row.rank}`)))
+          h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${rankBefore(row.before)} → ${poolRank(row.rank)}`)))
       : h("p", {}, "No rank in the pool has changed."),
     note(`Ranks in the pool of all nights. Newcomers can push others down; more ${EPISODES} can break ties.`),
   ];
@@ -133,5 +132,4 @@ function replay({ match, race, why, player, video, recording, replay: rerun, mis
   ];
 }
 
-const quoted = (word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", `'"'"'`)}'`);
-const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, words.map(quoted).join(" ")));
+const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, typed(words)));

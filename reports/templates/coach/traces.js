@@ -28,7 +28,7 @@ function lapTraces(box, { own, other, edited }, onPlace) {
   for (const lap of [own, other]) lap.lost = lostOn(lap, other);
   for (const drive of edited) drive.lost = lostOn(drive, other, valueAt(own, "lost", drive.place[0]));
   const charts = [
-    { name: "Time lost, s", key: "lost", height: 130, least: 0.1, words: (v) => `${v >= 0 ? "+" : "−"}${Math.abs(v).toFixed(3)}`, without: "other" },
+    { name: "Time lost, s", key: "lost", height: 130, least: 0.1, words: (v) => difference(v, 3), without: "other" },
     { name: "Speed, km/h", key: "speed", height: 190, least: 20, scale: 3.6, words: (v) => v.toFixed(0) },
     { name: "Throttle and brake, %", key: "pedal", height: 90, range: [-105, 105], scale: 100, words: (v) => v.toFixed(0) },
     { name: "Line, m left of the middle", key: "lateral", height: 110, least: 2, words: (v) => v.toFixed(1) },

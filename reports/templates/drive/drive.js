@@ -221,7 +221,7 @@ function newMap(made, cars) {
     time, samples, line: made.line, ground: made.ground,
     moment: () => [time.length - 1, 0],
     value: (name, car) => frame.cars[car][name] ?? 0,
-    drives: (car) => frame.cars[car].driving,
+    drives: (car) => frame.cars[car].doing === "driving",
   };
   const state = { now: 0, followed: 0, zoom: 1, moved: null };
   const draw = raceScene(recording, document.getElementById("map"), state);

@@ -9,7 +9,7 @@ function lapTime(seconds) {
   return `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(ms % 1000).padStart(3, "0")}`;
 }
 
-const signed = (seconds) => `${seconds < 0 ? "−" : "+"}${Math.abs(seconds).toFixed(2)}`;
+const ordinal = (place) => `${place}${{ one: "st", two: "nd", few: "rd", other: "th" }[new Intl.PluralRules("en", { type: "ordinal" }).select(place)]}`;
 
 // The lap to compare your own with: time since the line at each row of the circuit.
 function newReference(driver, lapM) {
@@ -74,7 +74,7 @@ function newHud({ race, scene, reference }) {
     );
     times.replaceChildren(
       row("Lap", lapTime(frame.lap)),
-      row(reference.own && reference.has ? "To my best" : "To the driver", delta === null ? "–" : signed(delta), delta === null ? "" : delta < 0 ? "better" : "worse"),
+      row(reference.own && reference.has ? "To my best" : "To the driver", delta === null ? "–" : difference(delta, 2), delta === null ? "" : delta < 0 ? "better" : "worse"),
       row("Last", lapTime(frame.lastLap)),
       row("Best", lapTime(frame.bestLap)),
       ...(frame.penalty > 0 ? [row("Penalty to serve", `${frame.penalty.toFixed(1)} s`, "worse")] : []),
@@ -86,11 +86,11 @@ function newHud({ race, scene, reference }) {
     order.replaceChildren(
       ...near.map((i) => {
         const other = frame.cars[i];
-        const gap = i === own ? "" : signed(other.place < car.place ? -apart(other, car) : apart(car, other));
-        const name = h("span", {}, h("i", { "data-colour": i }), `${other.place}. ${race.cars[i].name}`);
+        const gap = i === own ? "" : difference(other.place < car.place ? -apart(other, car) : apart(car, other), 2);
+        const name = h("span", {}, h("i", { "data-colour": i }), `${other.place}. ${called(race.cars[i].name)}`);
         // The policy of the page allows no style in markup.
         name.firstChild.style.background = race.cars[i].colour;
-        return h("div", { class: `row ${i === own ? "own" : ""} ${other.driving ? "" : "out"}` }, name, h("span", {}, other.driving ? gap : "out"));
+        return h("div", { class: `row ${i === own ? "own" : ""} ${other.doing}` }, name, h("span", {}, other.doing === "driving" ? gap : other.doing));
       }),
     );
   }

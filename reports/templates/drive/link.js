@@ -1,5 +1,6 @@
 // The connection to the server, and the race as its frames tell it.
 
+const DOING = ["out", "driving", "finished"];
 const PHASES = ["countdown", "racing", "paused", "over"];
 const BEHIND_S = 2.5 / 60; // drawn so far behind the latest frame: there are then two to draw between
 const DRIFT = 0.002; // share of the time by which a clock that runs ahead is held back
@@ -24,7 +25,7 @@ function readFrame(buffer) {
       x: float(at), y: float(at + 4), z: float(at + 8), yaw: float(at + 12), pitch: float(at + 16), roll: float(at + 20),
       speed: float(at + 24), progress: float(at + 28), gap: float(at + 32),
       throttle: view.getUint8(at + 36) / 255, brake: view.getUint8(at + 37) / 255,
-      place: view.getUint8(at + 38), driving: view.getUint8(at + 39) > 0,
+      place: view.getUint8(at + 38), doing: DOING[view.getUint8(at + 39)],
     });
   }
   return frame;

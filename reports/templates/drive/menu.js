@@ -15,9 +15,19 @@ function meaning(difficulty, levels) {
   return `The built-in driver at ${percent(slow)} to ${percent(fast)} of its pace.`;
 }
 
+// What somebody is called in the order and the menu: built-in drivers in plain words, people by their names.
+function called(name) {
+  const [, number = "", source] = /^(\d+ )?(.*)$/.exec(name);
+  if (source.startsWith("human:")) return number + source.slice("human:".length);
+  if (!/^driver(:|$)/.test(source)) return name;
+  const { pace, ...others } = Object.fromEntries(source.slice("driver:".length).split(",").filter(Boolean).map((one) => one.split("=")));
+  const told = [pace && `${percent(Number(pace))} pace`, ...Object.entries(others).map(([what, value]) => (what === "temper" ? value : `${what} ${value}`))];
+  return `${number}Built-in driver${told.some(Boolean) ? `, ${told.filter(Boolean).join(", ")}` : ""}`;
+}
+
 function titled(name) {
   const words = name.replace(/(\/circuit)?\.toml$/, "").split("/").at(-1);
-  return words.split("-").map((word) => word[0].toUpperCase() + word.slice(1)).join(" ");
+  return words.split("-").map((word) => (/^[a-z]+\d+$/.test(word) ? word.toUpperCase() : word[0].toUpperCase() + word.slice(1))).join(" ");
 }
 
 function newMenu({ choices, inputs, onGo }) {
@@ -58,7 +68,7 @@ function newMenu({ choices, inputs, onGo }) {
       .map(({ name, drives }, index) => ({ name, index, there: drives.some(([a, b]) => a === circuit.value && b === car.value) }))
       .filter((one) => one.there);
     const chosen = blind ? there.filter(({ index }) => blind.next.includes(index)) : there.slice(0, Math.max(there.length - 2, 1));
-    opponents.replaceChildren(...there.map((one) => check("opponent", one.name, chosen.includes(one), one.index)));
+    opponents.replaceChildren(...there.map((one) => check("opponent", called(one.name), chosen.includes(one), one.index)));
   }
   for (const control of [circuit, car]) control.addEventListener("change", listOpponents);
 
@@ -129,18 +139,18 @@ function resultDialog({ rows, car, recording, inputs, questions, forecast }, { o
   const dialog = document.getElementById("result");
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
-    [row.place, row.name, row.race_time_s === null ? row.ending.replace("_", " ") : lapTime(row.race_time_s), row.best_lap_s === null ? "–" : lapTime(row.best_lap_s), row.penalties, row.contacts].map((value) => h("td", {}, String(value)))));
+    [row.place, called(row.name), row.race_time_s === null ? row.ending.replace("_", " ") : lapTime(row.race_time_s), row.best_lap_s === null ? "–" : lapTime(row.best_lap_s), row.penalties, row.contacts].map((value) => h("td", {}, String(value)))));
   const button = (text, what, kind) => h("button", { class: kind, onclick: () => { dialog.close(); what(); } }, text);
   const own = rows.find((row) => row.car === car);
   dialog.replaceChildren(
-    h("h2", {}, own.ending === "finished" ? `You came ${own.place}. of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
-    ...(forecast ? [h("p", { id: "forecast" }, `Forecast: place ${forecast.place.toFixed(1)} of ${forecast.cars}, likely ${forecast.low === forecast.high ? forecast.low : `${forecast.low} to ${forecast.high}`}. You came ${own.place}.`)] : []),
+    h("h2", {}, own.ending === "finished" ? `You came ${ordinal(own.place)} of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
+    ...(forecast ? [h("p", { id: "forecast" }, `Forecast: place ${forecast.place.toFixed(1)} of ${forecast.cars}, likely ${forecast.low === forecast.high ? forecast.low : `${forecast.low} to ${forecast.high}`}. You came ${ordinal(own.place)}.`)] : []),
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
     ...(questions
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
-      : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, `nathlon replay ${recording}`)),
+      : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, typed(["nathlon", "replay", recording]))),
          h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
-         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, `nathlon coach ${recording} --car ${car}`)),
+         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", String(car)]))),
          h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave))]));
   dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); if (questions) onAsk(questions); else onLeave(); };
   dialog.showModal();

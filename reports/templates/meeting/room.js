@@ -3,6 +3,7 @@
 const el = (id) => document.getElementById(id);
 const VIEWS = ["questions", "report", "races", "log"];
 const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again." };
+const STAGES = { pareto: "filter", battery: "n-athlon", tournament: "round robin" };
 const TOLD_MS = 6000;
 
 function start() {
@@ -46,7 +47,7 @@ function start() {
   function stands() {
     const own = room.runs.find(({ name }) => name === room.run);
     const { progress } = room;
-    el("stands").textContent = progress ? `${progress.stage}: ${number(progress.done)} of ${number(progress.total)} matches` : room.outcome ?? own.status;
+    el("stands").textContent = progress ? `${STAGES[progress.stage] ?? progress.stage}: ${number(progress.done)} of ${number(progress.total)} matches` : room.outcome ?? own.status;
   }
 
   function show(state) {

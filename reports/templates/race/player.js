@@ -158,6 +158,10 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
   return { node, scene, state, recording, end, on: watchers, seek, follow, play, key };
 }
 
+// The keys that `key` knows, to be shown beside a player.
+const KEYS = [["Space"], " play", ["←"], ["→"], " 1 s, with ", ["Shift"], " 10 s", [","], ["."], " 0.1 s", ["↑"], ["↓"], " next car", ["["], ["]"], " incidents", ["M"], " whole circuit, wheel zooms", ["V"], " 3-D", ["C"], " camera", ["F"], " full screen"];
+const keyHints = (before = "") => h("p", { class: "keys" }, before, KEYS.map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : `${part}\u2002`)));
+
 // Have the moment and the car written down, where they are others than at first, when the player has stood still.
 const KEPT_MS = 300;
 function keepMoment(player, write) {
@@ -170,5 +174,5 @@ function keepMoment(player, write) {
   });
 }
 
-// The moment and the car that a query names.
-const momentOf = (params) => ({ now: Number(params.get("at")) || 0, ...(params.has("car") && { followed: Number(params.get("car")) }) });
+// The moment and the car that a query names, if it does.
+const momentOf = (params) => ({ ...(params.has("at") && { now: Number(params.get("at")) || 0 }), ...(params.has("car") && { followed: Number(params.get("car")) }) });

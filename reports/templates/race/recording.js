@@ -98,6 +98,12 @@ async function openRecording(race, circuit) {
   };
 }
 
+// A difference with its sign; what rounds to zero has no minus.
+function difference(value, digits) {
+  const text = Math.abs(value).toFixed(digits);
+  return `${value < 0 && Number(text) > 0 ? "−" : "+"}${text}`;
+}
+
 function clock(seconds) {
   const tenths = Math.max(Math.round(seconds * 10), 0);
   return `${Math.floor(tenths / 600)}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;

@@ -52,8 +52,9 @@ function spaceScene(recording, state, id) {
     return { ...now, target: now.target.map((to, i) => between(before.target[i], to)), fov: between(before.fov, now.fov) };
   }
 
-  function tell(shot, tick) {
-    const [first, second] = shot.cars;
+  // Of the cars that are in the picture.
+  function tell(shot, tick, watched, seen) {
+    const [first = watched, second] = shot.cars.filter((car) => seen[car]);
     const who = second === undefined ? race.cars[first].name : `${race.cars[first].name}, ${recording.gap(second, first, tick).toFixed(1)} s before ${race.cars[second].name}`;
     return `Camera ${shot.camera + 1} of ${cameras.length}: ${who}`;
   }
@@ -64,23 +65,24 @@ function spaceScene(recording, state, id) {
     const frame = frameAt(state.now);
     const own = frame.cars[watched];
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    let [camera, words] = [null, race.cars[watched].name];
+    let [camera, shot] = [null, null];
     if (state.camera === "cockpit") camera = cockpitCamera(own);
     else if (state.camera === "chase") camera = chaseCamera(own, recording.value("yaw", watched, ...recording.moment(state.now - LAG_S)));
     else {
-      const shot = shotNow();
+      shot = shotNow();
       camera = tracksideCamera(shot, frame, watched, width / height);
-      words = tell(shot, tick);
     }
     const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1 });
-    if (told.textContent !== words) told.textContent = words;
+    const seen = labels.map(() => false);
     for (let car = 0; car < cars; car++) {
       const [x, y, ahead] = projected(matrix, besideCar(frame.cars[car], 0, LABEL_M));
-      const seen = ahead > 1 && Math.abs(x) < 1 && Math.abs(y) < 1 && !(state.camera === "cockpit" && car === watched);
-      labels[car].hidden = !seen;
+      seen[car] = ahead > 1 && Math.abs(x) < 1 && Math.abs(y) < 1 && !(state.camera === "cockpit" && car === watched);
+      labels[car].hidden = !seen[car];
       labels[car].classList.toggle("own", car === watched);
-      if (seen) labels[car].style.translate = `${((1 + x) / 2) * width}px ${((1 - y) / 2) * height}px`;
+      if (seen[car]) labels[car].style.translate = `${((1 + x) / 2) * width}px ${((1 - y) / 2) * height}px`;
     }
+    const words = shot ? tell(shot, tick, watched, seen) : race.cars[watched].name;
+    if (told.textContent !== words) told.textContent = words;
   }
 
   return { node, canvas, open, draw };

@@ -39,9 +39,9 @@ const gapOf = (recording, car) => series(recording, car, (tick) => recording.gap
 function twinCharts(player, [original, twin], car, mark) {
   const both = (name, of) => ({ name, lines: [[original, of(original), ORIGINAL, "original"], [twin, of(twin), TWIN, "twin"]] });
   const charts = [
-    { ...both("Place", (one) => series(one, car, (tick) => one.samples.place[car][tick])), down: true, least: 2, words: (v) => `${v}.` },
+    { ...both("Place", (one) => series(one, car, (tick) => one.samples.place[car][tick])), down: true, least: 2, words: (v) => v.toFixed(0) },
     { ...both("Gap to the first, s", (one) => gapOf(one, car)), down: true, least: 1, words: (v) => `+${v.toFixed(1)}` },
-    { name: "Twin ahead of the original, s", lines: [[twin, lead(twin, original, car), TWIN, "twin"]], zero: true, least: 0.5, words: (v) => `${v >= 0 ? "+" : "−"}${Math.abs(v).toFixed(2)}` },
+    { name: "Twin ahead of the original, s", lines: [[twin, lead(twin, original, car), TWIN, "twin"]], zero: true, least: 0.5, words: (v) => difference(v, 2) },
   ];
   return charts.map((chart) => chartOf(player, chart, mark));
 }
@@ -74,7 +74,9 @@ function chartOf(player, { name, lines, down, zero, least, words }, mark) {
     pen.fillStyle = "#99a1ac";
     pen.font = `${10 * ratio}px system-ui, sans-serif`;
     pen.textAlign = "right";
-    for (const v of [low + room, high - room]) {
+    // Of a line that never moves both ends have one label.
+    const ends = new Map([low + room, high - room].map((v) => [words(v), v]));
+    for (const v of ends.values()) {
       const at = y(v) + (y(v) < height / 2 ? 10 : -2) * ratio;
       pen.fillText(words(v), width - 2 * ratio, at);
     }

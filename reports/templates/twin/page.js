@@ -5,13 +5,12 @@ async function start() {
   const { circuit, car, at: takenOver, parted, sides } = JSON.parse(at("twins").textContent);
   const recordings = await Promise.all(sides.map(({ race }) => openRecording(race, circuit)));
   const mark = takenOver ?? parted;
-  const first = { followed: car, now: Math.max((mark ?? 0) - 1, 0), ...momentOf(new URLSearchParams(location.hash.slice(1))) };
+  // A policy that drives from the start parts later from the one before it.
+  const first = { followed: car, now: Math.max((parted ?? mark ?? 0) - 1, 0), ...momentOf(new URLSearchParams(location.hash.slice(1))) };
   const player = racePlayer(recordings[0], { ...first, beside: recordings[1], scrolls: true });
   at("races").append(player.node);
   // Below the page, so that it stays in reach.
-  at("foot").append(player.node.querySelector(".transport"), h("p", { class: "keys" },
-    [["Space"], " play", ["←"], ["→"], " 1 s, with ", ["Shift"], " 10 s", [","], ["."], " 0.1 s", ["↑"], ["↓"], " next car", ["["], ["]"], " incidents", ["M"], " whole circuit", ["V"], " 3-D", ["C"], " camera", ["F"], " full screen"]
-      .map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : part))));
+  at("foot").append(player.node.querySelector(".transport"), keyHints());
   if (mark !== null) {
     at("marks").append(h("svg:line", { id: "parted", x1: mark, x2: mark, y1: -3, y2: 24, stroke: "#f06a6a", "stroke-width": 2, "vector-effect": "non-scaling-stroke" }));
   }
