@@ -18,7 +18,8 @@ from nathlon.arena.pit_walls import Advised, PitWalls
 from nathlon.arena.team import ROW_WISE, Absent, Team
 from nathlon.arena.team_of_networks import TeamOfNetworks, join_networks
 from nathlon.arena.watch import Watch
-from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources.composite import Composite
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
@@ -150,6 +151,8 @@ class _Meeting:
         self._endings = np.full(self.world.state.shape, "", dtype="U16")
         self._driven = np.zeros(self.world.state.shape)
         self._actions = np.zeros((self._cars.size, 2), np.float32)
+        everybody = [one for _, policies in line_ups.values() for one in policies]
+        show_plan(self.world, *(one.observation_spec for one in everybody if not isinstance(one, Absent)))
         self._views = self._line_up(line_ups)
         self._pit_walls = PitWalls(self.world, scenario.laps, list(self._advised(line_ups)))
         self._reliefs = [
@@ -167,6 +170,7 @@ class _Meeting:
             seats = np.array([[seat.entrant for seat in race.seats] for race in match.races])
             for entrant, policy in enumerate(policies):
                 cars = np.flatnonzero(seats == entrant) + grid * self._races[number].start
+                self._cars["has_reverse"][cars] = has_reverse(policy)
                 if isinstance(policy, Absent):
                     self._retire(cars, policy.ending)
                 elif isinstance(policy, ROW_WISE):
@@ -279,6 +283,8 @@ class _Meeting:
                 self._retire(np.array([relief.car]), relief.policy.ending)
             return
         assert relief.view is not None, "a policy looks"
+        if now:
+            self._cars["has_reverse"][relief.car] = has_reverse(relief.policy)
         # What it sees may be late: it looks from the start.
         for team, seen, due in relief.view.look(self.world):
             [row] = np.flatnonzero(team.cars == relief.car)

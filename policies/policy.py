@@ -14,6 +14,11 @@ Observations = NDArray[Any]
 """As `World.observe` gives them: (n, size) float32, with a camera (n,) records."""
 
 
+def has_reverse(policy: object) -> bool:
+    """Whether a policy's cars have a reverse gear: if its `reverse` says so, which most policies lack."""
+    return bool(getattr(policy, "reverse", False))
+
+
 class Policy(Protocol):
     """Maps a batch of observations to a batch of actions, one row a car.
 

@@ -95,7 +95,7 @@ class Panels:
         speed = 3.6 * float(np.hypot(car["velocity_x_m_s"], car["velocity_y_m_s"]))
         write(picture, self._names[self._followed], (left, box.top + 8), 20, FAINT, "topleft")
         write(picture, f"{speed:.0f} km/h", (left, box.top + 30), 38, INK, "topleft")
-        write(picture, f"{car['gear']}", (right, box.top + 30), 38, INK, "topright")
+        write(picture, f"{car['gear'] or 'R'}", (right, box.top + 30), 38, INK, "topright")
         for row, (name, colour) in enumerate(PEDALS.items()):
             groove = pygame.Rect(left, box.bottom - 28 + 10 * row, right - left, 6)
             pygame.draw.rect(picture, GROOVE, groove)

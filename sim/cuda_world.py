@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.observation_kernel import Nearby, layout_parameters, observe_car, view_parameters
 from nathlon.sim.physics.tyre import Ground
+from nathlon.sim.plan import UNPLANNED
 from nathlon.sim.world import SUBSTEPS, World, race_of, step_race
 
 THREADS = 64
@@ -57,7 +58,8 @@ class CudaWorld:
         """
         self._world = world
         self._parameters = _to_device(world.parameters)
-        self._view = _to_device(view_parameters(world.parameters))
+        plan = world.plan.table if world.plan else UNPLANNED
+        self._view = _to_device(view_parameters(world.parameters, plan))
         self._races = _to_device(world.arrays())
 
     def step(self, actions: NDArray[np.floating], substeps: int = SUBSTEPS) -> None:

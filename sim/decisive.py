@@ -32,6 +32,7 @@ DECISIVE = (
     "sim/observation.py",
     "sim/observation_kernel.py",
     "sim/parameters.py",
+    "sim/plan.py",
     "sim/reaction.py",
     "sim/rules.py",
     "sim/scenario.py",

@@ -19,10 +19,14 @@ from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.car_facts import FACTS
 from nathlon.sim.errors import InputError
 
-VERSION, ANY_CAR, SEEING = 2, 3, 4
-"""Layouts: for policies of one circuit and car, for those of any, which are told what the car is, and for
-those that see by a camera and are told nothing but what a car's own sensors tell."""
+VERSION, ANY_CAR, PLANNED, SEEING = 2, 3, 4, 5
+"""Layouts: for policies of one circuit and car; for those of any, which see what the car is; for those that
+see the plan of a driver as well; and for those that see by a camera, and what a car's own sensors tell."""
+NUMBERED = VERSION, ANY_CAR, PLANNED
+"""Layouts without a camera."""
 
+PLAN_PACE = 0.97
+"""Share of the plan's speeds that is shown unless a spec says otherwise: they leave no margin for errors."""
 TOP_SPEED = 90.0  # m/s
 STEEP = 0.1
 """Range of a course point's height as a share of that of its distance."""
@@ -117,6 +121,21 @@ SENSORS = (
 """What an inertial unit, the wheel, the pedals and the dashboard of a car with a camera tell."""
 PICTURE, NUMBERS = "picture", "sensors"
 """Parts of what a car with a camera sees."""
+STATIONS_S = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.35, 1.75, 2.25, 2.9, 3.7, 4.7, 6.0)
+"""Stations of the plan, s of travel at the present speed, denser near the car than far away."""
+
+
+def _station(ahead_s: float) -> tuple[float, ...]:
+    """Greatest numbers of a station, which is given as OFFSET, y, heading, speed, curvature and steering."""
+    return 8.0, 4.0 + 30.0 * ahead_s, min(0.3 + 0.5 * ahead_s, 1.5), min(0.1 + 0.15 * ahead_s, 0.6), 0.03, 0.5
+
+
+STATION_SIZE = len(_station(0.0))
+ERRORS = 5
+"""How far the car is off the plan: in offset, course, speed, sideslip and yaw rate, between -1 and 1."""
+_PLAN = tuple(most for ahead_s in STATIONS_S for most in _station(ahead_s)) + (1.0,) * ERRORS
+PLAN = Field("plan", "see STATIONS_S", tuple(-most for most in _PLAN), _PLAN)
+"""In the layout with a plan: its stations, then the car's errors."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +151,8 @@ class ObservationSpec:
             centre and right, then y, then z of the three. With none, there is no such field.
         horizon_s: seconds of travel at the present speed that the course points span.
         cars_ahead, cars_behind: length of the two lists of opponents, nearest first.
-        version: of the layout: VERSION or ANY_CAR, with a camera SEEING.
+        version: of the layout: one of NUMBERED, with a camera SEEING.
+        plan_pace: share of the plan's speeds that is shown, where there is a plan.
         camera: by which the car sees; None for numbers alone.
     """
 
@@ -141,16 +161,21 @@ class ObservationSpec:
     cars_ahead: int = 4
     cars_behind: int = 4
     version: int = VERSION
+    plan_pace: float = PLAN_PACE
     camera: CameraSpec | None = None
 
     def __post_init__(self) -> None:
         if self.camera is not None:
             self._see()
-        elif self.version not in (VERSION, ANY_CAR):
+        elif self.version not in NUMBERED:
             raise InputError(
                 f"observation spec: version is {self.version}, "
-                f"this simulator makes versions {VERSION} and {ANY_CAR}, and {SEEING} with a camera"
+                f"this simulator makes versions {', '.join(map(str, NUMBERED))}, and {SEEING} with a camera"
             )
+        if not 0.5 <= self.plan_pace <= 1.5:
+            raise InputError(f"observation spec: plan_pace is {self.plan_pace!r}, expected 0.5 to 1.5")
+        if self.plan_pace != PLAN_PACE and not self.planned:
+            raise InputError(f"observation spec: plan_pace is given, expected version {PLANNED} beside it")
         for name in ("course_points", "cars_ahead", "cars_behind"):
             value = getattr(self, name)
             if not isinstance(value, int) or not 0 <= value <= 500:
@@ -195,12 +220,17 @@ class ObservationSpec:
         if self.version == VERSION:
             return OWN + course + lists
         own = tuple(AXLE_SLIP if field.name == "progress" else field for field in OWN)
-        return (*own, *course, *lists, CAR)
+        return (*own, *course, *lists, *((PLAN,) if self.planned else ()), CAR)
+
+    @property
+    def planned(self) -> bool:
+        """Whether a plan is seen."""
+        return self.version == PLANNED
 
     @property
     def facts(self) -> int:
         """How many of the numbers, the last ones, do not change in a race."""
-        return CAR.size if self.version == ANY_CAR else 0
+        return 0 if self.version == VERSION else CAR.size
 
     @cached_property
     def size(self) -> int:
@@ -240,10 +270,12 @@ class ObservationSpec:
         return np.zeros(cars, [(NUMBERS, np.float32, (self.size,)), (PICTURE, np.uint8, self.camera.shape)])
 
     def to_dict(self) -> dict[str, Any]:
-        """The spec as plain JSON values; the camera only if there is one."""
+        """The spec as plain JSON values; the camera only if there is one, and the pace only of a plan."""
         told = asdict(self)
         if self.camera is None:
             del told["camera"]
+        if not self.planned:
+            del told["plan_pace"]  # cards of policies without a plan stay as they were
         return told
 
     @classmethod

@@ -18,10 +18,13 @@ from nathlon.sim.observation import (
     ANY_CAR,
     BEHIND_M,
     CAR,
+    ERRORS,
     LINES,
     OPPONENT_SIZE,
     POINT_SIZE,
     PRESENT,
+    STATION_SIZE,
+    STATIONS_S,
     VELOCITY_X,
     VELOCITY_Y,
     ObservationSpec,
@@ -31,6 +34,10 @@ from nathlon.sim.observation import (
 from nathlon.sim.parameters import WorldParameters
 from nathlon.sim.physics.course import CourseParameters, on_other_level
 from nathlon.sim.physics.pit_lane import in_lane
+from nathlon.sim.plan import CURVATURE, DIRECTION, OFFSET, SIDESLIP, SPEED, UNPLANNED
+from nathlon.sim.plan import STEERING as WHEELS
+from nathlon.sim.plan import X as LINE_X
+from nathlon.sim.plan import Y as LINE_Y
 from nathlon.sim.simd import add, load, multiply, store, subtract
 from nathlon.sim.state import CarRecord, Cars
 from nathlon.sim.work_stealing import Tally, finish, take
@@ -74,6 +81,8 @@ class LayoutParameters(NamedTuple):
         horizon: s of travel that they span.
         ahead: length of the list of cars ahead.
         facts: how many numbers of the car there are, at the end.
+        stations: (stations,) float64, s of travel to where the plan is seen; none where it is not.
+        plan_pace: share of the plan's speeds that is shown.
     """
 
     mean: NDArray[np.float32]
@@ -82,6 +91,8 @@ class LayoutParameters(NamedTuple):
     horizon: float
     ahead: int
     facts: int
+    stations: NDArray[np.float64]
+    plan_pace: float
 
 
 @cache
@@ -89,7 +100,14 @@ def layout_parameters(spec: ObservationSpec) -> LayoutParameters:
     """The kernel's view of a spec."""
     mean, deviation = spec.scaling
     return LayoutParameters(
-        mean, np.float32(1.0) / deviation, spec.course_points, spec.horizon_s, spec.cars_ahead, spec.facts
+        mean,
+        np.float32(1.0) / deviation,
+        spec.course_points,
+        spec.horizon_s,
+        spec.cars_ahead,
+        spec.facts,
+        np.array(STATIONS_S if spec.planned else (), np.float64),
+        float(spec.plan_pace),
     )
 
 
@@ -101,19 +119,21 @@ class ViewParameters(NamedTuple):
         fuel_capacity: of the car, kg.
         facts: of `nathlon.sim.car_facts`, standardised.
         course: the circuit.
+        plan: the table of the plan of a lap on it.
     """
 
     full_lock: float
     fuel_capacity: float
     facts: NDArray[np.float32]
     course: CourseParameters
+    plan: NDArray[np.float64]
 
 
-def view_parameters(p: WorldParameters) -> ViewParameters:
-    """What observations need of a world."""
+def view_parameters(p: WorldParameters, plan: NDArray[np.float64] = UNPLANNED) -> ViewParameters:
+    """What observations need of a world, and of the plan of a lap in it."""
     mean, deviation = (part[-CAR.size :] for part in ObservationSpec(version=ANY_CAR).scaling)
     facts = ((car_facts(p.car, p.course.surface_grip) - mean) / deviation).astype(np.float32)
-    return ViewParameters(p.car.full_lock, p.car.fuel_capacity, facts, p.course)
+    return ViewParameters(p.car.full_lock, p.car.fuel_capacity, facts, p.course, plan)
 
 
 class Nearby(NamedTuple):
@@ -187,9 +207,14 @@ def observe_car(
     mean, scale = layout.mean, layout.scale
     lists = OWN_SIZE + POINT_SIZE * layout.points
     facts = len(values) - layout.facts
+    plan = facts
+    if len(layout.stations) > 0:
+        plan -= STATION_SIZE * len(layout.stations) + ERRORS
     observe_self(field[index], values, p)
     find_opponents(field, index, layout.ahead, nearby, p.course)
-    observe_opponents(field, index, nearby.nearest, values[lists:facts])
+    observe_opponents(field, index, nearby.nearest, values[lists:plan])
+    if len(layout.stations) > 0:
+        observe_plan(field[index], values[plan:facts], layout, p)
     if layout.facts > 0:
         observe_slip(field[index], values)
         for k in range(layout.facts):
@@ -269,6 +294,56 @@ def observe_course(
         for line in range(LINES):
             values[k + 2 * LINES + line] = above[line] * scale[k + 2 * LINES + line]
         at += gap
+
+
+@lean_inlined
+def observe_plan(car: CarRecord, values: np.ndarray, layout: LayoutParameters, p: ViewParameters) -> None:
+    """The plan over the next seconds, and how far the car is off it, before standardisation."""
+    plan, velocity, rows = p.plan, car.velocity_x, len(p.plan) - 1
+    gap = max(velocity, SLOWEST) / p.course.spacing
+    here = car.row + car.along / p.course.spacing
+    sideslip = math.atan2(car.velocity_y, max(velocity, 1.0))
+    for station in range(len(layout.stations)):
+        at = here + layout.stations[station] * gap
+        at -= rows * math.floor(at / rows)
+        # As for the course: a car flung off must see a row that there is.
+        low = min(max(int(at), 0), rows - 1)
+        share = at - low
+        aside = on_plan(plan, low, share, LINE_Y) - car.y
+        ahead = on_plan(plan, low, share, LINE_X) - car.x
+        offset = on_plan(plan, low, share, OFFSET) - car.lateral
+        heading = on_plan(plan, low, share, DIRECTION) - car.yaw
+        heading -= 2.0 * math.pi * math.floor(heading / (2.0 * math.pi) + 0.5)
+        target = layout.plan_pace * on_plan(plan, low, share, SPEED)
+        faster = (target - velocity) / max(target, velocity, SLOWEST)
+        curvature = on_plan(plan, low, share, CURVATURE)
+        k = STATION_SIZE * station
+        values[k] = offset
+        values[k + 1] = aside * car.cos_yaw - ahead * car.sin_yaw
+        values[k + 2] = heading
+        values[k + 3] = faster
+        values[k + 4] = curvature
+        values[k + 5] = on_plan(plan, low, share, WHEELS)
+        if station == 0:
+            k = STATION_SIZE * len(layout.stations)
+            slip = sideslip - on_plan(plan, low, share, SIDESLIP)
+            values[k] = saturated(offset, 0.5)
+            values[k + 1] = saturated(heading - sideslip, 0.05)
+            values[k + 2] = saturated(faster, 0.05)
+            values[k + 3] = saturated(slip, 0.05)
+            values[k + 4] = saturated(car.yaw_rate - curvature * velocity, 0.1)
+
+
+@lean_inlined
+def on_plan(plan: np.ndarray, low: int, share: float, column: int) -> float:
+    """A number of the plan on a share of the way from one row to the next."""
+    return plan[low, column] + share * (plan[low + 1, column] - plan[low, column])
+
+
+@lean_inlined
+def saturated(error: float, fine: float) -> float:
+    """An error in -1..1: sharp up to what is fine, and bounded beyond."""
+    return error / (fine + abs(error))
 
 
 @lean_inlined

@@ -67,7 +67,9 @@ class CarRecord(Protocol):
     brake: float
     asked_pedal: float  # the last action: throttle (+) or brake (-), steering, in [-1, 1]
     asked_steering: float
-    gear: int  # 0 is first
+    gear: int  # 0 is first, -1 is reverse
+    has_reverse: bool  # whether the box may go there
+    held_s: float  # at rest with the brake held
     shifting: float  # s left of the torque cut
     draught: float  # share of full slipstream
     fuel: float  # kg

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from nathlon.sim.camera.picture import Photographer
 from nathlon.sim.car import Car, compound_ratio, parameters, with_grip
+from nathlon.sim.errors import InputError
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.observation_kernel import Nearby, blocks, layout_parameters, observe_cars, view_parameters
@@ -40,7 +41,9 @@ from nathlon.sim.physics.pit_lane import (
     lane_parameters,
     on_road,
 )
+from nathlon.sim.physics.powertrain import REVERSE, choose_direction
 from nathlon.sim.physics.tyre import Ground
+from nathlon.sim.plan import Plan
 from nathlon.sim.rules import Rules, load_rules, rule_parameters
 from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, Race, Races
 from nathlon.sim.steward import Approach, note_contact, serve_penalty, watch_limits
@@ -191,6 +194,8 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
                 car.off_course_s += DYNAMICS_DT
             watch_limits(car, off, now, DYNAMICS_DT, p.rules)
             serve_penalty(car, DYNAMICS_DT, course, p.rules)
+            if car.has_reverse:
+                choose_direction(car, DYNAMICS_DT)
             if car.asked:
                 approach(car, p.lane, course.length)
             feel_road(car, sine, cosine, course)
@@ -202,7 +207,8 @@ def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p:
                 car.wall_s += DYNAMICS_DT
                 locate(car, course)
             time_lines(car, before, now, DYNAMICS_DT, course)
-            car.stationary_s = 0.0 if car.velocity_x > MOVING_M_S else car.stationary_s + DYNAMICS_DT
+            moving = car.velocity_x > MOVING_M_S or (car.gear == REVERSE and car.velocity_x < -MOVING_M_S)
+            car.stationary_s = 0.0 if moving else car.stationary_s + DYNAMICS_DT
             if car.asked:
                 enter(car, before, p.lane, course.length)
         for i in range(count):
@@ -264,6 +270,7 @@ class World:
         contacts: (races, pairs) CONTACT, the contacts that began in the last step, oldest first.
         contact_count: (races,) int64, how many of them there are.
         track, car, conditions, rules: as given.
+        plan: of a lap, for those who see one; None until it is shown.
         parameters: the kernels' view of car, circuit, conditions and rules.
     """
 
@@ -307,9 +314,15 @@ class World:
         self._touched = np.full((races, cars, cars), -np.inf)
         self._races = Races(self.state, self.ticks, self._touched, self.contacts, self.contact_count)
         self._view = view_parameters(self.parameters)
+        self.plan: Plan | None = None
         self._ground = [Ground(*np.empty((3, 4))) for _ in range(threads)]
         self._threads = ThreadPool(threads)
         self._photographers: dict[ObservationSpec, Photographer] = {}
+
+    def show(self, plan: Plan) -> None:
+        """Have observations that see a plan see this one."""
+        self.plan = plan
+        self._view = view_parameters(self.parameters, plan.table)
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -321,9 +334,14 @@ class World:
         return self._races
 
     def reset(self, race: int, start: Start) -> None:
-        """Put the cars of one race at their start, wheels rolling at the speed of the road."""
+        """Put the cars of one race at their start, wheels rolling at the speed of the road.
+
+        Those that have a reverse gear keep it.
+        """
         cars = self.state[race]
+        has_reverse = cars["has_reverse"].copy()
         cars[:] = np.zeros((), CAR_STATE)
+        cars["has_reverse"] = has_reverse
         x, y, heading = self.track.pose(start.distance, start.lateral)
         cars["x"], cars["y"], cars["yaw"] = x, y, heading + start.heading
         ahead, aside = np.cos(cars["yaw"]), np.sin(cars["yaw"])
@@ -424,11 +442,19 @@ class World:
 
         Returns:
             (n, spec.size) float32, or with a camera (n,) records; see `ObservationSpec.blank`.
+
+        Raises:
+            InputError: if a plan is seen and none has been shown to this world.
         """
         if spec.camera is not None:
             if spec not in self._photographers:
                 self._photographers[spec] = Photographer(spec, self.track, self.car, self.state.shape[1])
             return self._photographers[spec].observe(self.state, self.ticks, races, cars, self._threads)
+        if spec.planned and self.plan is None:
+            raise InputError(
+                f"observation version {spec.version} sees a driver's plan, "
+                "expected a world that has been shown one"
+            )
         out = np.empty((len(races), spec.size), np.float32)
         layout = layout_parameters(spec)
 

@@ -63,6 +63,7 @@ class Racing:
             "numpy": _version("numpy"),
             "numba": _version("numba"),
             "onnxruntime": _version("onnxruntime"),
+            "scipy": _version("scipy"),
         }
 
     def enter(self, source: str) -> Entrant:

@@ -1,4 +1,4 @@
-"""`nathlon.train`: QR-SAC in the simulator, and what it leaves."""
+"""`nathlon.train`: QR-SAC in the simulator, or imitation, and what it leaves."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import torch
 
 from nathlon.arena.on_ray.cluster import AUTO, joined
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
+from nathlon.policies.training.imitation import Imitation
 from nathlon.policies.training.log import Status
 from nathlon.policies.training.run_folder import read_run_folder
 from nathlon.policies.training.trainer import Device, Trainer
@@ -66,7 +67,7 @@ def train(
     coach: Sequence[str | Path] = (),
     progress: bool = True,
 ) -> TrainingResult:
-    """Train a policy with QR-SAC to the end of a configuration, or until Ctrl-C; the state is kept.
+    """Train a policy to the end of a configuration, or until Ctrl-C; the state is kept.
 
     Args:
         config: shipped name (`time_trial`, `racing`, ...) or path of a `.toml` file.
@@ -94,18 +95,23 @@ def train(
     if resume:
         read_run_folder(folder)
     with sole_user(folder), _rollouts(engine, engine_address) as make_workers:
+        trainer: Trainer | Imitation
         if resume:
-            trainer = Trainer.resume(folder, device)
+            trainer = _resumed(folder, device)
         else:
             settings = read_config(find_data(str(config), "training configuration", CONFIGS))
             _check_workers(settings, engine)
             start = None if origin is None else Path(origin)
-            trainer = Trainer.start(folder, _with_coach(settings, coach), seed, start, device)
+            if settings.imitation is None:
+                trainer = Trainer.start(folder, _with_coach(settings, coach), seed, start, device)
+            else:
+                _check_imitation(start, coach, device, engine)
+                trainer = Imitation.start(folder, settings, seed)
         _check_workers(trainer.config, engine)
         beside = trainer.config.workers if engine == "local" else 0
         # Two threads of matrix products beside a busy process are slower than one.
         torch.set_num_threads(threads or max((os.cpu_count() or 1) - beside, 1))
-        if progress:
+        if progress and isinstance(trainer, Trainer):
             warn(f"Training in {folder}; the replay buffer may take {trainer.replay.nbytes / 1e9:.1f} GB.")
         with progress_bars(progress) as bars:
             task = bars.add_task("updates", total=trainer.config.updates, note="warming up")
@@ -118,7 +124,10 @@ def train(
             def on_pair(ready: int, count: int) -> None:
                 bars.update(task, note=f"{ready} of {count} circuits and cars practised")
 
-            trainer.run(on_status, on_pair, make_workers)
+            if isinstance(trainer, Trainer):
+                trainer.run(on_status, on_pair, make_workers)
+            else:
+                trainer.run(on_status, on_pair)
     return TrainingResult(folder.absolute(), trainer.updates)
 
 
@@ -132,6 +141,25 @@ def _rollouts(engine: str, address: str) -> Iterator[MakeWorkers]:
         from nathlon.policies.training.on_ray.workers import RayWorkers
 
         yield RayWorkers
+
+
+def _resumed(folder: Path, device: Device) -> Trainer | Imitation:
+    """The run in a folder, of whichever kind it is."""
+    if read_run_folder(folder)[0].imitation is None:
+        return Trainer.resume(folder, device)
+    return Imitation.resume(folder)
+
+
+def _check_imitation(start: Path | None, coach: Sequence[str | Path], device: Device, engine: str) -> None:
+    """Refuse what only learning from rewards knows."""
+    for name, given in (
+        ("origin", start is not None),
+        ("coach", bool(coach)),
+        ("device", device != "cpu"),
+        ("engine", engine != "local"),
+    ):
+        if given:
+            raise InputError(f"{name}: expected for training by rewards, not by imitation")
 
 
 def _check_workers(config: TrainingConfig, engine: str) -> None:

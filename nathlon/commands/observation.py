@@ -14,7 +14,11 @@ def observation(
     course_points: Annotated[int, typer.Option(help="Points on each line of the course.")] = 60,
     version: Annotated[
         int,
-        typer.Option(min=2, max=3, help="Version of the layout; 3 is for policies of any car and circuit."),
+        typer.Option(
+            min=2,
+            max=4,
+            help="Version of the layout; 3 is for policies of any car and circuit, 4 sees a plan.",
+        ),
     ] = 2,
     as_json: AsJson = False,
 ) -> None:

@@ -92,6 +92,7 @@ class Follower:
         self, track: Track, car: Car, pace: float, line: Profile, temper: Temper = TEMPERS[FAIR]
     ) -> None:
         self.observation_spec = ObservationSpec(course_points=1)
+        self.reverse = True
         self.pace = pace
         self.line = line
         self._knowledge = _knowledge(track, car, pace, line, temper)
@@ -145,11 +146,20 @@ def _practised(track: Track, car: Car, lane_m: float | None) -> Line:
 
 
 @lru_cache
-def _profile(circuit: str, car: str, lane_m: float | None, grip: float) -> Profile:
-    track, model = load_track(circuit), with_grip(load_car(car), grip)
-    key = track.table.tobytes(), repr((track.grid, track.length, model, lane_m)).encode()
-    offset, used = cached(partial(_practised, track, model, lane_m), *key)
-    return profile(track, offset, envelope(model), used)
+def practised(track: Track, car: Car, lane_m: float | None = None) -> Profile:
+    """What a driver follows on a circuit, found out in some seconds of practice, or known from before.
+
+    Args:
+        track: the circuit.
+        car: the car, with the grip that it has there.
+        lane_m: lateral offset to hold (m, + is left) instead of the racing line.
+
+    Raises:
+        InputError: if the car cannot get round.
+    """
+    key = track.table.tobytes(), repr((track.grid, track.length, car, lane_m)).encode()
+    offset, used = cached(partial(_practised, track, car, lane_m), *key)
+    return profile(track, offset, envelope(car), used)
 
 
 class Driver(Follower):
@@ -173,5 +183,5 @@ class Driver(Follower):
         grip: float = 1.0,
         temper: str = FAIR,
     ) -> None:
-        line = _profile(circuit, car, lane_m, grip)
-        super().__init__(load_track(circuit), with_grip(load_car(car), grip), pace, line, TEMPERS[temper])
+        track, model = load_track(circuit), with_grip(load_car(car), grip)
+        super().__init__(track, model, pace, practised(track, model, lane_m), TEMPERS[temper])

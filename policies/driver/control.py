@@ -9,7 +9,7 @@ import numpy as np
 from nathlon.policies.driver.knowledge import Knowledge, Layout, along, clip
 from nathlon.policies.driver.speed_profile import at_speed, corner_limit, demand, look_up
 from nathlon.policies.driver.traffic import mind_others
-from nathlon.policies.driver.turning import OVERHANG_M, turn_round
+from nathlon.policies.driver.turning import OVERHANG_M, backs_out, turn_round
 from nathlon.sim.kernel import inlined, kernel
 from nathlon.sim.observation import CENTRE, LINES
 from nathlon.sim.physics.chassis import GRAVITY
@@ -201,6 +201,8 @@ def drive_one(
                 room_left = along(knows.wall_left, distance, knows.spacing) - lateral - OVERHANG_M
                 room_right = along(knows.wall_right, distance, knows.spacing) + lateral - OVERHANG_M
                 steering = turn_round(turned, room_left, room_right, knows.turning_circle)
+                if backs_out(velocity, turned, room_left, room_right):
+                    pedal, steering = -1.0, math.copysign(1.0, turned)
     return pedal, steering, aside, drift
 
 

@@ -22,6 +22,7 @@ class EarlyBraker:
 
     def __init__(self, driver: Driver, circuit: str, early_m: float) -> None:
         self.observation_spec = driver.observation_spec
+        self.reverse = driver.reverse
         self._driver = driver
         self._angle = 2.0 * np.pi * early_m / load_track(circuit).length
         self._progress = driver.observation_spec.slice("progress")

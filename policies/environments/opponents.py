@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
+from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.planning import decide
-from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.sim.episode import Episodes, Moment, View
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -20,13 +21,18 @@ Indices = NDArray[np.int64]
 
 
 class Opponent:
-    """A policy that may drive any of the opponents' cars, with a memory for each of them."""
+    """A policy that may drive any of the opponents' cars, with a memory for each of them.
+
+    Attributes:
+        reverse: whether its cars have a reverse gear.
+    """
 
     def __init__(self, policy: Policy, view: View, world: World, races: Indices, cars: Indices) -> None:
         """A policy, the view from all of those cars, the world, and (n,) their indices in it."""
         self._policy, self._view, self._world = policy, view, world
         self._races, self._cars = races, cars
         self._memory = policy.initial_memory(len(cars))
+        self.reverse = has_reverse(policy)
 
     def act(self, cars: Indices) -> Batch:
         """Actions of some of the cars, (n, 2)."""
@@ -79,10 +85,13 @@ class OpponentWrapper:
                 f"of scenario {episodes.scenario.name!r}"
             )
         self.races, self.cars = _seats(np.arange(races), np.sort(places))
+        show_plan(episodes.world, observation)
         self._view = episodes.watch(observation, self.races, self.cars)
+        self._reverse = observation.planned
         self._other_races, self._other_cars = _seats(np.arange(races), others)
         self._views: dict[ObservationSpec, View] = {}
         self._opponents: list[Opponent] = []
+        self._shares: list[Indices] = []
         if self.others:
             self._opponents = [self._engage(policy) for policy in opponents]
             self._who = np.add.outer(np.arange(races), np.arange(self.others)) % len(opponents)
@@ -91,6 +100,7 @@ class OpponentWrapper:
     def _engage(self, policy: Policy) -> Opponent:
         spec = policy.observation_spec
         if spec not in self._views:
+            show_plan(self.episodes.world, spec)
             self._views[spec] = self.episodes.watch(spec, self._other_races, self._other_cars)
         return Opponent(policy, self._views[spec], self.episodes.world, self._other_races, self._other_cars)
 
@@ -120,6 +130,7 @@ class OpponentWrapper:
         """Have another policy drive the cars of an opponent from here on."""
         known = len(self._views)
         self._opponents[index] = self._engage(policy)
+        self._fit_gears()
         if len(self._views) > known:
             self._views[policy.observation_spec].look(self.episodes.world)
 
@@ -134,6 +145,14 @@ class OpponentWrapper:
         for opponent in self._opponents:
             opponent.forget(cars)
         self.episodes.start(races, rngs, moments)
+        self._fit_gears()
+
+    def _fit_gears(self) -> None:
+        """Give a reverse gear to the cars of those who know one."""
+        fitted = self.episodes.world.state["has_reverse"]
+        fitted[self.races, self.cars] = self._reverse
+        for opponent, share in zip(self._opponents, self._shares, strict=True):
+            fitted[self._other_races[share], self._other_cars[share]] = opponent.reverse
 
     def step(self, actions: NDArray[np.float32]) -> NDArray[np.float64]:
         """Advance all races by one step.

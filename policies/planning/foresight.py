@@ -105,7 +105,10 @@ class Foresight:
         self._rivals = min(RIVALS, world.state.shape[1] - 1)
 
         def model(races: int) -> World:
-            return World(world.track, world.car, races, 1 + self._rivals, world.conditions, world.rules)
+            copies = World(world.track, world.car, races, 1 + self._rivals, world.conditions, world.rules)
+            if world.plan:
+                copies.show(world.plan)
+            return copies
 
         self._model, self._outlook = model(cars * copies), Outlook(model(cars), prior)
         self._instruments = Instruments(world.track, world.car, AGENT_DT)

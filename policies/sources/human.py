@@ -59,6 +59,7 @@ class Person:
 
     def __init__(self, hands: Hands, name: str, identity: str = "") -> None:
         self.observation_spec = ObservationSpec()
+        self.reverse = True
         self.name = name
         self.id = identity
         self._hands = hands

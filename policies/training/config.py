@@ -12,7 +12,7 @@ from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.training.coached import CoachedStart
 from nathlon.policies.training.rewards import RewardWeights
 from nathlon.sim.data_file import Section, read_toml
-from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observation import PLAN_PACE, ObservationSpec
 from nathlon.sim.scenario import Delay
 
 Count = Annotated[int, Field(ge=1, le=10**12)]
@@ -126,6 +126,23 @@ class PolishSettings(Section):
     teacher: str | None = None
 
 
+class ImitationSettings(Section):
+    """Learning from a teacher alone; see `nathlon.policies.training.imitation`.
+
+    Attributes:
+        teacher: policy that is imitated.
+        paces: shares of its speed at which it drives, in turn, where it is the built-in driver; the policy in
+            training is shown the plan's speeds likewise.
+        rounds: into which the updates of the run are divided; each begins with driving.
+        length_s: driven in a round by each car.
+    """
+
+    teacher: str = "driver"
+    paces: Annotated[tuple[Annotated[float, Field(ge=0.5, le=1.0)], ...], Field(min_length=1)] = (1.0,)
+    rounds: Annotated[int, Field(ge=1, le=10_000)] = 30
+    length_s: Annotated[float, Field(gt=0, le=600)] = 25.0
+
+
 class ObservationSettings(Section):
     """The observation spec to train on; see nathlon.sim.observation."""
 
@@ -133,7 +150,8 @@ class ObservationSettings(Section):
     horizon_s: Annotated[float, Field(gt=0, le=60)] = 6.0
     cars_ahead: Annotated[int, Field(ge=0, le=500)] = 4
     cars_behind: Annotated[int, Field(ge=0, le=500)] = 4
-    version: Literal[2, 3] = 2
+    version: Literal[2, 3, 4] = 2
+    plan_pace: Annotated[float, Field(ge=0.5, le=1.5)] = PLAN_PACE
 
     def spec(self) -> ObservationSpec:
         """The spec itself."""
@@ -154,9 +172,10 @@ class TrainingConfig(Section):
         opponents: of the rollouts that name none of their own.
         coached: start states of races of one car, see `nathlon.policies.training.coached`.
         workers: processes that step all the rollouts while the learner updates; 0 takes turns in one process,
-            which is exactly reproducible. Polishing shares its trials among them.
+            which is exactly reproducible. Polishing and imitation share their trials among them.
         refresh_every: updates between the policies that the rollouts are given.
         tables: one replay table for each of the rollouts, or one for all.
+        imitation: if given, the policy learns from a teacher instead of rewards.
         keep_replay: whether a stop keeps the replay tables too, so that going on needs no warm-up.
     """
 
@@ -179,6 +198,7 @@ class TrainingConfig(Section):
     qrsac: QRSACConfig = QRSACConfig()
     reward: RewardWeights = RewardWeights()
     polish: PolishSettings = PolishSettings()
+    imitation: ImitationSettings | None = None
 
     @property
     def shares(self) -> tuple[float, ...]:

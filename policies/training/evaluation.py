@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.training.pairs import Pair
 from nathlon.sim.car import load_car
 from nathlon.sim.observation import ObservationSpec
@@ -40,6 +41,8 @@ def evaluate_laps(
     """
     scenario, track = pair.conditions(load_scenario(SCENARIO)), load_track(pair.circuit)
     world = scenario.world(track, load_car(pair.car), RUNS)
+    show_plan(world, spec)
+    world.state["has_reverse"] = spec.planned
     rng = np.random.default_rng(seed)
     for race in range(RUNS):
         world.reset(race, scenario.place(track, rng))

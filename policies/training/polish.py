@@ -223,4 +223,4 @@ class Polish:
         )
         row = [[self.rounds, card.step, card.transitions, reward, laps.lap_s, laps.off_course_share]]
         self._curve = np.concatenate([self._curve, row])
-        write_curve(self._folder, self._curve)
+        write_curve(self._folder, CURVE, self._curve)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -91,8 +91,8 @@ def load_state(folder: Path, facts: Mapping[str, str]) -> PolishState | None:
     return PolishState(rounds, updates, transitions, tensors, weights, curve)
 
 
-def write_curve(folder: Path, curve: NDArray[np.float64]) -> None:
-    """Replace the curve (checkpoints, 6) in a folder.
+def write_curve(folder: Path, columns: Sequence[str], curve: NDArray[np.float64]) -> None:
+    """Replace the curve (checkpoints, 6) in a folder, three counts and three figures each.
 
     Raises:
         InputError: if it cannot be written.
@@ -101,9 +101,9 @@ def write_curve(folder: Path, curve: NDArray[np.float64]) -> None:
     try:
         with whole_file(path) as partial, partial.open("w", newline="") as file:
             sheet = csv.writer(file)
-            sheet.writerow(CURVE)
-            for *counts, reward, lap_s, off_course in curve.tolist():
-                figures = (f"{reward:.3f}", f"{lap_s:.3f}", f"{off_course:.4f}")
+            sheet.writerow(columns)
+            for *counts, gain, lap_s, off_course in curve.tolist():
+                figures = (f"{gain:.3f}", f"{lap_s:.3f}", f"{off_course:.4f}")
                 sheet.writerow([*map(int, counts), *figures])
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None

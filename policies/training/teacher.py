@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
+from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.policy import Batch
 from nathlon.policies.training.mistakes import ASTRAY_RAD
@@ -37,6 +38,7 @@ class Teacher:
         """
         self._policy = load_guest(pair.wise(policy), pair.circuit, pair.car)
         self._world, self._races, self._cars = env.episodes.world, env.races, env.cars
+        show_plan(self._world, self._policy.observation_spec)
         self.forget()
 
     def forget(self) -> None:
@@ -52,6 +54,11 @@ class Teacher:
         lesson = np.full((len(cars), 2), np.nan, np.float32)
         asked = np.flatnonzero(lost(cars))
         if len(asked):
-            seen = self._world.observe(self._policy.observation_spec, self._races[asked], self._cars[asked])
-            lesson[asked], self._memory[asked] = self._policy.act(seen, self._memory[asked])
+            lesson[asked] = self.advice(asked)
         return lesson
+
+    def advice(self, asked: NDArray[np.int64]) -> Batch:
+        """What it would do in the place of some of the cars, (n,) indices, (n, 2)."""
+        seen = self._world.observe(self._policy.observation_spec, self._races[asked], self._cars[asked])
+        actions, self._memory[asked] = self._policy.act(seen, self._memory[asked])
+        return actions

@@ -54,8 +54,11 @@ class Trainer:
             device: where networks are updated; all else is on the CPU.
 
         Raises:
-            InputError: if the replay tables are larger than memory, or there is no such device.
+            InputError: if the configuration is for imitation, the replay tables are larger than memory, or
+                there is no such device.
         """
+        if config.imitation is not None:
+            raise InputError("imitation: expected none in a training by rewards")
         if device == "cuda" and not torch.cuda.is_available():
             raise InputError("device: found no GPU that PyTorch can use for 'cuda', expected 'cpu'")
         self.folder, self.config, self.seed = folder, config, seed

@@ -116,7 +116,8 @@ class Panels:
         speed = 3.6 * float(np.hypot(car["world_velocity_x"], car["world_velocity_y"]))
         write(surface, f"{speed:.0f}", (box.left + 82, box.top + 12), 46, INK, "topright")
         write(surface, "km/h", (box.left + 88, box.top + 27), 18, FAINT, "topleft")
-        write(surface, f"{int(car['gear']) + 1}", (box.right - PADDING, box.top + 12), 46, INK, "topright")
+        gear = "R" if car["gear"] < 0 else f"{int(car['gear']) + 1}"
+        write(surface, gear, (box.right - PADDING, box.top + 12), 46, INK, "topright")
         full_lock = self._episodes.world.car.steering.full_lock_rad
         left, width, y = box.left + PADDING, box.width - 2 * PADDING, box.bottom - 33
         for share, colour in ((car["throttle"], THROTTLE), (car["brake"], BRAKE)):

@@ -14,6 +14,7 @@ from nathlon.arena.runner import run_match
 from nathlon.policies.driver import Driver
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.world import World
 
 DRIVER = "driver"
 SLOW = "driver:pace=0.85"
@@ -80,6 +81,16 @@ def test_results_are_typed_and_the_first_to_finish_is_placed_first() -> None:
     # From 30 to 40 m into the straight of 958.6 m to 130 m past its end, the second from 13 to 15 m behind;
     # a race is over within the last step, of up to 6 m.
     assert results["distance_m"].is_between(1048.6, 1073.6 + 6.0).all()
+
+
+def test_only_cars_of_those_who_know_a_reverse_gear_have_one() -> None:
+    fitted: list[list[bool]] = []
+
+    def look(world: World) -> None:
+        fitted.append(world.state["has_reverse"][0].tolist())
+
+    run_match(sprint(DRIVER, "coasting", seats=(1, 0)), [Driver("lindenring", "gt3"), Coasting()], look)
+    assert all(each == [False, True] for each in fitted)
 
 
 def test_the_same_match_gives_the_same_bytes() -> None:

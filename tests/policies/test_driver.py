@@ -15,14 +15,14 @@ from nathlon.policies.driver.margins import room
 from nathlon.policies.driver.practice import LEAST_GRIP, practise
 from nathlon.policies.driver.racing_line import minimum_time
 from nathlon.policies.driver.speed_profile import Profile, corner_limit, path_of, profile
-from nathlon.policies.driver.turning import turn_round
+from nathlon.policies.driver.turning import backs_out, turn_round
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.chassis import GRAVITY
 from nathlon.sim.physics.course import SurfaceGrip
-from nathlon.sim.track import Track, load_track
+from nathlon.sim.track import WALL_LEFT, Track, load_track
 from nathlon.sim.track.generating import write_generated
 from nathlon.sim.world import Conditions, Start, World
 from tests.support.driving import GT3, circle, road, start_at
@@ -143,8 +143,7 @@ def test_a_race_of_eight_drivers_is_finished_by_most() -> None:
         pytest.param(2.2, 8.0, 20.0, 1.0, id="away from a wall, though it is the long way"),
         pytest.param(3.0, 2.0, 20.0, 1.0, id="through the wider side"),
         pytest.param(3.0, 20.0, 2.0, -1.0, id="through the wider side, mirrored"),
-        pytest.param(np.pi - 0.4, 7.0, 9.0, 0.0, id="nearer to one side first"),
-        pytest.param(np.pi, 7.0, 9.0, -2.0 * np.sin(0.4), id="nearer to the left first"),
+        pytest.param(2.0, 4.0, 5.0, -1.0, id="the short way where there is no room"),
     ],
 )
 def test_turns_where_there_is_room(turned: float, left: float, right: float, expected: float) -> None:
@@ -169,6 +168,37 @@ def test_drives_on_from_rest_whichever_way_it_faces(heading: float) -> None:
         )
     run(world, [[Driver("lindenring", "gt3")]] * 3, 20.0)
     assert (world.state["progress"] > 400.0).all()
+
+
+@pytest.mark.parametrize(
+    ("velocity", "turned", "left", "right", "expected"),
+    [
+        pytest.param(0.0, 1.5, 0.3, 9.0, True, id="nose at a wall"),
+        pytest.param(0.0, -1.5, 0.3, 9.0, False, id="tail at a wall"),
+        pytest.param(0.0, 1.5, 0.3, 0.3, False, id="no room behind either"),
+        pytest.param(4.0, 1.5, 5.0, 5.0, False, id="room ahead"),
+        pytest.param(-2.0, 1.5, 5.0, 5.0, True, id="backs on until there is plenty"),
+        pytest.param(-2.0, 1.5, 9.0, 5.0, False, id="plenty"),
+        pytest.param(-2.0, -1.5, 0.3, 5.0, False, id="as far back as can be"),
+    ],
+)
+def test_backs_out_where_there_is_no_room_ahead(
+    velocity: float, turned: float, left: float, right: float, expected: bool
+) -> None:
+    assert backs_out(velocity, turned, left, right) is expected
+
+
+@pytest.mark.parametrize("heading", [1.5, 2.6])
+def test_gets_away_with_its_nose_at_a_wall(heading: float) -> None:
+    track = load_track("porto-sereno")
+    driver = Driver("porto-sereno", "coupe")
+    world = World(track, load_car("coupe"), 2, 1)
+    row = round(700.0 / track.spacing)
+    for race in range(2):
+        world.reset(race, start_at([700.0], lateral=track.table[row, WALL_LEFT] - 2.5, heading=heading))
+    world.state["has_reverse"][1] = True
+    run(world, [[driver]] * 2, 25.0)
+    assert world.state["progress"][1] > 750.0
 
 
 def test_worn_tyres_and_a_slipstream_slow_the_driver_down() -> None:

@@ -17,8 +17,10 @@ from stable_baselines3.common.env_checker import check_env as check_env_for_stab
 import nathlon  # noqa: F401  # makes the environments known
 from nathlon import sim
 from nathlon.policies.driver import Driver
+from nathlon.policies.environments.opponents import OpponentWrapper
 from nathlon.policies.policy import Batch
 from nathlon.sim.camera_spec import CameraSpec
+from nathlon.sim.episode import Episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.race_env import RaceEnv
@@ -44,6 +46,19 @@ class Steady:
         """The same for all."""
         self.memories.append(memory.copy())
         return np.tile(np.array([[self.throttle, 0.0]], np.float32), (len(observations), 1)), memory + 1
+
+
+@pytest.mark.parametrize("version", [2, 3, 4])
+def test_cars_have_a_reverse_gear_if_their_drivers_know_one(version: int) -> None:
+    episodes = Episodes("lindenring", "gt3", "race:cars=3", races=2)
+    spec = ObservationSpec(course_points=1, version=version)
+    env = OpponentWrapper(episodes, [2], spec, [Steady(), Driver("lindenring", "gt3")])
+    env.start([0, 1], map(np.random.default_rng, (1, 2)))
+    own = version == 4
+    assert episodes.world.state["has_reverse"].tolist() == [[False, True, own], [True, False, own]]
+    env.seat([0], np.array([[1, 0]]))
+    env.start([0], [np.random.default_rng(1)])
+    assert episodes.world.state["has_reverse"].tolist() == [[True, False, own]] * 2
 
 
 SMALL: dict[str, dict[str, Any]] = {

@@ -98,7 +98,7 @@ class TestSpec:
                 lambda: ObservationSpec(course_points=20, camera=CameraSpec()),
                 "observation spec: course_points is 20, expected 0 beside a camera",
             ),
-            (lambda: ObservationSpec(version=SEEING), "observation spec: version is 4"),
+            (lambda: ObservationSpec(version=SEEING), "observation spec: version is 5"),
             (lambda: ObservationSpec.from_dict({"camera": {"zoom": 2}}), "camera: unknown field 'zoom'"),
             (lambda: ObservationSpec.from_dict({"camera": 7}), "camera: is 7, expected an object"),
         ],

@@ -13,10 +13,21 @@ from numpy.typing import NDArray
 
 from nathlon.sim.car_facts import FACTS
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import ANY_CAR, OPPONENT, OPPONENT_SIZE, VERSION, ObservationSpec
+from nathlon.sim.observation import (
+    ANY_CAR,
+    ERRORS,
+    OPPONENT,
+    OPPONENT_SIZE,
+    PLANNED,
+    STATION_SIZE,
+    STATIONS_S,
+    VERSION,
+    ObservationSpec,
+)
+from nathlon.sim.plan import COLUMNS, CURVATURE, DIRECTION, OFFSET, SPEED, STEERING, Plan, X, Y
 from nathlon.sim.track import Track
 from nathlon.sim.world import Conditions, World
-from tests.support.driving import GT3, drive, road, stadium, world_with
+from tests.support.driving import GT3, circle, drive, road, stadium, world_with
 
 specs = st.builds(
     ObservationSpec,
@@ -86,9 +97,19 @@ class TestSpec:
         assert spec.slice("axle_slip") == ObservationSpec(course_points=5).slice("progress")
         assert ObservationSpec.from_dict(spec.to_dict()) == spec
 
+    def test_the_layout_with_a_plan_adds_it_before_the_car_and_cards_without_one_stay_as_they_were(
+        self,
+    ) -> None:
+        spec, without = (ObservationSpec(course_points=5, version=version) for version in (PLANNED, ANY_CAR))
+        assert [field.name for field in spec.fields][-2:] == ["plan", "car"]
+        assert spec.size == without.size + STATION_SIZE * len(STATIONS_S) + ERRORS
+        assert spec.facts == without.facts
+        assert "plan_pace" not in without.to_dict()
+        assert ObservationSpec.from_dict(spec.to_dict() | {"plan_pace": 0.9}).plan_pace == 0.9
+
     def test_another_version_cannot_drive(self) -> None:
-        data = ObservationSpec().to_dict() | {"version": ANY_CAR + 1}
-        with pytest.raises(InputError, match="version is 4, this simulator makes versions 2 and 3"):
+        data = ObservationSpec().to_dict() | {"version": PLANNED + 1}
+        with pytest.raises(InputError, match="version is 5, this simulator makes versions 2, 3, 4"):
             ObservationSpec.from_dict(data)
 
     @pytest.mark.parametrize(
@@ -98,6 +119,8 @@ class TestSpec:
             ({"course_points": 2.5}, "course_points is 2.5, expected a whole number"),
             ({"course_points": "60"}, "course_points is '60', expected a whole number"),
             ({"cars_ahead": -1}, "cars_ahead is -1, expected a whole number from 0"),
+            ({"plan_pace": 0.9}, "plan_pace is given, expected version 4 beside it"),
+            ({"version": PLANNED, "plan_pace": 2.0}, "plan_pace is 2.0, expected 0.5 to 1.5"),
             ({"horizon_s": 0.0}, "horizon_s is 0.0, expected 0 to 60 s"),
             ({"colour": "red"}, "unknown field 'colour'"),
         ],
@@ -295,3 +318,73 @@ class TestOpponents:
         spec = ObservationSpec(course_points=1, cars_ahead=0, cars_behind=0)
         world = world_with(stadium(), [1000.0, 1010.0])
         assert world.observe(spec, np.array([0, 0]), np.array([0, 1])).shape == (2, 40)
+
+
+def round_the_circle(offset: float, speed: float) -> tuple[Track, Plan]:
+    """A circle of 100 m, and the plan to drive round it at an offset."""
+    track = circle(100.0)
+    angle = np.arange(len(track.table)) * track.spacing / 100.0
+    lap = np.zeros((len(angle), COLUMNS))
+    radius = 100.0 - offset
+    lap[:, X], lap[:, Y] = radius * np.cos(angle), radius * np.sin(angle)
+    lap[:, OFFSET], lap[:, DIRECTION] = offset, angle + np.pi / 2
+    lap[:, CURVATURE], lap[:, SPEED], lap[:, STEERING] = 1.0 / radius, speed, 0.1
+    return track, Plan.of_lap(lap)
+
+
+class TestPlan:
+    SPEC = ObservationSpec(course_points=0, cars_ahead=0, cars_behind=0, version=PLANNED, plan_pace=0.9)
+
+    @pytest.mark.parametrize("place", [30.0, -4.0])
+    def test_shows_line_and_speeds_ahead_also_across_the_line(self, place: float) -> None:
+        track, plan = round_the_circle(2.0, 40.0)
+        world = world_with(track, [track.length + place], lateral=0.5, speed=20.0, heading=0.1)
+        world.show(plan)
+        see = raw(world, self.SPEC)["plan"]
+        stations = see[:-ERRORS].reshape(len(STATIONS_S), STATION_SIZE)
+        ahead = np.array(STATIONS_S) * 20.0 / 100.0  # as an angle of the circle
+        np.testing.assert_allclose(stations[:, 0], 1.5, atol=2e-3)
+        # From a car 99.5 m from the middle that is turned to the inside by 0.1.
+        forward, inward = 98.0 * np.sin(ahead), 99.5 - 98.0 * np.cos(ahead)
+        np.testing.assert_allclose(stations[:, 1], inward * np.cos(0.1) - forward * np.sin(0.1), atol=0.01)
+        np.testing.assert_allclose(stations[:, 2], ahead - 0.1, atol=2e-3)
+        np.testing.assert_allclose(stations[:, 3], (36.0 - 20.0) / 36.0, atol=1e-5)
+        np.testing.assert_allclose(stations[:, 4], 1.0 / 98.0, atol=1e-5)
+        np.testing.assert_allclose(stations[:, 5], 0.1, atol=1e-5)
+        errors = np.array([1.5, -0.1, 16.0 / 36.0, 0.0, -20.0 / 98.0])
+        fine = np.array([0.5, 0.05, 0.05, 0.05, 0.1])
+        np.testing.assert_allclose(see[-ERRORS:], errors / (fine + np.abs(errors)), atol=2e-3)
+
+    def test_all_else_is_that_of_the_layout_without_a_plan(self) -> None:
+        track, plan = round_the_circle(2.0, 40.0)
+        world = world_with(track, [30.0, 40.0], speed=20.0)
+        world.show(plan)
+        with_plan, without = (
+            world.observe(ObservationSpec(version=version), np.array([0]), np.array([0]))[0]
+            for version in (PLANNED, ANY_CAR)
+        )
+        rest = np.delete(with_plan, ObservationSpec(version=PLANNED).slice("plan"))
+        assert rest.tobytes() == without.tobytes()
+
+    def test_a_row_does_not_depend_on_those_beside_it(self) -> None:
+        track, plan = round_the_circle(2.0, 40.0)
+        places = [10.0 * place for place in range(20)]
+        world = world_with(track, places, speed=places)
+        world.show(plan)
+        cars = np.arange(20)
+        together = world.observe(self.SPEC, 0 * cars, cars)
+        alone = [world.observe(self.SPEC, np.array([0]), np.array([car]))[0] for car in cars]
+        assert together.tobytes() == np.stack(alone).tobytes()
+
+    def test_a_car_that_flies_off_sees_a_plan(self) -> None:
+        track, plan = round_the_circle(2.0, 40.0)
+        world = world_with(track, [30.0], speed=20.0)
+        world.show(plan)
+        for speed in (1e30, np.inf, np.nan):
+            world.state["velocity_x"] = speed
+            assert world.observe(self.SPEC, np.array([0]), np.array([0])).shape == (1, self.SPEC.size)
+
+    def test_without_a_plan_it_is_said(self) -> None:
+        world = world_with(circle(100.0), [30.0])
+        with pytest.raises(InputError, match="observation version 4 sees a driver's plan, expected a world"):
+            world.observe(self.SPEC, np.array([0]), np.array([0]))

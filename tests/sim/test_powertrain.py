@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from nathlon.sim.car import Car
 from nathlon.sim.physics.powertrain import engine_torque
+from nathlon.sim.state import CAR_STATE
 from tests.support.closed_forms import (
     CARS,
     FRONT_DRIVEN,
@@ -21,7 +22,7 @@ from tests.support.closed_forms import (
     pull,
     rolling,
 )
-from tests.support.driving import GT3, drive, stadium, world_with
+from tests.support.driving import GT3, drive, stadium, start_at, world_with
 
 
 class TestEngine:
@@ -123,3 +124,46 @@ class TestEngine:
         assert max(slips) < GT3.engine.traction_slip + 0.01
         world = world_with(stadium(), [100.0], car=changed(GT3, "engine", traction_slip=100.0))
         assert drive(world, 1.0, seconds=1.0)[0, 0]["slip_ratio"][2] > 0.5
+
+
+class TestReverse:
+    def test_a_brake_that_is_held_at_rest_drives_back_slowly_until_the_throttle_is_pressed(self) -> None:
+        world = world_with(stadium(), [1000.0])
+        world.state["has_reverse"] = True
+        drive(world, -1.0, seconds=0.4)
+        assert abs(world.state["velocity_x"][0, 0]) < 1e-3
+        car = drive(world, -1.0, seconds=3.0)[0, 0].copy()
+        assert -4.0 < car["velocity_x"] < -2.0
+        assert (car["gear"], car["brake"]) == (-1, 0.0)
+        # Half of the pedal pulls half as much; without a pedal it rolls.
+        assert drive(world, 0.0, seconds=0.5)[0, 0]["velocity_x"] < -1.0
+        car = drive(world, 1.0, seconds=3.0)[0, 0]
+        assert car["gear"] >= 0
+        assert car["velocity_x"] > 5.0
+
+    def test_it_keeps_its_reverse_gear_at_a_new_start_and_is_not_stuck_while_it_backs(self) -> None:
+        world = world_with(stadium(), [1000.0])
+        world.state["has_reverse"] = True
+        world.reset(0, start_at([1000.0]))
+        car = drive(world, -1.0, seconds=8.0)[0, 0]
+        assert car["velocity_x"] < -2.0
+        assert car["stationary_s"] == 0.0
+
+    def test_without_one_it_stays(self) -> None:
+        car = drive(world_with(stadium(), [1000.0]), -1.0, seconds=3.0)[0, 0]
+        assert abs(car["velocity_x"]) < 1e-3
+        assert car["gear"] == 0
+
+    def test_it_changes_nothing_for_who_holds_no_brake_at_rest(self) -> None:
+        worlds = [world_with(stadium(), [1000.0, 1003.0, 1030.0], speed=[0.0, 5.0, 30.0]) for _ in range(2)]
+        worlds[1].state["has_reverse"] = True
+        rng = np.random.default_rng(1)
+        for _ in range(200):
+            pedals = rng.uniform(-1.0, 1.0, 3)
+            slow = worlds[0].state["velocity_x"][0] < 3.0
+            actions = np.stack([np.where(slow, np.abs(pedals), pedals), rng.uniform(-0.3, 0.3, 3)], axis=-1)
+            for world in worlds:
+                world.step(actions[None])
+        without, fitted = (world.state for world in worlds)
+        for name in set(CAR_STATE.names or ()) - {"has_reverse", "held_s"}:
+            assert without[name].tobytes() == fitted[name].tobytes(), name

@@ -24,7 +24,7 @@ HEAD = np.dtype(
         ("warnings", "u1"),
         ("steering", "<f4"),  # share of full lock
         ("rpm", "<f4"),
-        ("gear", "<u4"),  # from 1
+        ("gear", "<u4"),  # from 1, 0 is reverse
         ("laps", "<u4"),
         ("lap_s", "<f4"),  # since the line; nan before the first lap
         ("last_lap_s", "<f4"),
@@ -73,7 +73,7 @@ def frame(world: World, car: int, number: int, phase: int) -> bytes:
     head["off_course"], head["warnings"] = own["off_course"], min(int(own["warnings"]), 255)
     head["steering"] = own["steering"] / world.parameters.car.full_lock
     head["gear"], head["laps"] = own["gear"] + 1, own["laps"]
-    driven = np.max(own["spin"][2:]) * world.parameters.car.ratios[own["gear"]]
+    driven = np.max(own["spin"][2:]) * world.parameters.car.ratios[max(own["gear"], 0)]
     head["rpm"] = driven * 30.0 / np.pi
     head["lap_s"] = now_s - own["line_s"][0]
     for name in ("last_lap_s", "best_lap_s", "penalty_s"):

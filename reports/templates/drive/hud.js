@@ -63,7 +63,7 @@ function newHud({ race, scene, reference }) {
   function draw(frame, own, delta) {
     const car = frame.cars[own];
     speed.textContent = Math.round(car.speed * 3.6);
-    gear.textContent = frame.gear;
+    gear.textContent = frame.gear || "R";
     rpm.setAttribute("width", 200 * Math.min(Math.max(frame.rpm / scene.rpm, 0), 1));
     throttle.setAttribute("width", 200 * car.throttle);
     brake.setAttribute("width", 200 * car.brake);

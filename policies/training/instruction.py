@@ -1,0 +1,154 @@
+"""Instruction: races in which a teacher says what it would do in the place of each car of a policy.
+
+DAgger (Ross et al., AISTATS 2011): the policy drives, so that it is told what to do where it comes to. At
+first the teacher drives some of the cars itself, with a little noise: wrecks teach nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nathlon.policies.environments.opponents import OpponentWrapper
+from nathlon.policies.mlp import EncodedMlp, Mlp
+from nathlon.policies.sources import DRIVER
+from nathlon.policies.training.config import Rollouts, TrainingConfig
+from nathlon.policies.training.demonstration import NOISE
+from nathlon.policies.training.pairs import Pair
+from nathlon.policies.training.population import Population
+from nathlon.policies.training.processes import start_processes
+from nathlon.policies.training.rollout import STUCK_S, learners_of, scenario_of
+from nathlon.policies.training.teacher import Teacher
+from nathlon.sim.episode import Episodes
+from nathlon.sim.errors import InputError
+
+Array = NDArray[np.float32]
+
+
+class Class(NamedTuple):
+    """Races to be driven under instruction.
+
+    Attributes:
+        rollouts: of the configuration.
+        pair: circuit and car.
+        pace: share of its speed at which the teacher drives.
+        taught: share of the cars that the teacher drives.
+        seed: of all that is drawn.
+    """
+
+    rollouts: Rollouts
+    pair: Pair
+    pace: float
+    taught: float
+    seed: int
+
+
+class Notes(NamedTuple):
+    """What was seen and said, a row for each step of each car that drove.
+
+    Attributes:
+        seen: (n, size) float32, observations.
+        said: (n, 2) float32, the teacher's actions.
+        speed: mean progress on the course of the cars that the policy drove, m/s; nan without any.
+    """
+
+    seen: Array
+    said: Array
+    speed: float
+
+
+class School:
+    """Holds classes, one after another or in processes of its own; what is noted is the same."""
+
+    def __init__(self, config: TrainingConfig) -> None:
+        """Processes, as many workers as the configuration has; without any, this one drives."""
+        self._config = config
+        self._processes = start_processes(config.workers) if config.workers else None
+
+    def teach(self, classes: Sequence[Class], network: Mlp | EncodedMlp) -> Iterator[Notes]:
+        """What comes of each of the classes, in their order.
+
+        Raises:
+            InputError: if the races cannot be made, or a process has ended.
+        """
+        teach = partial(instruct, self._config, network)
+        try:
+            yield from self._processes.map(teach, classes) if self._processes else map(teach, classes)
+        except BrokenProcessPool:
+            raise InputError("imitation: a worker process has ended, expected it to drive") from None
+
+    def close(self) -> None:
+        """End the processes."""
+        if self._processes is not None:
+            self._processes.shutdown(cancel_futures=True)
+
+
+def instruct(config: TrainingConfig, network: Mlp | EncodedMlp, planned: Class) -> Notes:
+    """Drive the races of a class.
+
+    The driver's own memory, of how far it has moved aside, would decide what it says off its line, and no
+    policy sees it. So in races of one car, where nobody is moved aside for, it has none.
+
+    Args:
+        config: of which the rollouts are a part; it imitates.
+        network: of the policy.
+        planned: the class.
+
+    Raises:
+        InputError: if the races cannot be made.
+    """
+    assert config.imitation is not None, "it imitates"
+    rng, rollouts, pair = np.random.default_rng(planned.seed), planned.rollouts, planned.pair
+    scenario = scenario_of(rollouts, pair)
+    episodes = Episodes(pair.circuit, pair.car, scenario, rollouts.races, stuck_s=STUCK_S)
+    learners = learners_of(rollouts, scenario.cars)
+    opponents = (rollouts.opponents or config.opponents) if len(learners) < scenario.cars else ()
+    population = Population(opponents, pair)
+    spec, name = config.observation.spec(), config.imitation.teacher
+    if name == DRIVER:
+        name = f"{DRIVER}:pace={planned.pace:g}"
+        spec = replace(spec, plan_pace=planned.pace) if spec.planned else spec
+    env = OpponentWrapper(episodes, learners.tolist(), spec, population.policies)
+    teacher = Teacher(name, pair, env)
+    if env.others:
+        who = population.draw(rollouts.races * env.others, rng)
+        env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
+    seeds = rng.integers(2**63, size=rollouts.races).tolist()
+    env.start(range(rollouts.races), map(np.random.default_rng, seeds))
+    episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
+    return _drive(
+        env, teacher, network, round(config.imitation.length_s / episodes.step_s), planned.taught, rng
+    )
+
+
+def _drive(
+    env: OpponentWrapper,
+    teacher: Teacher,
+    network: Mlp | EncodedMlp,
+    steps: int,
+    taught: float,
+    rng: np.random.Generator,
+) -> Notes:
+    world, everybody = env.episodes.world, np.arange(len(env.cars))
+    led = rng.random(len(everybody)) < taught
+    begun = world.state["progress"][env.races, env.cars]
+    seen, said = [], []
+    for _ in range(steps):
+        driving = world.state["driving"][env.races, env.cars]
+        if not env.others:
+            teacher.forget()
+        advice = teacher.advice(everybody)
+        noise = rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
+        actions = np.where(led[:, None], advice + noise, network(env.seen))
+        seen.append(env.seen[driving])
+        said.append(advice[driving])
+        env.step(np.clip(actions, -1.0, 1.0))
+    gone = (world.state["progress"][env.races, env.cars] - begun)[~led]
+    speed = float(gone.mean()) / (steps * env.episodes.step_s) if len(gone) else float("nan")
+    return Notes(np.concatenate(seen), np.concatenate(said), speed)
