@@ -45,6 +45,7 @@ SETTINGS = {
     "GateSettings": "nathlon.selection.gate_settings",
     "MatrixSettings": "nathlon.selection.matrix_settings",
     "NightlySettings": "nathlon.selection.config",
+    "ResultSettings": "nathlon.selection.result_settings",
     "Event": "nathlon.tournament.event",
     "EventRace": "nathlon.tournament.event",
     "Skill": "nathlon.selection.battery.skill",

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from nathlon.api.worker import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.arena.worlds.formula import Formula
+    from nathlon.lab.siblings.run import TrainingRun
+    from nathlon.lab.siblings.sb3 import NathlonCallback
     from nathlon.policies.environments.formula_reward import FormulaReward
     from nathlon.policies.environments.race_gym_env import RaceGymEnv
     from nathlon.policies.environments.race_vector_env import RaceVectorEnv
@@ -62,6 +64,7 @@ _FROM = {
     "InputError": "nathlon.sim.errors",
     "LeagueResult": "nathlon.api.league",
     "MatrixResult": "nathlon.api.matrix",
+    "NathlonCallback": "nathlon.lab.siblings.sb3",
     "ObservationSpec": "nathlon.sim.observation",
     "Policy": "nathlon.policies.policy",
     "Quantity": "nathlon.sim.expressions",
@@ -73,6 +76,7 @@ _FROM = {
     "SelectionResult": "nathlon.api.selection",
     "StintsResult": "nathlon.api.stints",
     "TrainingResult": "nathlon.api.train",
+    "TrainingRun": "nathlon.lab.siblings.run",
     "TwinResult": "nathlon.api.twin",
     "load_policy": "nathlon.policies.load",
     "GymnasiumWorld": "nathlon.arena.worlds.environment",
@@ -106,6 +110,7 @@ __all__ = [
     "InputError",
     "LeagueResult",
     "MatrixResult",
+    "NathlonCallback",
     "ObservationSpec",
     "PettingZooWorld",
     "Policy",
@@ -118,6 +123,7 @@ __all__ = [
     "SelectionResult",
     "StintsResult",
     "TrainingResult",
+    "TrainingRun",
     "TwinResult",
     "coach",
     "design_reward",

@@ -24,6 +24,7 @@ from nathlon.commands.league import league
 from nathlon.commands.matrix import matrix
 from nathlon.commands.nightly import init, nightly, status
 from nathlon.commands.observation import observation
+from nathlon.commands.pack import pack, verify
 from nathlon.commands.pareto import pareto
 from nathlon.commands.plan import plan
 from nathlon.commands.racing import race
@@ -86,7 +87,7 @@ app.add(
 app.add("Judge", gate, matrix, recipes, incident, twin)
 app.add("Look", race, stints, drive, serve, replay, coach)
 app.add("Train", train, polish, league, ablate, reward=reward)
-app.add("Files", export, observation, track=track, car=car, world=world, store=store)
+app.add("Files", export, pack, verify, observation, track=track, car=car, world=world, store=store)
 
 
 STOPPED = 130

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from nathlon.policies.policy import Policy
+from nathlon.policies.remote import local
 from nathlon.policies.sources.finding import Found, find
 from nathlon.policies.sources.handed_over import hand_over
 
 Candidate = str | Path | Policy
-"""A checkpoint or a folder of them, `plugin:NAME`, or a policy as an object."""
+"""A checkpoint, a folder or an address of them, `plugin:NAME`, or a policy as an object."""
 Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
 """One, some, or some by the names that their objects shall have."""
 
@@ -40,7 +41,7 @@ def find_candidates(candidates: Candidates, people: bool = False, endings: Itera
     found = Found()
     for name, candidate in named:
         if isinstance(candidate, str | Path):
-            found.add(find([candidate], people, endings))
+            found.add(find([local(candidate, endings)], people, endings))
         else:
             source = hand_over(candidate, name)
             found.add(Found([source], {source}))

@@ -10,6 +10,7 @@ import typer
 
 from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import say_set_aside, stoppable
+from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given, find
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
@@ -34,7 +35,7 @@ def battery(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    check_given(entrants)
+    check_given(on_this_machine(entrants))
     from nathlon.api.selection import configured, entered
     from nathlon.arena.entrance import endings_of
     from nathlon.arena.pool import Pool

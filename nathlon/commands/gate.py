@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers, WorldName
 from nathlon.commands.selection import stoppable
+from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
-from nathlon.terminal import new_table, print_json, print_table, say
+from nathlon.terminal import new_table, print_json, print_table, say, warn
+
+if TYPE_CHECKING:
+    from nathlon.results.gate import GateReport
 
 
 def gate(
@@ -31,7 +36,7 @@ def gate(
     Exit code 0: it may, being no worse by more than the margins. 1: it may not. 3: somebody could not be
     judged, as most of its runs are void. 4: the budget was too small to tell.
     """
-    check_given([*checkpoints, champion])
+    check_given(on_this_machine([*checkpoints, champion]))
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -65,4 +70,20 @@ def gate(
         for remark in result.report.remarks:
             say(remark)
         say(f"Page         {out / 'index.html'}")
+    if config is not None:
+        _promote(result.report, checkpoints, config)
     sys.exit(result.report.exit_code)
+
+
+def _promote(report: GateReport, checkpoints: Iterable[str], config: Path) -> None:
+    """Have the registry that the configuration names say who is champion now; standard error says it."""
+    from nathlon.selection.config import read_config
+
+    settings = read_config(config)
+    if not settings.results.sinks:
+        return
+    from nathlon.api.candidates import named_sources
+    from nathlon.lab.sinks.telling import tell_gate
+
+    for one in tell_gate(report, named_sources(checkpoints), settings):
+        warn(f"Champion     {one.place or one.sentence.strip()}")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
+from collections.abc import Iterable
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +17,8 @@ from nathlon.terminal import new_table, print_json, print_table, say, tell
 
 if TYPE_CHECKING:
     from nathlon.arena.store import Store
+    from nathlon.lab.sinks.delivery import Delivery
+    from nathlon.selection.config import Config
     from nathlon.selection.nightly.night import Night
 
 
@@ -51,18 +54,38 @@ def nightly(
     from nathlon.terminal.progress import stage_progress, worker_count
 
     settings = read_config(config)
-    with stoppable("The same command goes on."), stage_progress(not as_json) as on_match:
-        night = run_nightly(settings, worker_count(workers or settings.workers), on_match)
+    with stoppable("The same command goes on."):
+        with stage_progress(not as_json) as on_match:
+            night = run_nightly(settings, worker_count(workers or settings.workers), on_match)
+        if night.selection and night.name and not as_json:
+            print_verdict(night.selection.summary)
+            print_places(SelectionResult(Path(settings.out) / night.name, night.selection))
+        delivered = _delivered(night, settings)
+    night = replace(night, reason=night.reason + "".join(one.sentence for one in delivered))
     if as_json:
-        print_json(_told(night, Path(settings.out)))
-    elif night.selection and night.name:
-        print_verdict(night.selection.summary)
-        print_places(SelectionResult(Path(settings.out) / night.name, night.selection))
-    if not as_json:
+        print_json(_told(night, Path(settings.out)) | {"delivered": [one._asdict() for one in delivered]})
+    else:
+        say_delivered(delivered)
         say(f"Outcome      {night.reason}")
     sys.stdout.flush()
     told(settings, night)
     raise SystemExit(night.code)
+
+
+def _delivered(night: Night, settings: Config) -> tuple[Delivery, ...]:
+    """What became of a night in the sinks that were asked for."""
+    if not settings.results.sinks:
+        return ()
+    from nathlon.lab.sinks.telling import tell_night
+
+    return tell_night(night, settings)
+
+
+def say_delivered(delivered: Iterable[Delivery]) -> None:
+    """Print where results have gone."""
+    for one in delivered:
+        if one.place is not None:
+            say(f"Delivered    {one.sink}: {one.place}")
 
 
 def _told(night: Night, nights: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from nathlon.selection.bounds import LARGEST_SEED, MOST_PAIRS, MOST_SHORTLISTED,
 Checkpoints = Annotated[
     list[str],
     typer.Argument(
-        help="Checkpoints (.safetensors, Stable-Baselines3 .zip, .onnx), folders of them, plugin:NAME."
+        help="Checkpoints (.safetensors, Stable-Baselines3 .zip, .onnx), folders, addresses, plugin:NAME."
     ),
 ]
 WorldName = Annotated[

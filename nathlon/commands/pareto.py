@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers
 from nathlon.commands.selection import say_set_aside, stoppable
+from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given, find
 from nathlon.sim.whole_file import check_output, whole_file
 from nathlon.terminal import new_table, print_json, print_table, say
@@ -33,7 +34,7 @@ def pareto(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    check_given(checkpoints)
+    check_given(on_this_machine(checkpoints))
     from nathlon.api.selection import configured, entered
     from nathlon.arena.entrance import endings_of
     from nathlon.arena.entrant import entrants_table

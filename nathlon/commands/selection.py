@@ -23,6 +23,7 @@ from nathlon.commands.options import (
     Workers,
     WorldName,
 )
+from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say, warn
@@ -69,7 +70,7 @@ def evaluate(
 
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
-    check_given(checkpoints)
+    check_given(on_this_machine(checkpoints))
     from nathlon.arena.workers import start_server
 
     start_server()

@@ -28,6 +28,7 @@ from nathlon.selection.matrix_settings import MatrixSettings
 from nathlon.selection.pareto.filter import FilterSettings
 from nathlon.selection.pareto.objective import OWN, RACE, Objective
 from nathlon.selection.publish.recordings import Kept
+from nathlon.selection.result_settings import ResultSettings
 from nathlon.selection.round_robin import TournamentSettings
 from nathlon.sim.data_file import Named, Section, read_toml
 from nathlon.sim.errors import InputError
@@ -87,6 +88,7 @@ class Config(Section):
     nightly: NightlySettings = NightlySettings()
     gate: GateSettings = GateSettings()
     matrix: MatrixSettings = MatrixSettings()
+    results: ResultSettings = ResultSettings()
 
     @property
     def digest(self) -> str:
@@ -96,7 +98,7 @@ class Config(Section):
             InputError: if a file is missing or wrong.
         """
         elsewhere = {"out", "workers", "engine", "engine_address", "store", "checkpoints", "recordings"}
-        elsewhere |= {"gate", "matrix"}
+        elsewhere |= {"gate", "matrix", "results"}
         decisive = self.model_dump(mode="json", exclude=elsewhere)
         # Sorted: the files of a world come in another order in every process.
         text = json.dumps([decisive, self._contents()], sort_keys=True)
@@ -224,6 +226,9 @@ def read_config(path: Path) -> Config:
             ),
             "tournament": config.tournament.model_copy(update={"event": event and located(event)}),
             "nightly": _changed(config.nightly, "anchors", lambda names: tuple(map(located, names))),
+            "results": _changed(
+                config.results, "tensorboard", lambda name: name if name.startswith("$") else located(name)
+            ),
         }
     )
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Iterator
+import subprocess
+import zipfile
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +17,12 @@ import polars as pl
 import pytest
 
 from nathlon.arena.entrant import Entrant, enter
+from nathlon.arena.pool import Pool
 from nathlon.arena.recording import recording_name
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
+from nathlon.lab.pack.packing import pack_run
+from nathlon.lab.pack.verifying import Verification, verify_pack
 from nathlon.policies.checkpoint import read_checkpoint, save_checkpoint
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.summary import Sent, SetAside, read_summary
@@ -441,3 +446,104 @@ def test_a_newcomer_that_could_not_be_judged_has_one_more_night(tmp_path: Path) 
             store.put_fact(night, NOT_JUDGED, [entrant.id])
             store.end_run(night, DONE)
             assert awaited(config, store)[0] == waiting
+
+
+@pytest.fixture(scope="module")
+def packed(folder: Path, nights: list[Night]) -> Path:
+    """The first night in a file, signed."""
+    key = folder / "key"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "ann", "-f", key], check=True)
+    (folder / "signers").write_text(f"ann@example.org {key.with_suffix('.pub').read_text()}")
+    out = folder / "night.nathlon.zip"
+    with Store.open(folder / "nathlon.sqlite") as store:
+        pack_run(folder / "nights" / "night-0001", store, "night-0001", out, key)
+    return out
+
+
+def repacked(pack: Path, out: Path, change: Callable[[dict[str, Any]], None], honest: bool = True) -> Path:
+    """A pack with changed files; the manifest of an honest one knows them, and nobody has signed it."""
+    with zipfile.ZipFile(pack) as archive:
+        files: dict[str, Any] = {name: archive.read(name) for name in archive.namelist()}
+    change(files)
+    if honest:
+        del files["manifest.json.sig"]
+        manifest = json.loads(files["manifest.json"])
+        known = {name: hashlib.sha256(files[name]).hexdigest() for name in files if name != "manifest.json"}
+        files["manifest.json"] = json.dumps(manifest | {"files": known}).encode()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return out
+
+
+def looked_into(pack: Path, signers: Path | None = None, sample: int = 2) -> Verification:
+    with Pool(1) as pool:
+        return verify_pack(pack, sample, 1, signers, pool, lambda *_: None)
+
+
+def test_a_packed_night_is_verified_by_racing_again(packed: Path, folder: Path) -> None:
+    found = looked_into(packed, folder / "signers")
+    assert (found.run, found.signed_by, found.faults) == ("night-0001", "ann@example.org", ())
+    assert found.again == min(2, found.matches) > 0
+    unknown = looked_into(packed, sample=0)
+    assert unknown.signed_by is not None
+    assert unknown.signed_by.startswith("the key SHA256:")
+    with zipfile.ZipFile(packed) as archive:
+        names = set(archive.namelist())
+    assert {"summary.json", "report/index.html", "races/final.mcap", "matches.json"} <= names
+    [sent] = read_summary(folder / "nights" / "night-0001" / "summary.json").sent
+    assert f"checkpoints/{sent.entrant}.safetensors" in names
+
+
+def test_what_was_changed_in_a_pack_is_found(packed: Path, tmp_path: Path) -> None:
+    def other_report(files: dict[str, Any]) -> None:
+        files["report/index.html"] += b"<p>changed</p>"
+
+    def other_points(files: dict[str, Any]) -> None:
+        summary = json.loads(files["summary.json"])
+        summary["ranking"][0]["points_per_race"] += 1.0
+        files["summary.json"] = json.dumps(summary).encode()
+
+    def other_results(files: dict[str, Any]) -> None:
+        matches = json.loads(files["matches.json"])
+        for match in matches:
+            match["results"]["distance_m"] = [one + 1.0 for one in match["results"]["distance_m"]]
+        files["matches.json"] = json.dumps(matches).encode()
+
+    def other_world(files: dict[str, Any]) -> None:
+        matches = json.loads(files["matches.json"])
+        matches[0]["spec"]["world"] = "evil.py:world"
+        text = json.dumps(matches[0]["spec"], sort_keys=True)
+        matches[0]["key"] = key = hashlib.sha256(text.encode()).hexdigest()
+        matches[0]["results"]["match"] = [key] * len(matches[0]["results"]["match"])
+        files["matches.json"] = json.dumps(matches).encode()
+
+    with pytest.raises(InputError, match=r"report/index\.html was changed"):
+        looked_into(repacked(packed, tmp_path / "1.zip", other_report, honest=False))
+    assert looked_into(repacked(packed, tmp_path / "2.zip", other_report), sample=0).signed_by is None
+    [fault] = looked_into(repacked(packed, tmp_path / "3.zip", other_points), sample=0).faults
+    assert fault.endswith("do not follow from its races.")
+    found = looked_into(repacked(packed, tmp_path / "4.zip", other_results), sample=1)
+    assert found.again == 0
+    assert "ended otherwise when it was run again" in found.faults[0]
+    with pytest.raises(InputError, match=r"raced in 'evil\.py:world', which is code"):
+        looked_into(repacked(packed, tmp_path / "5.zip", other_world))
+    (tmp_path / "6.zip").write_bytes(b"no zip")
+    with pytest.raises(InputError, match="not a packed run"):
+        looked_into(tmp_path / "6.zip")
+
+
+def test_a_pack_of_somebody_else_is_refused(packed: Path, folder: Path, tmp_path: Path) -> None:
+    nobody = tmp_path / "signers"
+    nobody.write_text("")
+    with pytest.raises(InputError, match="the signer is not in"):
+        looked_into(packed, nobody)
+    with pytest.raises(InputError, match="is not signed, expected a signature of somebody in"):
+        looked_into(repacked(packed, tmp_path / "1.zip", lambda files: None), folder / "signers")
+
+    def signed_by_another(files: dict[str, Any]) -> None:
+        manifest = json.loads(files["manifest.json"])
+        files["manifest.json"] = json.dumps(manifest | {"run": "night-0009"}).encode()
+
+    with pytest.raises(InputError, match="the signature is not of this pack"):
+        looked_into(repacked(packed, tmp_path / "2.zip", signed_by_another, honest=False))

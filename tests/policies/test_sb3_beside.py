@@ -19,7 +19,7 @@ from nathlon.arena import payload
 from nathlon.policies.general import load_general
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.sources.normalisation import companions
-from nathlon.selection.publish.sent import _copy
+from nathlon.selection.publish.sent import copy_policy
 from nathlon.sim.errors import InputError
 from tests.policies.old_stable_baselines import ACTIONS, NUMBERS, PAIR, shown
 from tests.support.refusals import refusal
@@ -222,7 +222,7 @@ def test_a_copy_keeps_what_lies_beside_it_and_stays_here(tmp_path: Path) -> None
     environments.save(str(run / "Walker-v3" / "vecnormalize.pkl"))
     (tmp_path / "sent").mkdir()
     for name in ("first", "model"):
-        _copy(run / "best_model.zip", tmp_path / "sent" / f"{name}.zip")
+        copy_policy(run / "best_model.zip", tmp_path / "sent" / f"{name}.zip")
         assert policy_id(str(tmp_path / "sent" / f"{name}.zip")) == policy_id(str(run / "best_model.zip"))
     assert payload._label(str(run / "best_model.zip"), shared=True) is None
 

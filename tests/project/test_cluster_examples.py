@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,9 @@ from nathlon.cli import app
 
 FOLDER = Path(__file__).parent.parent.parent / "examples" / "cluster"
 SCRIPTS = sorted(FOLDER.glob("*.sh"))
+ROOT = FOLDER.parent.parent
 JOB = yaml.safe_load((FOLDER / "kubernetes.yaml").read_text("utf-8"))
+COMPOSE = yaml.safe_load((FOLDER / "compose.yaml").read_text("utf-8"))
 
 
 def accepted(arguments: list[str]) -> dict[str, Any]:
@@ -68,7 +72,7 @@ def test_the_job_is_an_indexed_one_whose_parts_fit_together() -> None:
     assert pod["restartPolicy"] == "Never", "which a limit for each index needs"
     [container] = pod["containers"]
     assert all(isinstance(argument, str) for argument in container["args"])
-    given = accepted(container["args"])
+    given = accepted([*container["command"], *container["args"]])
     assert given["store"].startswith("postgresql+psycopg://")
     assert str(given["workers"]) == container["resources"]["requests"]["cpu"]
     mounts = {mount["name"]: mount["mountPath"] for mount in container["volumeMounts"]}
@@ -76,3 +80,67 @@ def test_the_job_is_an_indexed_one_whose_parts_fit_together() -> None:
     values = {entry["name"]: entry.get("value") for entry in container["env"]}
     assert values["XDG_CACHE_HOME"] in mounts.values()
     assert all(isinstance(value, str) for value in values.values() if value is not None)
+
+
+def test_the_job_is_what_the_restricted_pod_security_standard_accepts() -> None:
+    """https://kubernetes.io/docs/concepts/security/pod-security-standards/."""
+    pod = JOB["spec"]["template"]["spec"]
+    assert pod["securityContext"]["runAsNonRoot"] is True
+    assert pod["securityContext"]["runAsUser"] > 0
+    assert pod["securityContext"]["seccompProfile"]["type"] in ("RuntimeDefault", "Localhost")
+    assert not pod.keys() & {"hostNetwork", "hostPID", "hostIPC", "initContainers"}
+    kinds = {"configMap", "csi", "downwardAPI", "emptyDir", "ephemeral", "persistentVolumeClaim", "secret"}
+    assert all(volume.keys() - {"name"} <= kinds for volume in pod["volumes"])
+    for container in pod["containers"]:
+        context = container["securityContext"]
+        assert context["allowPrivilegeEscalation"] is False
+        assert context["capabilities"] == {"drop": ["ALL"]}
+        assert not context.get("privileged")
+        assert not any("hostPort" in port for port in container.get("ports", ()))
+
+
+def test_the_job_keeps_to_the_schema_of_kubernetes() -> None:
+    validation = pytest.importorskip("kubernetes_validate")
+    validation.validate(JOB, validation.latest_version(), strict=True)
+
+
+def test_the_dockerfile_has_no_fault_that_a_linter_knows() -> None:
+    hadolint = shutil.which("hadolint", path=str(Path(sys.executable).parent))
+    if hadolint is None:
+        pytest.skip("needs the extra dev, on Linux")
+    done = subprocess.run([hadolint, ROOT / "Dockerfile"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_the_image_runs_as_nobody_and_has_all_that_a_build_needs() -> None:
+    lines = (ROOT / "Dockerfile").read_text("utf-8").splitlines()
+    assert "USER 10001:10001" in lines
+    assert JOB["spec"]["template"]["spec"]["securityContext"]["runAsUser"] == 10001
+    sent = {line[1:] for line in (ROOT / ".dockerignore").read_text("utf-8").splitlines() if line[:1] == "!"}
+    rooms = {link.name for link in (ROOT / "nathlon").iterdir() if link.is_symlink()}
+    assert rooms | {"nathlon", "pyproject.toml", "README.md", "LICENSE", "requirements*.lock"} == sent
+
+
+def test_compose_runs_a_store_a_room_and_two_workers() -> None:
+    services = COMPOSE["services"]
+    assert services.keys() == {"store", "worker", "room", "night"}
+    assert services["worker"]["deploy"]["replicas"] == 2
+    for name in ("worker", "room", "night"):
+        service = services[name]
+        command = [
+            re.sub(r"\$\{\w+(?::-(\w+)|:\?[^}]*)\}", lambda found: found[1] or "given", word)
+            for word in service["command"]
+        ]
+        given = accepted(["nathlon", *command])
+        assert given.get("store", "postgresql+psycopg://").startswith("postgresql+psycopg://")
+        assert service["read_only"]
+        assert service["cap_drop"] == ["ALL"]
+        assert service["depends_on"]["store"]["condition"] == "service_healthy"
+        targets = {volume.split(":")[1] for volume in service["volumes"]}
+        assert "/cache" in targets
+    assert "ports" not in services["store"], "the store is for the others only"
+    text = (FOLDER / "compose.yaml").read_text("utf-8")
+    example = (FOLDER / ".env.example").read_text("utf-8")
+    assert set(re.findall(r"\$\{(\w+)", text)) == set(re.findall(r"^(\w+)=", example, re.MULTILINE))
+    named = {volume.split(":")[0] for one in services.values() for volume in one["volumes"]}
+    assert {name for name in named if not name.startswith(".")} == COMPOSE["volumes"].keys()

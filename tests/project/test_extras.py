@@ -14,7 +14,19 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from tests.support.checkpoints import BUNDLED
 
-ABSENT = ("torch", "tensorboard", "stable_baselines3", "psycopg", "av", "uvicorn", "ray", "casadi")
+ABSENT = (
+    "torch",
+    "tensorboard",
+    "stable_baselines3",
+    "psycopg",
+    "av",
+    "uvicorn",
+    "ray",
+    "casadi",
+    "wandb",
+    "mlflow",
+    "fsspec",
+)
 WITHOUT = f"import sys; sys.modules.update(dict.fromkeys({ABSENT}))\n"
 
 

@@ -75,6 +75,11 @@ class Night:
     selection: Selection | None
     excluded: tuple[Exclusion, ...] = ()
 
+    @property
+    def counts(self) -> bool:
+        """Whether there is something to tell once: a selection, or files that were set aside."""
+        return self.status == DONE and (self.name is not None or bool(self.excluded))
+
 
 def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
     """Go on with the night that has not ended, or begin one with what is new.
@@ -152,7 +157,7 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
 
 def told(config: Config, night: Night) -> None:
     """Note that a night has been told to whoever asked for it; the last thing to do before exiting."""
-    if night.status != DONE or (night.name is None and not night.excluded):
+    if not night.counts:
         return
     with Store.open(config.store) as store:
         for item in night.excluded:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from nathlon.policies.remote import local
 from nathlon.policies.sources import PLUGIN
 from nathlon.policies.sources.finding import checkpoints_below
 from nathlon.policies.sources.identity import policy_id
@@ -53,18 +54,18 @@ class Watched:
 
 
 def watch(watched: Iterable[str], endings: Iterable[str] = ()) -> Watched:
-    """Look into folders, and at files and `plugin:NAME`.
+    """Look into folders and at addresses, and at files and `plugin:NAME`.
 
     Files with the endings are checkpoints besides those that nathlon reads itself.
 
     Raises:
-        InputError: if a path does not exist.
+        InputError: if a path does not exist, or an address cannot be reached.
     """
     sources: list[str] = []
     empty: list[Path] = []
     loaded = tuple(endings)
     for source in watched:
-        path = Path(source)
+        path = Path(local(source, loaded))
         if source.partition(":")[0] == PLUGIN:
             sources.append(source)
         elif not path.exists():

@@ -54,7 +54,7 @@ def _kept(sent: Sent, source: str, root: Path) -> Sent:
     if not is_still(str(copy), sent.entrant):
         if is_still(source, sent.entrant):
             copy.parent.mkdir(parents=True, exist_ok=True)
-            _copy(Path(source), copy)
+            copy_policy(Path(source), copy)
         # After the copy too: a training run may go on writing meanwhile.
         if not is_still(str(copy), sent.entrant):
             copy.unlink(missing_ok=True)
@@ -72,7 +72,7 @@ def _file_name(name: str, identity: str, source: str) -> str:
     return f"{stem}-{identity[:6]}{ending}" if len(stem) == LONGEST_FILE else f"{stem}{ending}"
 
 
-def _copy(source: Path, copy: Path) -> None:
+def copy_policy(source: Path, copy: Path) -> None:
     """Copy a file, and the files that belong to it: those that it names, or that lie beside it."""
     if source.name.endswith(ROLES):
         named = RolesSource.read(source).sources
@@ -98,7 +98,7 @@ def _named(source: str, folder: Path) -> str:
     if not is_path(source):
         return _text(source)
     copy = folder / f"{policy_id(source)[:12]}{suffix_of(source)}"
-    _copy(Path(source), copy)
+    copy_policy(Path(source), copy)
     return _text(copy.name)
 
 

@@ -1,0 +1,118 @@
+"""Packing a run: report, results, checkpoints and the recordings of the races to look at."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+
+from nathlon.arena.results import RESULTS
+from nathlon.arena.store import Store
+from nathlon.lab.pack.contents import (
+    CHECKPOINTS,
+    ENTRANTS_FILE,
+    MANIFEST,
+    MATCHES,
+    SIGNATURE,
+    Manifest,
+    digest,
+)
+from nathlon.lab.pack.signature import sign
+from nathlon.policies.sources import ROLES, is_path, suffix_of
+from nathlon.policies.sources.identity import is_still
+from nathlon.results.summary import read_summary, versions
+from nathlon.selection.publish.output import REPORT, SUMMARY
+from nathlon.selection.publish.sent import copy_policy
+from nathlon.sim.decisive import fingerprint
+from nathlon.sim.errors import InputError
+from nathlon.sim.names import as_named
+from nathlon.sim.scratch import scratch_folder
+from nathlon.sim.whole_file import whole_file
+
+EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Time of all members: the same run gives the same file."""
+
+
+def pack_run(folder: Path, store: Store, run: str, out: Path, key: Path | None = None) -> Manifest:
+    """Write a run into one file.
+
+    Args:
+        folder: of the run, with its report.
+        store: that holds it.
+        run: its name there.
+        out: the file.
+        key: that signs it; None leaves it unsigned.
+
+    Raises:
+        InputError: if the run has no tournament or report, or a checkpoint is gone or is another one by now.
+    """
+    files = {SUMMARY: folder / SUMMARY}
+    summary = read_summary(folder / SUMMARY)
+    files |= {
+        f"{REPORT}/{path.relative_to(folder / REPORT).as_posix()}": path for path in _files(folder / REPORT)
+    }
+    for replay in summary.replays:
+        if replay.recording:
+            path = (folder / REPORT / replay.recording).resolve()
+            files[f"races/{path.name}"] = path
+    with scratch_folder() as scratch:
+        here = Path(scratch)
+        (here / MATCHES).write_text(json.dumps(_matches(store, run)), "utf-8")
+        (here / ENTRANTS_FILE).write_text(json.dumps(_entrants(store, run, here)), "utf-8")
+        files |= {path.relative_to(here).as_posix(): path for path in _files(here)}
+        contents = {name: path.read_bytes() for name, path in sorted(files.items()) if path.is_file()}
+    manifest = Manifest(
+        run=run,
+        code=fingerprint(),
+        versions=versions(),
+        files={name: digest(content) for name, content in contents.items()},
+    )
+    contents[MANIFEST] = manifest.model_dump_json(indent=1).encode()
+    if key is not None:
+        contents[SIGNATURE] = sign(contents[MANIFEST], key)
+    with whole_file(out) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            entry = zipfile.ZipInfo(name, EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, content)
+    return manifest
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+
+
+def _matches(store: Store, run: str) -> list[dict[str, object]]:
+    results = store.results_of_run(run, "tournament")
+    if results.is_empty():
+        raise InputError(f"{store.name}: run {run} has no tournament, expected races to pack")
+    keys = results["match"].unique(maintain_order=True).to_list()
+    ran_on = store.processors(keys)
+    return [
+        {
+            "key": key,
+            "spec": store.spec(key),
+            "results": store.results_of([key]).select(RESULTS.names()).to_dict(as_series=False),
+            "processor": ran_on[key],
+        }
+        for key in keys
+    ]
+
+
+def _entrants(store: Store, run: str, here: Path) -> list[dict[str, object]]:
+    """Rows of ENTRANTS of all that raced in the tournament, with copies of their files."""
+    raced = set(store.results_of_run(run, "tournament")["entrant"])
+    rows = [row for row in store.table(run, "entrants").to_dicts() if row["entrant"] in raced]
+    (here / CHECKPOINTS).mkdir()
+    for row in rows:
+        source, identity = as_named(row["source"]), row["entrant"]
+        if not is_path(source):
+            continue
+        if not is_still(source, identity):
+            raise InputError(
+                f"{source}: is gone or has changed since it raced, expected the checkpoint of the run"
+            )
+        ending = ROLES if source.endswith(ROLES) else suffix_of(source)
+        row["source"] = f"{CHECKPOINTS}/{identity}{ending}"
+        copy_policy(Path(source), here / row["source"])
+    return rows

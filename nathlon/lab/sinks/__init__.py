@@ -1,0 +1,1 @@
+"""Sinks: where the results of a night go besides its folder, each in a process of its own."""

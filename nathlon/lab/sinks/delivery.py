@@ -1,0 +1,82 @@
+"""Delivering a night: each sink in a process of its own, which is ended if it takes too long."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any, NamedTuple
+
+from nathlon.results.part import ResultModel
+from nathlon.sim.process import command_of
+
+CHAMPION = "champion"
+"""The sink of a gate: the registry of MLflow."""
+TRACKERS = ("wandb", "mlflow", "tensorboard")
+"""Sinks that take what lies in the folder of a night."""
+DEADLINE_S = 180.0
+"""For all sinks together: they deliver at the same time."""
+
+
+class Delivery(NamedTuple):
+    """What became of a night in a sink.
+
+    Attributes:
+        place: where it is to be found; None where it could not be delivered.
+        error: why, in a sentence without a full stop.
+    """
+
+    sink: str
+    place: str | None
+    error: str | None
+
+    @property
+    def sentence(self) -> str:
+        """What is to be said after others of one that failed; '' of one that did not."""
+        return f" Not delivered to {self.sink}: {self.error}." if self.error else ""
+
+
+def deliver(told: ResultModel, sinks: Mapping[str, str]) -> tuple[Delivery, ...]:
+    """Deliver a bulletin or promotion to sinks, addresses by name; none of them can raise or hang.
+
+    What trackers print and leave behind stays in their processes.
+    """
+    with ExitStack() as stack:
+        end = time.monotonic() + DEADLINE_S
+        started = [(sink, stack.enter_context(_process(sink))) for sink in sinks]
+        content = told.model_dump(mode="json")
+        return tuple(_answer(sink, process, [content, sinks[sink]], end) for sink, process in started)
+
+
+@contextmanager
+def _process(sink: str) -> Iterator[subprocess.Popen[bytes]]:
+    # What a library complains of may hold a secret. In a session of its own, all that it starts ends with it.
+    process = subprocess.Popen(
+        command_of("nathlon.lab.sinks", sink),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def _answer(sink: str, process: subprocess.Popen[bytes], job: list[Any], end: float) -> Delivery:
+    try:
+        said, _ = process.communicate(json.dumps(job).encode(), timeout=max(0.0, end - time.monotonic()))
+        place, error = json.loads(said)
+    except subprocess.TimeoutExpired:
+        return Delivery(sink, None, f"no answer within {DEADLINE_S:g} s")
+    except (OSError, ValueError):
+        return Delivery(sink, None, "its process has ended without an answer")
+    return Delivery(sink, place, error)

@@ -1,0 +1,101 @@
+"""Training runs beside each other: what they leave, and which of them end early."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import nathlon
+from nathlon.arena.statistics import Floats
+from nathlon.arena.store import Store
+from nathlon.lab.siblings.proof import RISK, proved_worse
+from nathlon.lab.siblings.run import KIND, TrainingRun, checkpoints
+from nathlon.sim.errors import InputError
+
+LOOKS = 20
+
+
+def trained(folder: Path, name: str, skill: float, noise: float = 10.0) -> int:
+    """Train a toy whose returns grow with its skill; its checkpoints."""
+    run = TrainingRun(folder, name, checkpoints=LOOKS, stop_if_worse_by=20.0)
+    rng = np.random.default_rng(len(name))
+    for step in range(1, LOOKS + 1):
+        luck = np.random.default_rng(run.seeds(step, 1)).normal(0, 100, 12)  # of the episodes, for all
+        returns = skill * step + luck + rng.normal(0, noise, 12)
+        if run.checkpoint(step, lambda path: path.write_bytes(b"policy"), returns.tolist()):
+            return step
+    return LOOKS
+
+
+def test_what_is_worse_than_a_sibling_ends_and_the_store_knows(tmp_path: Path) -> None:
+    taken = [trained(tmp_path, name, skill) for name, skill in (("good", 20.0), ("bad", 5.0), ("fair", 19.5))]
+    assert taken[0] == taken[2] == LOOKS
+    assert LOOKS / 4 < taken[1] < LOOKS / 2
+    with Store(tmp_path / "store.sqlite") as store:
+        known = checkpoints(store)
+    assert [(one.run, one.step) for one in known if one.stopped] == [("bad", taken[1])]
+    assert len(known) == sum(taken)
+    assert (tmp_path / "bad" / f"policy_{taken[1]}_steps.zip").read_bytes() == b"policy"
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_who_was_stopped_stops_nobody(tmp_path: Path, stopped: bool) -> None:
+    far_better = {"run": "gone", "step": LOOKS, "returns": [1e4 + i for i in range(12)], "stopped": stopped}
+    run = TrainingRun(tmp_path, "own", checkpoints=1, stop_if_worse_by=20.0)
+    with Store(tmp_path / "store.sqlite") as store:
+        store.append(KIND, far_better)
+    assert run.checkpoint(LOOKS, Path.touch, list(range(0, 24, 2))) is not stopped
+
+
+@pytest.mark.parametrize("kind", ["normal", "skewed", "rare"])
+def test_equals_are_stopped_no_more_often_than_said(kind: str) -> None:
+    rng = np.random.default_rng(5)
+
+    def draw() -> Floats:
+        if kind == "normal":
+            return rng.normal(0, 100, 24)
+        if kind == "skewed":
+            return np.asarray(-100.0 * rng.pareto(3.0, 24), np.float64)
+        return np.where(rng.random(24) < 0.1, -1000.0, 0.0)
+
+    runs = 200
+    stopped = sum(
+        any(proved_worse(draw(), [draw(), draw()], 50.0, LOOKS) for _ in range(LOOKS)) for _ in range(runs)
+    )
+    assert stopped <= runs * RISK
+
+
+def test_other_numbers_of_episodes_are_not_compared() -> None:
+    assert not proved_worse(np.zeros(24), [np.full(12, 1e3)], 1.0, LOOKS)
+    assert proved_worse(np.zeros(24), [np.full(24, 1e3)], 1.0, LOOKS)
+
+
+def test_returns_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
+    run = TrainingRun(tmp_path, "run", checkpoints=3)
+    with pytest.raises(InputError, match="returns of run at step 1 are not a row of finite numbers"):
+        run.checkpoint(1, Path.touch, [1.0, float("nan")])
+    assert not list(run.folder.iterdir())
+    with pytest.raises(InputError, match="stop_if_worse_by is -1"):
+        TrainingRun(tmp_path, "run", checkpoints=3, stop_if_worse_by=-1)
+
+
+def test_stable_baselines_saves_what_nathlon_reads(tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    import gymnasium
+    from stable_baselines3 import A2C
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    from nathlon.policies.sources.normalisation import companions
+
+    wrapped = VecNormalize(DummyVecEnv([lambda: gymnasium.make("CartPole-v1")] * 3))
+    env = gymnasium.make("CartPole-v1", max_episode_steps=20)
+    callback = nathlon.NathlonCallback(tmp_path, "seed-1", env, checkpoints=4, episodes=2)
+    A2C("MlpPolicy", wrapped, seed=1, device="cpu").learn(200, callback=callback)
+    zips = sorted(path.name for path in (tmp_path / "seed-1").glob("*.zip"))
+    assert zips == [f"policy_{step}_steps.zip" for step in (100, 150, 200, 50)]
+    assert companions(tmp_path / "seed-1" / zips[0]).statistics is not None
+    with Store(tmp_path / "store.sqlite") as store:
+        assert [one.step for one in checkpoints(store)] == [50, 100, 150, 200]
+    assert callback.stopped_at is None
