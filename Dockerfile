@@ -14,14 +14,14 @@ RUN uv pip install --no-cache --python /opt/nathlon/bin/python --no-build-isolat
 
 FROM ${BASE}
 # A number, so that a cluster can tell that it is not root.
-RUN useradd --uid 10001 --create-home --home-dir /work racing \
+RUN useradd --uid 10001 --create-home --home-dir /home/racing racing \
     && install --directory --owner=10001 --group=10001 /cache
 COPY --from=build /opt/nathlon /opt/nathlon
 ENV MPLCONFIGDIR=/cache/matplotlib \
     PATH=/opt/nathlon/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     XDG_CACHE_HOME=/cache
-WORKDIR /work
+WORKDIR /home/racing
 USER 10001:10001
 ENTRYPOINT ["nathlon"]
 CMD ["--help"]

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.groups import NAMES
 from nathlon.commands.options import (
     AsJson,
     Checkpoints,
@@ -48,18 +47,18 @@ def demo(
     pairs: Pairs = None,
     workers: Workers = None,
     committee: Annotated[
-        str,
+        str | None,
         typer.Option(
-            metavar=NAMES,
+            metavar="NAME,NAME",
             help="Members of a committee, separated by commas, who are asked in the end whom to send.",
         ),
-    ] = "",
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Select the best of the bundled checkpoints: filter, skill tests, round robin, report."""
     from nathlon.policies.bundled import BUNDLED
 
-    members = tuple(name.strip() for name in committee.split(",") if name.strip())
+    members = tuple(name.strip() for name in (committee or "").split(",") if name.strip())
     config, bundled = _with_members(members), [str(BUNDLED / "lindenring")]
     result = _select(bundled, out, config, seed, shortlist, pairs, workers, as_json=as_json)
     if members:
