@@ -171,13 +171,13 @@ def _judged(case: _Case, question: GateQuestion, settings: GateSettings) -> Gate
 def other_gates(run: Run, pair: RunPair) -> int:
     """How many gates of the same two have ended in a run's store, with other seeds or settings."""
     gates = [record for record in run.store.runs() if record.name.startswith(f"{GATE}-")]
-    [own] = [record for record in gates if record.name == run.name]
+    own = {record.config["config"] for record in gates if record.name == run.name}
     others = set()
     for record in gates:
         champion, *candidates = record.config["entrants"]
         if record.status == DONE and champion == pair.champion.id and pair.candidate.id in candidates:
             others.add(record.config["config"])
-    return len(others - {own.config["config"]})
+    return len(others - own)
 
 
 def _gated(case: _Case, settings: GateSettings, other_gates: int) -> Gated:
