@@ -17,6 +17,7 @@ def test_every_face_has_an_example() -> None:
         "Gymnasium",
         "Gymnasium, many races at once",
         "Stable-Baselines3",
+        "Pictures",
         "QR-SAC on any environment",
         "A formula as the reward",
     ]
