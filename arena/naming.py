@@ -8,13 +8,13 @@ from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
 
-from nathlon.policies.sources import ROLES, is_path
+from nathlon.policies.sources import ROLES, is_path, stem_of
 
 
 def stem(source: str) -> str:
     """The name of a file without what all files of its kind end with."""
     name = Path(source).name
-    return name.removesuffix(ROLES) if name.endswith(ROLES) else Path(name).stem
+    return name.removesuffix(ROLES) if name.endswith(ROLES) else stem_of(name)
 
 
 def short_names(sources: Iterable[str]) -> dict[str, str]:

@@ -13,8 +13,8 @@ SCENARIO = "time_trial"
 
 def qualifying_match(entrant: Entrant, circuit: str, car: str, seed: int) -> Match:
     """The flying lap of one entrant."""
-    races = (Race(seed, (Seat(0),)),)
-    return Match("qualifying", SCENARIO, SCENARIO, circuit, car, (entrant.id,), (entrant.source,), races)
+    races, ids, sources = (Race(seed, (Seat(0),)),), (entrant.id,), (entrant.source,)
+    return Match("qualifying", SCENARIO, SCENARIO, circuit, car, ids, sources, races, entrant.world)
 
 
 def qualify(

@@ -22,7 +22,7 @@ from nathlon.arena.team import Absent
 from nathlon.arena.watch import Watch
 from nathlon.arena.workers import NO_MEMORY, READY
 from nathlon.arena.world import LineUp
-from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_finding import is_racing
 from nathlon.arena.world_registry import load_world
 from nathlon.policies.isolation import preserved
 from nathlon.policies.policy import Policy
@@ -131,7 +131,7 @@ def _open(opening: Opening) -> Answer:
 
 
 def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -> Answer:
-    if wanted.match.world != RACING:
+    if not is_racing(wanted.match.world):
         from nathlon.arena.filming import film_episodes  # most processes film nothing
 
         return film_episodes(wanted, policies, watch)

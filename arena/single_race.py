@@ -21,4 +21,5 @@ def single_race(entrants: Sequence[Entrant], scenario: str, circuit: str, car: s
         raise InputError(f"scenario {scenario}: {len(entrants)} entrants, expected at most {cars}")
     seats = tuple(Seat(slot % len(entrants), slot % 2 if len(entrants) == 2 else -1) for slot in range(cars))
     ids, sources = zip(*((entrant.id, entrant.source) for entrant in entrants), strict=True)
-    return Match("race", scenario, scenario, circuit, car, ids, sources, (Race(seed, seats),))
+    races = (Race(seed, seats),)
+    return Match("race", scenario, scenario, circuit, car, ids, sources, races, entrants[0].world)

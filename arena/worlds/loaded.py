@@ -70,13 +70,22 @@ class LoadedPolicy:
     _made: list[Any] = field(default_factory=list)
 
     @classmethod
+    def of(cls, source: str, load: Loader, observed: Space, done: Space) -> LoadedPolicy:
+        """The policy of a file, for which the loader has not been called yet.
+
+        Raises:
+            InputError: if there is no such file.
+        """
+        return cls(source, checkpoint_id(Path(source)), load, observed, done)
+
+    @classmethod
     def read(cls, source: str, load: Loader, observed: Space, done: Space) -> LoadedPolicy:
         """The policy of a file, tried on an observation where the space is a Box.
 
         Raises:
             InputError: if there is no such file, or what the loader gives cannot act.
         """
-        policy = cls(source, checkpoint_id(Path(source)), load, observed, done)
+        policy = cls.of(source, load, observed, done)
         with_state = policy.of_seat(0)
         if isinstance(observed, spaces.Box):
             own = deepcopy(observed)
@@ -104,14 +113,19 @@ class LoadedPolicy:
             InputError: if what the loader gives is no policy.
         """
         if not self._made:
-            self._made.append(self._new())
+            self._made.append(self.make())
         if not _keeps_state(self._made[0]):
             return Seated(self.source, self._made[0])
         while len(self._made) <= number:
-            self._made.append(self._new())
+            self._made.append(self.make())
         return Seated(self.source, self._made[number])
 
-    def _new(self) -> Any:
+    def make(self) -> Any:
+        """What the loader gives: called with an observation, or with `act(observation, memory)`.
+
+        Raises:
+            InputError: if it is neither.
+        """
         called = getattr(self.load, "__qualname__", repr(self.load))
         try:
             made = self.load(Path(self.source), self.observed, self.done)
@@ -128,12 +142,16 @@ class LoadedPolicy:
 
 
 class Seated:
-    """A loaded policy in a seat, with the memory of an episode."""
+    """A loaded policy in a seat, with the memory of an episode.
+
+    Attributes:
+        memory: after its last step; None before the first.
+    """
 
     def __init__(self, source: str, made: Any) -> None:
         """Of what a loader has made."""
         self._source, self._made = source, made
-        self._memory: Any = None
+        self.memory: Any = None
         torch: Any = sys.modules.get("torch")
         self._torch = torch if torch and isinstance(made, torch.nn.Module) else None
         if self._torch:
@@ -141,7 +159,7 @@ class Seated:
 
     def reset(self, seed: int) -> None:
         """Begin an episode."""
-        self._memory = None
+        self.memory = None
         if _keeps_state(self._made):
             self._made.reset(seed)
 
@@ -151,30 +169,52 @@ class Seated:
         Raises:
             IllegalActionError: if it answers with no action.
         """
-        remembers = hasattr(self._made, "act")
-        if remembers:
-            answer = self._made.act(observation, self._memory)
+        if self._remembers:
+            answer = self._made.act(observation, self.memory)
             if not isinstance(answer, tuple) or len(answer) != 2:
                 raise IllegalActionError(f"act gives {type(answer).__name__}, expected action and memory")
-            answer, self._memory = answer
+            answer, self.memory = answer
         elif self._torch:
-            answer = self._scores(observation)
+            answer = self._scores(_batch(self._torch, observation))
         else:
             answer = self._made(observation)
         if not isinstance(done, _FLAT):
             return answer
-        discrete = "argmax" if self._torch and not remembers else "choice"
-        outputs = Outputs("clip", discrete)  # type: ignore[arg-type]  # one of the two
+        return self._action(_row(answer), done, rng)
+
+    @property
+    def batches(self) -> bool:
+        """Whether it is a module without memory, which may be asked for many seats at once."""
+        return bool(self._torch) and not self._remembers
+
+    def act_together(self, observations: Any, done: Space, rng: np.random.Generator) -> NDArray[Any]:
+        """Actions (n, ...) of a space for observations (n, ...), or for a dictionary of them.
+
+        Raises:
+            IllegalActionError: if it answers with no actions.
+        """
+        answer = self._scores(_tensors(self._torch, observations)).detach().cpu().numpy()
+        n = len(next(iter(observations.values())) if isinstance(observations, dict) else observations)
+        if answer.ndim < 1 or len(answer) != n:
+            raise IllegalActionError(f"the module gives {answer.shape} for {n} observations")
+        return np.stack([self._action(_row(row), done, rng) for row in answer])
+
+    @property
+    def _remembers(self) -> bool:
+        return hasattr(self._made, "act")
+
+    def _action(self, row: NDArray[Any], done: Space, rng: np.random.Generator) -> Any:
+        outputs = Outputs("clip", "argmax" if self.batches else "choice")
         try:
-            return outputs.decode(self._source, _row(answer), done, rng)
+            return outputs.decode(self._source, row, done, rng)
         except InputError as error:
             raise IllegalActionError(str(error)) from None
 
-    def _scores(self, observation: Any) -> Any:
-        """What a module answers to an observation, of which it gets a batch."""
+    def _scores(self, batch: Any) -> Any:
+        """What a module answers to a batch of observations."""
         assert self._torch is not None
         with self._torch.no_grad():
-            answer = self._made(_batch(self._torch, observation))
+            answer = self._made(batch)
         if not isinstance(answer, self._torch.Tensor):
             raise IllegalActionError(
                 f"the module gives {type(answer).__name__}, expected one tensor: "
@@ -188,13 +228,20 @@ def _keeps_state(made: Any) -> bool:
 
 
 def _batch(torch: Any, observation: Any) -> Any:
+    """An observation as a batch of one."""
     if isinstance(observation, Mapping):
         return {name: _batch(torch, one) for name, one in observation.items()}
     if isinstance(observation, tuple):
         return tuple(_batch(torch, one) for one in observation)
-    array = np.asarray(observation)
-    kept = array.astype(np.float32) if array.dtype.kind == "f" else array
-    return torch.as_tensor(kept).unsqueeze(0)
+    return _tensors(torch, np.asarray(observation)[None])
+
+
+def _tensors(torch: Any, observations: Any) -> Any:
+    """Arrays of a batch as tensors."""
+    if isinstance(observations, Mapping):
+        return {name: _tensors(torch, one) for name, one in observations.items()}
+    kept = observations.astype(np.float32) if observations.dtype.kind == "f" else observations
+    return torch.as_tensor(kept)
 
 
 def _row(answer: Any) -> NDArray[Any]:

@@ -22,7 +22,7 @@ from nathlon.arena.rounding import differing
 from nathlon.arena.statistics import Floats, holm, p_values
 from nathlon.arena.watch import Watch
 from nathlon.arena.world import Measure, Setup, World
-from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_finding import is_racing
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.environment import GymnasiumWorld, PettingZooWorld
 from nathlon.arena.worlds.repeats import Elsewhere, Played, any_policy, differs, repeated, starts
@@ -100,7 +100,7 @@ def rehearse(pool: Pool, name: str) -> RehearsalReport:
     Raises:
         InputError: if it cannot be loaded.
     """
-    if name == RACING:
+    if is_racing(name):
         raise InputError(f"world {name!r}: is nathlon's own, expected one to be checked")
     scenarios, measures = _sure(_watched(pool, name, "", _declared, name))
     findings: list[RehearsalFinding] = []

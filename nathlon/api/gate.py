@@ -78,6 +78,7 @@ def gate(
     seed: int | None = None,
     workers: int | None = None,
     world: str | None = None,
+    loader: str | None = None,
     progress: bool = True,
 ) -> GateResult:
     """Whether candidates are no worse than the champion by more than the margins of a configuration.
@@ -92,15 +93,14 @@ def gate(
         config: whose section `gate` has margins and budget, or the path of a `nathlon.toml`.
         seed, workers: instead of the configuration's.
         world: the simulator, instead of the configuration's.
+        loader: as of `nathlon.select`.
         progress: whether to show it, on standard error.
 
     Raises:
         InputError: if a policy cannot drive, a candidate is the champion, a name or file is wrong, or the
             folder cannot be written.
     """
-    settings = configured(config, seed, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, workers=workers, world=world, loader=loader)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         endings = endings_of(pool, settings.world)

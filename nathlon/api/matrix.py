@@ -58,6 +58,7 @@ def matrix(
     seed: int | None = None,
     workers: int | None = None,
     world: str | None = None,
+    loader: str | None = None,
     progress: bool = True,
 ) -> MatrixResult:
     """Drive a policy through a matrix of settings beside a baseline, and find where it is worse.
@@ -73,15 +74,14 @@ def matrix(
         config: whose section `matrix` has the settings, or the path of a `nathlon.toml`.
         seed, workers: instead of the configuration's.
         world: the simulator, instead of the configuration's.
+        loader: as of `nathlon.select`.
         progress: whether to show it, on standard error.
 
     Raises:
         InputError: if nothing can be driven, policy and baseline are the same, a name or file is wrong, or
             the folder cannot be written.
     """
-    settings = configured(config, seed, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, workers=workers, world=world, loader=loader)
     driver = _one(policy)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:

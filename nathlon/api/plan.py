@@ -27,6 +27,7 @@ def plan(
     pairs: int | None = None,
     workers: int | None = None,
     world: str | None = None,
+    loader: str | None = None,
     store: str | Path | None = None,
 ) -> Forecast:
     """What a selection is expected to cost, and the least difference that its round robin finds.
@@ -41,14 +42,13 @@ def plan(
         pairs, workers: instead of the configuration's: mirrored pairs of races for every two finalists, at
             most; processes.
         world: the simulator, instead of the configuration's.
+        loader: as of `nathlon.select`.
         store: where earlier selections are, instead of the configuration's.
 
     Raises:
         InputError: if a name or file is wrong, or nothing is new.
     """
-    settings = configured(config, pairs=pairs, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, pairs=pairs, workers=workers, world=world, loader=loader)
     settings = settings.suited
     with ExitStack() as stack:
         target = str(store or settings.store)

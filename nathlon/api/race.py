@@ -8,7 +8,7 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.api.candidates import Candidates, named_sources
-from nathlon.arena.entrance import enter_all
+from nathlon.arena.entrance import endings_of, enter_all
 from nathlon.arena.entrant import CAR, CIRCUIT, Entrant
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
@@ -16,6 +16,7 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.qualifying import qualify as drive_qualifying
 from nathlon.arena.recording import write_recording
 from nathlon.arena.single_race import single_race
+from nathlon.arena.world_finding import RACING, with_loader
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
@@ -62,6 +63,7 @@ def race(
     scenario: str = "race",
     circuit: str = CIRCUIT,
     car: str = CAR,
+    loader: str | None = None,
     seed: int = 1,
     qualify: bool = False,
     record: str | Path | None = None,
@@ -72,6 +74,7 @@ def race(
         entrants: checkpoints, `generalist`, `driver:pace=0.95`, `plugin:NAME`, `human:FILE` or objects, from
             pole in turn.
         scenario, circuit, car: shipped names or paths.
+        loader: what reads files of other libraries: `PATH.py:NAME` or `MODULE:NAME`.
         seed: of all randomness.
         qualify: order the entrants by a flying lap first.
         record: folder to keep the race in, as `races/race.mcap`.
@@ -79,11 +82,12 @@ def race(
     Raises:
         InputError: if one cannot drive, a name is unknown, or there are more entrants than places.
     """
-    sources = named_sources(entrants, people=True)
     if record is not None:
         check_output(Path(record))
     with Pool(1) as pool:
-        entered = enter_all(pool, sources, circuit, car)
+        world = RACING if loader is None else with_loader(RACING, loader)
+        sources = named_sources(entrants, people=True, endings=endings_of(pool, world))
+        entered = enter_all(pool, sources, circuit, car, world)
         timed = drive_qualifying(pool, entered, circuit, car, seed) if qualify else None
         if timed is not None:
             entered = [entrant for entrant, _ in timed]

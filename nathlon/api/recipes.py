@@ -61,6 +61,7 @@ def recipes(
     seed: int | None = None,
     workers: int | None = None,
     world: str | None = None,
+    loader: str | None = None,
     progress: bool = True,
 ) -> RecipesResult:
     """Compare recipes, of which each has the training runs of some seeds in a folder.
@@ -74,6 +75,7 @@ def recipes(
         config: whose anchors and tournament are raced, or the path of a `nathlon.toml`.
         pairs, seed, workers: instead of the configuration's.
         world: the simulator, instead of the configuration's.
+        loader: as of `nathlon.select`.
         progress: whether to show it, on standard error.
 
     Raises:
@@ -81,9 +83,7 @@ def recipes(
     """
     given = [folders] if isinstance(folders, str | Path) else folders
     found = recipe_folders(map(str, given))
-    settings = configured(config, seed, pairs=pairs, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, pairs=pairs, workers=workers, world=world, loader=loader)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         files = checkpoints_of(found, endings_of(pool, settings.world))

@@ -13,6 +13,7 @@ import polars as pl
 from nathlon.api.candidates import Candidates, find_candidates
 from nathlon.arena.entrance import check_world, endings_of, enter_found, trained_on
 from nathlon.arena.pool import Pool, quietly
+from nathlon.arena.world_finding import with_loader
 from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources.finding import Found
 from nathlon.reports.picture import ranking_picture
@@ -157,6 +158,7 @@ def select(
     pairs: int | None = None,
     workers: int | None = None,
     world: str | None = None,
+    loader: str | None = None,
     store: str | None = None,
     progress: bool = True,
     on_verdict: OnVerdict | None = None,
@@ -173,6 +175,7 @@ def select(
             reach the round robin; mirrored pairs of races for every two of them, at most; processes.
         world: the simulator, instead of the configuration's: `MODULE:NAME`, `PATH.py:NAME`, or a name that a
             package offers.
+        loader: in nathlon's own world, what reads files of other libraries: `PATH.py:NAME` or `MODULE:NAME`.
         store: where everything is kept, path or URL, so that workers elsewhere can take part; a file in the
             folder by default.
         progress: whether to show it, on standard error.
@@ -181,9 +184,7 @@ def select(
     Raises:
         InputError: if a checkpoint cannot drive, a name or file is wrong, or the folder cannot be written.
     """
-    settings = configured(config, seed, shortlist, pairs, workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, shortlist, pairs, workers, world, loader)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         found = find_candidates(checkpoints, endings=endings_of(pool, settings.world))
@@ -204,11 +205,13 @@ def configured(
     shortlist: int | None = None,
     pairs: int | None = None,
     workers: int | None = None,
+    world: str | None = None,
+    loader: str | None = None,
 ) -> Config:
     """A configuration, that of a file or the standard one, with what is given in its place.
 
     Raises:
-        InputError: if the file is wrong.
+        InputError: if the file is wrong, or a loader is given for another world than nathlon's own.
     """
     if config is None:
         config = Config()
@@ -219,7 +222,9 @@ def configured(
         committee = committee.model_copy(update={"shortlist": shortlist})
     if pairs is not None:
         tournament = tournament.model_copy(update={"pairs": pairs})
-    changed = {"seed": seed, "workers": workers}
+    if loader is not None:
+        world = with_loader(config.world if world is None else world, loader)
+    changed = {"seed": seed, "workers": workers, "world": world}
     given = {name: value for name, value in changed.items() if value is not None}
     return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
 

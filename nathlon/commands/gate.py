@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, Checkpoints, ConfigPath, ConfigSeed, Out, Workers, WorldName
+from nathlon.commands.options import (
+    AsJson,
+    Checkpoints,
+    ConfigPath,
+    ConfigSeed,
+    LoaderName,
+    Out,
+    Workers,
+    WorldName,
+)
 from nathlon.commands.selection import stoppable
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
@@ -29,6 +38,7 @@ def gate(
     seed: ConfigSeed = None,
     workers: Workers = None,
     world: WorldName = None,
+    loader: LoaderName = None,
     as_json: AsJson = False,
 ) -> None:
     """Say whether a candidate may replace the champion, for people and for CI.
@@ -52,6 +62,7 @@ def gate(
             seed=seed,
             workers=workers,
             world=world,
+            loader=loader,
             progress=not as_json,
         )
     if as_json:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Workers, WorldName
+from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, LoaderName, Out, Workers, WorldName
 from nathlon.commands.selection import stoppable
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -29,6 +29,7 @@ def matrix(
     seed: ConfigSeed = None,
     workers: Workers = None,
     world: WorldName = None,
+    loader: LoaderName = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the settings in which a policy is worse than a baseline.
@@ -51,6 +52,7 @@ def matrix(
             seed=seed,
             workers=workers,
             world=world,
+            loader=loader,
             progress=not as_json,
         )
     report = result.report

@@ -22,6 +22,13 @@ WorldName = Annotated[
         help="Simulator, if it is not nathlon's own: MODULE:NAME, PATH.py:NAME, or a package's.",
     ),
 ]
+LoaderName = Annotated[
+    str | None,
+    typer.Option(
+        "--loader",
+        help="In nathlon's own world, what reads files of other libraries: PATH.py:NAME or MODULE:NAME.",
+    ),
+]
 StoreName = Annotated[str, typer.Argument(help="The store: path of its file, or URL of a database.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
 Seed = Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness.")]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, ConfigPath, Pairs, Workers, WorldName
+from nathlon.commands.options import AsJson, ConfigPath, LoaderName, Pairs, Workers, WorldName
 from nathlon.results.words import stage_called
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -23,6 +23,7 @@ def plan(
     pairs: Pairs = None,
     workers: Workers = None,
     world: WorldName = None,
+    loader: LoaderName = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what a selection will cost and what it can find, before anything runs."""
@@ -33,7 +34,13 @@ def plan(
     if not checkpoints and config is None:
         config = Path("nathlon.toml")
     told = nathlon.plan(
-        checkpoints or None, config=config, pairs=pairs, workers=workers, world=world, store=store
+        checkpoints or None,
+        config=config,
+        pairs=pairs,
+        workers=workers,
+        world=world,
+        loader=loader,
+        store=store,
     )
     if as_json:
         print_json(told.model_dump(mode="json"))

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, Out, Seed
-from nathlon.policies.sources.finding import find_sources
+from nathlon.commands.options import AsJson, LoaderName, Out, Seed
+from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ def race(
     ] = "race",
     circuit: Annotated[str, typer.Option(help="Name or path of the circuit.")] = "lindenring",
     car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
+    loader: LoaderName = None,
     seed: Seed = 1,
     qualifying: Annotated[
         bool, typer.Option("--qualify", help="Order the grid by a flying lap of each entrant.")
@@ -40,7 +41,7 @@ def race(
     from nathlon.arena.workers import start_server
     from nathlon.sim.data_file import DATA, find_data
 
-    sources = find_sources(entrants, people=True)
+    check_given(entrants)
     for kind, name in (("circuit", circuit), ("car", car)):
         find_data(name, kind, DATA / f"{kind}s")
     start_server()
@@ -50,10 +51,11 @@ def race(
     load_scenario(scenario)
 
     result = nathlon.race(
-        sources,
+        entrants,
         scenario=scenario,
         circuit=circuit,
         car=car,
+        loader=loader,
         seed=seed,
         qualify=qualifying,
         record=out if record else None,

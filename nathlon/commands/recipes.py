@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Pairs, Workers, WorldName
+from nathlon.commands.options import (
+    AsJson,
+    ConfigPath,
+    ConfigSeed,
+    LoaderName,
+    Out,
+    Pairs,
+    Workers,
+    WorldName,
+)
 from nathlon.commands.selection import stoppable
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -29,6 +38,7 @@ def recipes(
     seed: ConfigSeed = None,
     workers: Workers = None,
     world: WorldName = None,
+    loader: LoaderName = None,
     as_json: AsJson = False,
 ) -> None:
     """Say which way of training is better, over its seeds and not by its luckiest checkpoint.
@@ -53,6 +63,7 @@ def recipes(
             seed=seed,
             workers=workers,
             world=world,
+            loader=loader,
             progress=not as_json,
         )
     if as_json:

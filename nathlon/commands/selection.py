@@ -15,6 +15,7 @@ from nathlon.commands.options import (
     Checkpoints,
     ConfigPath,
     ConfigSeed,
+    LoaderName,
     Out,
     Pairs,
     Seed,
@@ -104,6 +105,7 @@ def evaluate(
     pairs: Pairs = None,
     workers: Workers = None,
     world: WorldName = None,
+    loader: LoaderName = None,
     store: Annotated[
         str | None,
         typer.Option(help="Store of everything, path or URL; nathlon worker takes part from other machines."),
@@ -115,7 +117,7 @@ def evaluate(
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
     check_given(on_this_machine(checkpoints))
-    _select(checkpoints, out, config, seed, shortlist, pairs, workers, world, store, as_json)
+    _select(checkpoints, out, config, seed, shortlist, pairs, workers, world, loader, store, as_json)
 
 
 def _select(
@@ -127,6 +129,7 @@ def _select(
     pairs: int | None,
     workers: int | None,
     world: str | None = None,
+    loader: str | None = None,
     store: str | None = None,
     as_json: bool = False,
 ) -> SelectionResult:
@@ -147,6 +150,7 @@ def _select(
             pairs=pairs,
             workers=workers,
             world=world,
+            loader=loader,
             store=store,
             progress=not as_json,
             on_verdict=None if as_json else _print_now,

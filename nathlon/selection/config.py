@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from nathlon.arena.world import KNOWN, World
-from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_finding import RACING, in_folder, with_loader
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.racing import surroundings
 from nathlon.policies.bundled import generalist
@@ -60,7 +60,7 @@ class Config(Section):
     Attributes:
         checkpoints: folders and files that a night watches; `plugin:NAME` too.
         circuit, car: what is raced; empty in another world.
-        world: name of the simulator, see `nathlon.arena.world_registry`.
+        world: name of the simulator, see `nathlon.arena.world_finding`; ours has one with a `loader` as well.
         store: path of the SQLite file, or the URL of a PostgreSQL database.
         out: folder for the reports.
         seed: of all randomness.
@@ -89,6 +89,18 @@ class Config(Section):
     gate: GateSettings = GateSettings()
     matrix: MatrixSettings = MatrixSettings()
     results: ResultSettings = ResultSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_loader(cls, given: Any) -> Any:
+        """`loader` says by which nathlon's own world reads files that it cannot read itself."""
+        if not isinstance(given, Mapping) or "loader" not in given:
+            return given
+        loader, world = given["loader"], given.get("world", RACING)
+        if not isinstance(loader, str) or not isinstance(world, str):
+            raise ValueError(f"field loader is {loader!r}: expected PATH.py:NAME or MODULE:NAME")
+        rest = {name: value for name, value in given.items() if name != "loader"}
+        return rest | {"world": with_loader(world, loader)}
 
     @property
     def digest(self) -> str:
@@ -124,9 +136,12 @@ class Config(Section):
 
     def _facts(self, scenario: str, circuit: str, car: str) -> dict[str, Any]:
         """What decides how a scenario goes, the program's own code apart where it is ours."""
-        if self.circuit:
-            return surroundings(scenario, circuit, car)
-        return load_world(self.world).facts(scenario)
+        facts = load_world(self.world, circuit, car).facts(scenario)
+        if not self.circuit:
+            return facts
+        return surroundings(scenario, circuit, car) | {
+            name: value for name, value in facts.items() if name == "loader"
+        }
 
     @property
     def in_gauntlet(self) -> bool:
@@ -206,12 +221,9 @@ def read_config(path: Path) -> Config:
         return tuple(located(name) if name.endswith(".toml") else name for name in names)
 
     event = config.tournament.event
-    world = config.world
-    if ".py:" in world:
-        world = os.path.abspath(root / world)
     return config.model_copy(
         update={
-            "world": world,
+            "world": in_folder(config.world, root),
             "checkpoints": tuple(map(located, config.checkpoints)),
             "store": located(config.store),
             "out": located(config.out),

@@ -26,6 +26,8 @@ SUFFIXES = (".safetensors", ".zip", ".onnx")
 """Of the files that hold policies; in capitals too, see `suffix_of`."""
 WEIGHTS = (".pt", ".pth", ".ckpt", ".cleanrl_model")
 """Of files of weights that only the code which trained them can read; see `nathlon.arena.worlds.loaded`."""
+ARCHIVE = b"PK\x03\x04"
+"""How an archive begins."""
 PLUGINS = "nathlon.policies"
 """Group of the entry points by which packages offer policies."""
 TRAINING_STATE = ("state.safetensors", "replay.safetensors")
@@ -38,8 +40,38 @@ def is_path(source: str) -> bool:
 
 
 def suffix_of(source: str | Path) -> str:
-    """What the name of a file ends with, in small letters: one of SUFFIXES where it may hold a policy."""
-    return Path(source).suffix.lower()
+    """What the name of a file ends with, in small letters: one of SUFFIXES where it may hold a policy.
+
+    Stable-Baselines3 leaves its ending out where a name has a dot, as `model_0.5`: `.zip` of such a file too.
+    """
+    suffix = Path(source).suffix.lower()
+    return ".zip" if suffix not in (*SUFFIXES, COMPOSITE) and _is_sb3(Path(source)) else suffix
+
+
+def stem_of(source: str | Path) -> str:
+    """The name of a file without its ending; digits after a dot are none."""
+    path = Path(source)
+    return path.name if path.suffix[1:].isdecimal() else path.stem
+
+
+def _is_sb3(path: Path) -> bool:
+    """Whether a file is an archive with what Stable-Baselines3 writes into one."""
+    try:
+        # Nothing but a regular file, for others may wait for ever.
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            if file.read(len(ARCHIVE)) != ARCHIVE:
+                return False
+        from zipfile import BadZipFile, ZipFile  # most sources are no archives
+
+        try:
+            with ZipFile(path) as archive:
+                return {"data", "policy.pth"} <= set(archive.namelist())
+        except (BadZipFile, ValueError, NotImplementedError):
+            return False
+    except OSError:
+        return False
 
 
 class DriverSettings(NamedTuple):

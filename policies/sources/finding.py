@@ -26,7 +26,7 @@ from nathlon.policies.sources import (
     is_path,
     suffix_of,
 )
-from nathlon.policies.sources.recognised import LOADER
+from nathlon.policies.sources.recognised import EITHER
 from nathlon.sim.errors import InputError, together
 from nathlon.sim.names import printable
 
@@ -48,9 +48,9 @@ def checkpoints_below(folder: Path, endings: Iterable[str] = ()) -> list[Path]:
         Path(place) / name
         for place, names in _looked_into(folder, lambda error: closed.append(Path(error.filename)))
         for name in names
-        if (suffix_of(name) in SUFFIXES and name.lower() not in TRAINING_STATE)
-        or name.endswith(ROLES)
+        if name.endswith(ROLES)
         or name.lower().endswith(loaded)
+        or (name.lower() not in TRAINING_STATE and suffix_of(Path(place) / name) in SUFFIXES)
     ]
     parts: set[str] = set()
     for path in found:
@@ -182,7 +182,7 @@ def _without_checkpoint(folder: str, loaded: tuple[str, ...]) -> InputError:
     if others and loaded != WEIGHTS:
         return InputError(
             f"{folder}: holds {len(others)} files such as {printable(others[0])!r}, which only the code that "
-            f"trained them can read, {LOADER}; or files of {known}"
+            f"trained them can read, {EITHER}; or files of {known}"
         )
     return InputError(f"{folder}: holds no checkpoint, expected files of {known}")
 

@@ -7,17 +7,20 @@ import zipfile
 from pathlib import Path
 
 from nathlon.policies.policy_file import open_policy_file
-from nathlon.sim.errors import InputError
+from nathlon.policies.sources import ARCHIVE
 
-LOADER = (
-    "expected a loader in the world's mapping: load=function, which gets path, observation space and action "
-    "space, and gives what is called with an observation"
-)
+_GIVES = "which gets path, observation space and action space, and gives what is called with an observation"
+LOADER = f"expected a loader in the world's mapping: load=function, {_GIVES}"
 """What helps in other worlds."""
 EXPORT = (
-    "expected .safetensors, a .zip of Stable-Baselines3, or an ONNX graph, as torch.onnx.export writes it"
+    f"expected --loader PATH.py:FUNCTION, {_GIVES}; or .safetensors, a .zip of Stable-Baselines3, or an ONNX "
+    "graph"
 )
 """What helps in our own."""
+EITHER = (
+    f"expected a loader, {_GIVES}: --loader PATH.py:FUNCTION, or load=function in another world's mapping"
+)
+"""What helps where the world is not known."""
 _HEAD = 8
 _NAMES = {
     ".cleanrl_model": "a CleanRL model",
@@ -36,7 +39,7 @@ def recognised(path: Path) -> str:
     """What a file or folder is, as a noun with its article; '' for what may be a checkpoint, or is not known.
 
     Raises:
-        InputError: if it cannot be read, or is one of Stable-Baselines3 under another name.
+        InputError: if it cannot be read.
     """
     if any(os.path.exists(path / name) for name in _RLLIB):
         return "an RLlib checkpoint"
@@ -44,7 +47,7 @@ def recognised(path: Path) -> str:
         head = file.read(_HEAD)
     suffix = path.suffix.lower()
     told = _NAMES.get(suffix, "")
-    if head.startswith(b"PK\x03\x04"):
+    if head.startswith(ARCHIVE):
         return f"{told} (torch.save)" if told and _packed(path).startswith("a torch") else _packed(path)
     if head.startswith(b"\x93NUMPY"):
         return "a numpy array"
@@ -63,11 +66,6 @@ def _packed(path: Path) -> str:
     ends = {name.partition("/")[2] for name in names}
     if "constants.pkl" in ends and "data.pkl" in ends:
         return "a TorchScript module"
-    if {"data", "policy.pth"} <= set(names):
-        raise InputError(
-            f"{path}: is a policy of Stable-Baselines3 without its ending, "
-            f"expected the name {path.name + '.zip'!r}"
-        )
     if "data.pkl" in ends:
         return "a torch.save of weights or a module"
     return "an archive of numpy arrays" if all(name.endswith(".npy") for name in names) else "a zip archive"

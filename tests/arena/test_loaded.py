@@ -228,7 +228,7 @@ def test_folders_hold_what_the_world_s_code_reads(tmp_path: Path) -> None:
     result = nathlon.select(folder, tmp_path / "out", world=world.name, workers=1, progress=False)
     assert result.sent == ["2"]
     assert result.ranking["name"].to_list()[0] == "2"
-    with refused(f"{folder}: holds 3 files such as '0.pt'", "expected a loader in the world's mapping"):
+    with refused(f"{folder}: holds 3 files such as '0.pt'", "load=function in another world's mapping"):
         find_sources([folder])
     watched = watch([str(folder)], world.loaders)
     assert len(watched.digests) == 3

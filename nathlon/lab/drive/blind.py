@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from nathlon.arena.store import Store
-from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_finding import RACING, is_racing
 from nathlon.lab.drive.choice import Choice, DrivePlan, Offer, Opponent, entered, plan
 from nathlon.lab.drive.difficulty import CHOSEN
 from nathlon.lab.drive.heat import DrivenHeat
@@ -93,7 +93,7 @@ class BlindTest:
         self._decision = decision.name
         self._letters = letters(f"{self._run}\n{member}", list(decision.opened.candidates))
         finalists = [rows[entrant] for entrant in self._letters.values()]
-        if world != RACING:
+        if not is_racing(str(world)):
             raise InputError(f"{folder}: its finalists race no cars, expected a run of nathlon's own world")
         circuit, car = finalists[0]["circuit"], finalists[0]["car"]
         found = entered([row["source"] for row in finalists], circuit, car)

@@ -9,7 +9,7 @@ from urllib.parse import quote
 
 import nathlon.selection.committee as committee
 from nathlon.arena.store import RunRecord, Store
-from nathlon.arena.world_finding import RACING
+from nathlon.arena.world_finding import RACING, is_racing
 from nathlon.lab.serve.folders import Folders, runs_of
 from nathlon.lab.serve.live_report import races_to_look_at
 from nathlon.lab.serve.wishes import Compare, Decide, Reopen, Said, Vote
@@ -105,7 +105,7 @@ class Record:
         decisions = self._decisions(run, entries)
         progress = None if record.ended_at else facts.get("progress")
         last = entries[-1].id if entries else 0
-        drives = folder is not None and facts.get("world", RACING) == RACING
+        drives = folder is not None and is_racing(facts.get("world", RACING))
         return {
             "type": "state",
             "store": self._store.name,
