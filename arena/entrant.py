@@ -86,7 +86,7 @@ def _enter(source: str, circuit: str, car: str) -> Entrant:
         if made_for not in (None, ANY, wanted):
             raise InputError(f"{source}: {field} is {made_for!r}, expected {wanted!r}")
     algorithm = card.algorithm or "unknown"
-    return Entrant(policy.id, Path(source).stem, source, algorithm, circuit, car, card.step, card.seed)
+    return Entrant(policy.id, stem(source), source, algorithm, circuit, car, card.step, card.seed)
 
 
 def _enter_planner(source: str, circuit: str, car: str) -> Entrant:

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from nathlon.api.worker import work
     from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
     from nathlon.arena.worlds.formula import Formula
+    from nathlon.arena.worlds.vector import VectorWorld
     from nathlon.lab.siblings.run import TrainingRun
     from nathlon.lab.siblings.sb3 import NathlonCallback
     from nathlon.policies.environments.formula_reward import FormulaReward
@@ -78,6 +79,7 @@ _FROM = {
     "TrainingResult": "nathlon.api.train",
     "TrainingRun": "nathlon.lab.siblings.run",
     "TwinResult": "nathlon.api.twin",
+    "VectorWorld": "nathlon.arena.worlds.vector",
     "load_policy": "nathlon.policies.load",
     "GymnasiumWorld": "nathlon.arena.worlds.environment",
     "Declared": "nathlon.arena.worlds.environment",
@@ -125,6 +127,7 @@ __all__ = [
     "TrainingResult",
     "TrainingRun",
     "TwinResult",
+    "VectorWorld",
     "coach",
     "design_reward",
     "gate",

@@ -1,4 +1,4 @@
-"""Worlds made of environments: a PettingZoo `ParallelEnv`, or a Gymnasium `Env` with its one seat."""
+"""Worlds of environments: a PettingZoo `ParallelEnv` or `AECEnv`, or a Gymnasium `Env` with its one seat."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from nathlon.arena.world import (
 )
 from nathlon.arena.worlds.episodes import EpisodeWorld
 from nathlon.arena.worlds.foreign import Foreign
-from nathlon.arena.worlds.host import Alone, hashes
+from nathlon.arena.worlds.host import hashes, is_in_turn, parallel
 from nathlon.arena.worlds.loaded import by_ending
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
-Factory = Callable[[], Any] | str
+Factory = Callable[..., Any] | str
 """A function that makes an environment; for another interpreter its name."""
 SEEDS = 2**31
 """Environments want seeds below."""
@@ -78,7 +78,7 @@ class Declared:
 
 
 class PettingZooWorld(EpisodeWorld):
-    """Scenarios that are `ParallelEnv`s."""
+    """Scenarios that are `ParallelEnv`s, or `AECEnv`s, whose seats play in turn."""
 
     def __init__(
         self,
@@ -138,7 +138,7 @@ class PettingZooWorld(EpisodeWorld):
         self._make, self._sides, self._points = dict(scenarios), sides, points
         self._roles = {seat: role for role, named in (roles or {}).items() for seat in named}
         self._score, self._declared = score, dict(measures or {})
-        self._packages, self._most_steps, self._step_s = tuple(packages), most_steps, step_s
+        self._packages, self.most_steps, self._step_s = tuple(packages), most_steps, step_s
         self._python, self._answer_s = python, answer_s
         # A process of its own is ended first, which voids the episode alone.
         self.answer_s = answer_s if python is None else 3 * max(WORLD_OPENS_S, answer_s)
@@ -162,7 +162,7 @@ class PettingZooWorld(EpisodeWorld):
             seats,
             tuple(tuple(seats.index(seat) for seat in side) for side in sides),
             self._points,
-            self._most_steps * self._step_s,
+            self.most_steps * self._step_s,
             roles=tuple(self._roles.get(seat, "") for seat in seats) if self._roles else (),
         )
 
@@ -184,7 +184,7 @@ class PettingZooWorld(EpisodeWorld):
         if self._python is None:
             packages = {name: version(name) for name in (*self._packages, "numpy")}
             return {"files": files, "packages": packages | {"python": platform.python_version()}}
-        told = [self._environment(scenario).identity for scenario in self.scenarios]
+        told = [self.environment(scenario).identity for scenario in self.scenarios]
         for there in told:
             files |= there["files"]
         return {"files": files, "packages": told[0]["packages"]}
@@ -195,28 +195,38 @@ class PettingZooWorld(EpisodeWorld):
 
     def wrappers(self, scenario: str) -> set[str]:
         """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
-        made: Any = self._environment(scenario)
+        made: Any = self.environment(scenario)
         found: set[str] = set()
         while made is not None:
             found.add(type(made).__name__)
-            made = vars(made).get("_environment" if isinstance(made, Alone) else "env")
+            made = vars(made).get("env", vars(made).get("_environment"))
         return found
+
+    def made_with(self, scenario: str) -> Mapping[str, Any] | None:
+        """As of `nathlon.arena.worlds.episodes.EpisodeWorld`."""
+        made: Any = self.environment(scenario)
+        spec = getattr(vars(made).get("_environment", made), "spec", None)
+        kwargs = getattr(spec, "kwargs", None)
+        return kwargs if isinstance(kwargs, Mapping) else None
 
     def shows(self, scenario: str) -> bool:
         """Whether the environment was made with the render mode `rgb_array`."""
-        return getattr(self._environment(scenario), "render_mode", None) == "rgb_array"
+        return getattr(self.environment(scenario), "render_mode", None) == "rgb_array"
 
     def show(self, scenario: str, players: Sequence[Player], seed: int, onlooker: Onlooker) -> list[Outcome]:
         """As of `nathlon.arena.worlds.episodes.EpisodeWorld`: what `render` of the environment gives."""
-        environment = self._environment(scenario)
+        environment = self.environment(scenario)
         try:
             return self._played(environment, players, seed, onlooker)
         except BaseException:
-            # It may be in any state, or its process gone: the next episode gets another one.
-            del self._environments[scenario]
-            with suppress(Exception):
-                environment.close()
+            self.forget(scenario)
             raise
+
+    def forget(self, scenario: str) -> None:
+        """Give up the environment of a scenario: it may be in any state, or its process gone."""
+        environment = self._environments.pop(scenario)
+        with suppress(Exception):
+            environment.close()
 
     def _played(
         self, environment: Any, players: Sequence[Player], seed: int, onlooker: Onlooker
@@ -227,16 +237,16 @@ class PettingZooWorld(EpisodeWorld):
         def draw() -> Any:
             return environment.render()
 
-        with _during("reset"):
+        with during("reset"):
             observations, infos = _two(environment.reset(seed=seed % SEEDS), names[0])
             for name in environment.agents:
                 seats[name].info = dict(infos.get(name, {}))
             onlooker(0.0, draw, False)
-        for step in range(self._most_steps):
+        for step in range(self.most_steps):
             playing = list(environment.agents)
             if not playing:
                 break
-            with _during(f"step {step}"):
+            with during(f"step {step}"):
                 for name in playing:
                     if name not in observations:
                         raise WorldError(f"seat {name!r}: no observation, though it is in agents")
@@ -248,15 +258,18 @@ class PettingZooWorld(EpisodeWorld):
                 }
                 observations, rewards, ends, _, infos = _five(environment.step(actions), playing[0])
                 for name in playing:
+                    seats[name].steps += 1
+                for name in rewards if is_in_turn(environment) else playing:
                     if name not in rewards:
                         raise WorldError(f"seat {name!r}: no reward, expected that of its last step")
                     ended = bool(ends.get(name, False))
-                    _note(seats[name], float(rewards[name]), ended, infos.get(name, {}))
-                over = not environment.agents or step + 1 == self._most_steps
+                    note(seats[name], float(rewards[name]), ended, infos.get(name, {}))
+                over = not environment.agents or step + 1 == self.most_steps
                 onlooker((step + 1) * self._step_s, draw, over)
-        return [self._outcome(name, seats[name]) for name in names]
+        return [self.outcome(name, seats[name]) for name in names]
 
-    def _outcome(self, name: str, seat: SeatRecord) -> Outcome:
+    def outcome(self, name: str, seat: SeatRecord) -> Outcome:
+        """What came of an episode for a seat."""
         return Outcome(
             score=_number(name, "score", self._score, seat),
             finished=seat.terminated,
@@ -274,14 +287,14 @@ class PettingZooWorld(EpisodeWorld):
     def _known(self, scenario: str) -> dict[str, tuple[Space, Space]]:
         """Spaces of observations and actions of the seats; kept, as an environment may not live as long."""
         if scenario not in self._spaces:
-            environment = self._environment(scenario)
+            environment = self.environment(scenario)
             self._spaces[scenario] = {
                 seat: (environment.observation_space(seat), environment.action_space(seat))
                 for seat in environment.possible_agents
             }
         return self._spaces[scenario]
 
-    def _environment(self, scenario: str) -> Any:
+    def environment(self, scenario: str) -> Any:
         """The environment of a scenario, made when it is needed.
 
         Raises:
@@ -310,17 +323,16 @@ class PettingZooWorld(EpisodeWorld):
             assert self._python is not None
             folder = Path() if self.file is None else self.file.parent
             return Foreign(self._python, make, folder, self._packages, self._answer_s)
+        return parallel(self.make(scenario))
+
+    def make(self, scenario: str, *arguments: Any) -> Any:
+        """What the function of a scenario makes."""
         with redirect_stdout(sys.stderr):  # what it prints is no output of ours
-            return make()
+            return self._make[scenario](*arguments)
 
 
 class GymnasiumWorld(PettingZooWorld):
     """Scenarios that are Gymnasium environments: one seat, and so no tournament."""
-
-    def made(self, scenario: str) -> Any:
-        """A new environment of a scenario, as a `ParallelEnv` of one seat."""
-        environment = super().made(scenario)
-        return environment if isinstance(environment, Foreign) else Alone(environment)
 
 
 def _nobody(time_s: float, draw: Callable[[], Any], last: bool) -> None:
@@ -328,7 +340,7 @@ def _nobody(time_s: float, draw: Callable[[], Any], last: bool) -> None:
 
 
 @contextmanager
-def _during(what: str) -> Iterator[None]:
+def during(what: str) -> Iterator[None]:
     """Have what goes wrong in an environment say when it did."""
     try:
         yield
@@ -352,9 +364,9 @@ def _source(make: Any) -> Path | None:
     return None
 
 
-def _note(seat: SeatRecord, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:
+def note(seat: SeatRecord, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:
+    """Note what a step has told of a seat."""
     seat.total += reward
-    seat.steps += 1
     seat.terminated = terminated
     seat.info |= info
     for key, value in info.items():

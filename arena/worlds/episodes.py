@@ -15,7 +15,8 @@ import polars as pl
 
 from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.entrant import Entrant
-from nathlon.arena.match import Match, Race
+from nathlon.arena.match import Match
+from nathlon.arena.naming import stem
 from nathlon.arena.results import POLICY_FAULTS, RESULTS
 from nathlon.arena.rounding import levelled
 from nathlon.arena.watch import Watch
@@ -39,6 +40,7 @@ from nathlon.policies.general.roles import RolePolicies, Spaces
 from nathlon.policies.isolation import Apart
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.policies.sources import PLUGIN, ROLES, is_path
+from nathlon.policies.sources.zoo_settings import alike
 from nathlon.sim.decisive import EPISODES, fingerprint
 from nathlon.sim.errors import InputError
 
@@ -86,6 +88,10 @@ class EpisodeWorld(ABC):
         """Names of the classes that an environment is wrapped in, where it is one."""
         return set()
 
+    def made_with(self, scenario: str) -> Mapping[str, Any] | None:
+        """Arguments that `gymnasium.make` made an environment with; None where that is not known."""
+        return None
+
     @abstractmethod
     def identity(self) -> dict[str, Any]:
         """All that decides how its episodes go, as plain JSON values."""
@@ -112,8 +118,7 @@ class EpisodeWorld(ABC):
         """As of `nathlon.arena.world.World`."""
         policy = self.policy(source)
         algorithm = policy.algorithm or "unknown"
-        name = Path(source).name.removesuffix(ROLES) if source.endswith(ROLES) else Path(source).stem
-        name = name.removeprefix(f"{PLUGIN}:")
+        name = stem(source).removeprefix(f"{PLUGIN}:")
         return Entrant(policy.id, name, source, algorithm, "", "", policy.step, policy.seed, self.name)
 
     def policy(self, source: str) -> GeneralPolicy | LoadedPolicy | RolePolicies:
@@ -143,11 +148,18 @@ class EpisodeWorld(ABC):
         for spaces in seats[1:]:
             read.check(*spaces)
         if isinstance(read, GeneralPolicy):
-            self._check_wrappers(read)
+            self._check_training(read)
         return read
 
-    def _check_wrappers(self, policy: GeneralPolicy) -> None:
-        """Raise an InputError if a policy was trained in a wrapper that the environment is not in."""
+    def _check_training(self, policy: GeneralPolicy) -> None:
+        """Raise an InputError if the environment is not made as in training, or in another wrapper."""
+        told = (self.made_with(self.scenarios[0]) if policy.made_with else None) or {}
+        for name, value in policy.made_with.items():
+            if name not in told or not alike(told[name], value):
+                raise InputError(
+                    f"{policy.source}: was trained in an environment made with {name}={value!r}, "
+                    "expected it made so in the mapping's function, by gymnasium.make"
+                )
         for name in policy.wrappers:
             if name not in self.wrappers(self.scenarios[0]):
                 raise InputError(
@@ -170,28 +182,58 @@ class EpisodeWorld(ABC):
         for number, (match, policies) in line_ups.items():
             rows = [
                 row
-                for index, race in enumerate(match.races)
-                for row in self._rows(match, index, race, policies, watch, number)
+                for index in range(len(match.races))
+                for row in self.rows(match, index, policies, watch, number)
             ]
             yield number, pl.DataFrame(rows, schema=RESULTS)
 
     def replay(self, line_up: LineUp, race: int, watch: Watch, onlooker: Onlooker) -> pl.DataFrame:
         """As of `nathlon.arena.world.Visible`."""
         match, policies = line_up
-        rows = self._rows(match, race, match.races[race], policies, watch, 0, onlooker)
+        rows = self.rows(match, race, policies, watch, 0, onlooker)
         return pl.DataFrame(rows, schema=RESULTS)
 
-    def _rows(
+    def rows(
         self,
         match: Match,
         index: int,
-        race: Race,
         policies: Sequence[Any],
         watch: Watch,
         number: int,
         onlooker: Onlooker | None = None,
     ) -> list[dict[str, Any]]:
-        setup, rngs = self.setup(match.scenario), np.random.default_rng(race.seed).spawn(len(race.seats))
+        """Play a race of a match by itself: its rows of RESULTS."""
+        seed, players = match.races[index].seed, self.seated(match, index, policies, watch, number)
+        watch.work(self.patience_s)
+        try:
+            # Environments older than generators that are passed in draw from those of the process.
+            with Apart(seed % 2**32).entered():
+                if onlooker is None:
+                    outcomes = list(self.play(match.scenario, players, seed))
+                else:
+                    outcomes = list(self.show(match.scenario, players, seed, onlooker))
+            return self.told(match, index, players, outcomes)
+        except MemoryError:
+            raise
+        # It is foreign code: whatever goes wrong in it, only this episode is void.
+        except (Exception, SystemExit) as error:
+            plain = isinstance(error, WorldError | InputError)
+            said = str(error) if plain else f"{type(error).__name__} ({error})"
+            self.fault = f"world {self.name!r}, scenario {match.scenario!r}: {said}"
+            log.warning("%s: the episode is void", self.fault)
+            return self._results(match, index, [Outcome()] * len(players), ["simulator_fault"] * len(players))
+
+    @property
+    def patience_s(self) -> float:
+        """What it may take until it asks the first policy of an episode."""
+        return max(WORLD_OPENS_S, self.answer_s)
+
+    def seated(
+        self, match: Match, index: int, policies: Sequence[Any], watch: Watch, number: int
+    ) -> list[Asking]:
+        """Who takes the seats in a race of a match."""
+        race, setup = match.races[index], self.setup(match.scenario)
+        rngs = np.random.default_rng(race.seed).spawn(len(race.seats))
         roles = setup.roles or [""] * len(setup.seats)
         taken: Counter[int] = Counter()
         players = []
@@ -202,33 +244,30 @@ class EpisodeWorld(ABC):
             asking = Asking(policy, name, *spaces, rng, seed, self.answer_s, taken[id(policy)])
             players.append(asking.watched(watch, number, seat.entrant))
             taken[id(policy)] += 1
-        watch.work(max(WORLD_OPENS_S, self.answer_s))
-        try:
-            # Environments older than generators that are passed in draw from those of the process.
-            with Apart(race.seed % 2**32).entered():
-                if onlooker is None:
-                    outcomes = list(self.play(match.scenario, players, race.seed))
-                else:
-                    outcomes = list(self.show(match.scenario, players, race.seed, onlooker))
-            self._check(setup, outcomes)
-        except MemoryError:
-            raise
-        # It is foreign code: whatever goes wrong in it, only this episode is void.
-        except (Exception, SystemExit) as error:
-            plain = isinstance(error, WorldError | InputError)
-            said = str(error) if plain else f"{type(error).__name__} ({error})"
-            self.fault = f"world {self.name!r}, scenario {match.scenario!r}: {said}"
-            log.warning("%s: the episode is void", self.fault)
-            outcomes = [Outcome()] * len(players)
-            endings = ["simulator_fault"] * len(players)
-        else:
-            endings = [
-                player.fault or ("finished" if outcome.finished else "time_up")
-                for player, outcome in zip(players, outcomes, strict=True)
-            ]
+        return players
+
+    def told(
+        self, match: Match, index: int, players: Sequence[Asking], outcomes: Sequence[Outcome]
+    ) -> list[dict[str, Any]]:
+        """The rows of RESULTS of a race of a match.
+
+        Raises:
+            WorldError: if the episode cannot be gone by.
+        """
+        self._check(self.setup(match.scenario), outcomes)
+        endings = [
+            player.fault or ("finished" if outcome.finished else "time_up")
+            for player, outcome in zip(players, outcomes, strict=True)
+        ]
+        return self._results(match, index, outcomes, endings)
+
+    def _results(
+        self, match: Match, index: int, outcomes: Sequence[Outcome], endings: Sequence[str]
+    ) -> list[dict[str, Any]]:
         faulty = [ending in POLICY_FAULTS for ending in endings]
         places = placed(outcomes, faulty)
-        points = place_points(places) if setup.points == "place" else score_points(outcomes, faulty)
+        by_place = self.setup(match.scenario).points == "place"
+        points = place_points(places) if by_place else score_points(outcomes, faulty)
         return [
             {
                 **dict.fromkeys(RESULTS.names()),

@@ -30,6 +30,7 @@ class Foreign:
         possible_agents: names of all seats.
         agents: of those that still play.
         render_mode: whether it draws, and how.
+        in_turn: whether one seat plays at a time, and others hear of rewards meanwhile.
         identity: hash of the file that makes it, and versions of Python, numpy and the named packages.
     """
 
@@ -63,7 +64,7 @@ class Foreign:
         }
         self.possible_agents = tuple(self._spaces)
         self.agents: list[str] = []
-        self.render_mode = told["render_mode"]
+        self.render_mode, self.in_turn = told["render_mode"], told["in_turn"]
         self.identity = {"files": dict(told["files"]), "packages": dict(told["versions"])}
 
     def observation_space(self, seat: str) -> Space:

@@ -1,8 +1,8 @@
 """The process in which another interpreter plays a world's scenario: `PYTHON host.py DESCRIPTOR WIRE`.
 
 It is run by path and needs the standard library and numpy alone, in Python 3.7 or newer. The file WIRE is
-`nathlon/sim/wire.py`. Environments of PettingZoo, Gymnasium and the Gym before it are all made to answer as
-a PettingZoo `ParallelEnv` does; seats go by their numbers.
+`nathlon/sim/wire.py`. Environments of PettingZoo, those in turns too, of Gymnasium and the Gym before it are
+all made to answer as a PettingZoo `ParallelEnv` does; seats go by their numbers.
 """
 
 from __future__ import annotations
@@ -39,9 +39,7 @@ class Host:
     def __init__(self, wanted: dict[str, Any]) -> None:
         """Make the environment that is wanted."""
         factory = _factory(wanted["factory"])
-        self._environment = factory()
-        if not hasattr(self._environment, "possible_agents"):
-            self._environment = Alone(self._environment)
+        self._environment = parallel(factory())
         self._names = list(self._environment.possible_agents)
         self._file = _source(factory)
         self._packages = wanted["packages"]
@@ -62,6 +60,7 @@ class Host:
         files = {} if self._file is None else hashes(self._file)
         mode = str(getattr(self._environment, "render_mode", ""))
         told = {"seats": seats, "versions": versions, "files": files, "render_mode": mode}
+        told["in_turn"] = is_in_turn(self._environment)
         return told, arrays
 
     def reset(self, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -84,10 +83,10 @@ class Host:
 
     def step(self, actions: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Make a step with the actions of the seats that play, by their numbers."""
-        names = {self._names[int(number)]: number for number in actions}
         playing = {
-            name: _action(_of(self._environment, "action_space", name), actions[number])
-            for name, number in names.items()
+            name: _action(_of(self._environment, "action_space", name), actions[str(number)])
+            for number, name in enumerate(self._names)
+            if str(number) in actions
         }
         answer = self._environment.step(playing)
         if not isinstance(answer, tuple) or len(answer) not in (4, 5):
@@ -99,10 +98,12 @@ class Host:
             observations, rewards, dones, infos = answer
             cuts = {name: done and _cut(infos.get(name)) for name, done in dones.items()}
             ends = {name: done and not cuts[name] for name, done in dones.items()}
+        heard = self._names if is_in_turn(self._environment) else list(playing)
+        numbers = {name: str(self._names.index(name)) for name in heard if name in rewards}
         told = {
-            "rewards": {names[name]: float(rewards[name]) for name in names if name in rewards},
-            "terminations": {names[name]: bool(ends.get(name, False)) for name in names},
-            "truncations": {names[name]: bool(cuts.get(name, False)) for name in names},
+            "rewards": {number: float(rewards[name]) for name, number in numbers.items()},
+            "terminations": {number: bool(ends.get(name, False)) for name, number in numbers.items()},
+            "truncations": {number: bool(cuts.get(name, False)) for name, number in numbers.items()},
         }
         return self._told(observations, infos, told)
 
@@ -173,6 +174,73 @@ class Alone:
                 self.agents = []
             return tuple({ONLY: value} for value in answer)
         return answer
+
+
+class InTurn:
+    """A PettingZoo `AECEnv` as a `ParallelEnv` in which one seat plays at a time: whose turn it is.
+
+    A step tells rewards when a seat hears of them: with its next observation, or at its end.
+    """
+
+    in_turn = True
+
+    def __init__(self, environment: Any) -> None:
+        self._environment = environment
+        self.possible_agents = list(environment.possible_agents)
+        self.agents: list[Any] = []
+        self.render_mode = getattr(environment, "render_mode", None)
+
+    def observation_space(self, name: Any) -> Any:
+        return self._environment.observation_space(name)
+
+    def action_space(self, name: Any) -> Any:
+        return self._environment.action_space(name)
+
+    def render(self) -> Any:
+        return self._environment.render()
+
+    def close(self) -> None:
+        self._environment.close()
+
+    def reset(self, **seed: int) -> Any:
+        self._environment.reset(**seed)
+        observations, _, _, _, infos = self._heard()
+        return observations, infos
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        (action,) = actions.values()
+        self._environment.step(action)
+        return self._heard()
+
+    def _heard(self) -> Any:
+        """What those hear who are out, and the next who plays."""
+        observations: dict[Any, Any] = {}
+        rewards: dict[Any, float] = {}
+        ends: dict[Any, bool] = {}
+        cuts: dict[Any, bool] = {}
+        infos: dict[Any, Any] = {}
+        self.agents = []
+        while self._environment.agents:
+            name = self._environment.agent_selection
+            observation, reward, ends[name], cuts[name], infos[name] = self._environment.last()
+            rewards[name] = rewards.get(name, 0.0) + reward
+            if not (ends[name] or cuts[name]):
+                observations[name], self.agents = observation, [name]
+                break
+            self._environment.step(None)
+        return observations, rewards, ends, cuts, infos
+
+
+def parallel(environment: Any) -> Any:
+    """An environment that answers as a `ParallelEnv` does."""
+    if callable(getattr(environment, "agent_iter", None)):
+        return InTurn(environment)
+    return environment if hasattr(environment, "possible_agents") else Alone(environment)
+
+
+def is_in_turn(environment: Any) -> bool:
+    """Whether one seat plays at a time, and others hear of rewards meanwhile."""
+    return bool(getattr(environment, "in_turn", False))
 
 
 def _method(environment: Any, name: str) -> Any:

@@ -70,8 +70,9 @@ class Asking:
         Raises:
             WorldError: if the observation is none of the seat's space: that is the world's fault.
         """
+        allowed = _allowed(observation, mask)
         if self.fault:
-            return idle(self._done)
+            return idle(self._done, allowed)
         if _has_nan(observation):
             raise WorldError(f"seat {self._seat!r}: observation with NaN, expected numbers")
         seen = deepcopy(observation) if isinstance(self._policy, LoadedPolicy) else self._flat(observation)
@@ -81,10 +82,10 @@ class Asking:
         self._asked = True
         if watch.used_up(match, entrant):
             self.fault = "timed_out"
-            return idle(self._done)
+            return idle(self._done, allowed)
         action: Any = None
         try:
-            action = self._decide(seen, _allowed(observation, mask))
+            action = self._decide(seen, allowed)
         except MemoryError:
             # Another one may have taken the memory: who pays for it is decided outside of this process.
             raise
@@ -98,13 +99,13 @@ class Asking:
         # Not after what ends this process: the watch must say then who was asked.
         watch.work(self._step_limit_s)
         if self.fault:
-            return idle(self._done)
+            return idle(self._done, allowed)
         if not (_finite(action) and self._done.contains(action)):
             log.warning(
                 "the policy of seat %r gave %r, expected one of %s: it idles", self._seat, action, self._done
             )
             self.fault = "illegal_action"
-            return idle(self._done)
+            return idle(self._done, allowed)
         return action
 
     def _flat(self, observation: Any) -> NDArray[Any]:
@@ -142,16 +143,22 @@ def _allowed(observation: Any, mask: Any) -> NDArray[np.bool_] | None:
     return np.concatenate([np.asarray(part).ravel() != 0 for part in parts])
 
 
-def idle(space: Space) -> Any:
-    """What a seat does whose policy has failed: 0, or what is nearest to it in the space."""
+def idle(space: Space, allowed: NDArray[np.bool_] | None = None) -> Any:
+    """What a seat does whose policy has failed: 0, or what is nearest to it in the space and allowed."""
     match space:
+        case spaces.Discrete() if allowed is not None and allowed.size == space.n and allowed.any():
+            return int(space.start) + int(allowed.argmax())
         case spaces.Box():
             return np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
         case spaces.Discrete():
             return int(space.start)
         case spaces.MultiDiscrete():
             return np.array(space.start, space.dtype)
-    raise ValueError(f"action space {space}, expected Box, Discrete or MultiDiscrete")
+        case spaces.Tuple():
+            return tuple(map(idle, space.spaces))
+        case spaces.Dict():
+            return {name: idle(one) for name, one in space.spaces.items()}
+    raise ValueError(f"action space {space}, expected Box, Discrete or MultiDiscrete, or a Tuple of them")
 
 
 def _has_nan(observation: Any) -> bool:
@@ -167,4 +174,8 @@ def _has_nan(observation: Any) -> bool:
 
 
 def _finite(action: Any) -> bool:
+    if isinstance(action, Mapping):
+        return all(map(_finite, action.values()))
+    if isinstance(action, tuple):
+        return all(map(_finite, action))
     return bool(np.isfinite(np.asarray(action, np.float64)).all())

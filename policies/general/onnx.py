@@ -11,7 +11,8 @@ from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from nathlon.policies.general.outputs import Outputs
-from nathlon.policies.general.policy import GeneralPolicy, Memoryless
+from nathlon.policies.general.policy import GeneralPolicy
+from nathlon.policies.policy import Batch
 from nathlon.policies.policy_file import opening, read_policy_file
 from nathlon.policies.sources.normalisation import companions, identity_with
 from nathlon.policies.sources.onnx_graph import OnnxGraph, open_session, shapes
@@ -46,12 +47,26 @@ def load_onnx(path: Path, seen: Space[Any] | None = None) -> GeneralPolicy:
             step=card.step,
             seed=card.seed,
             observation_size=graph.size,
-            network=Memoryless(lambda seen: _answer(path, graph(seen), len(seen))),
+            network=_Checked(path, graph),
             outputs=Outputs(
                 "clip", "choice" if tried.dtype == np.int64 else "argmax", count=int(tried.shape[1])
             ),
             observation_shape=graph.shape,
         )
+
+
+class _Checked:
+    """A graph as a network, whose answers are looked at."""
+
+    def __init__(self, path: Path, graph: OnnxGraph) -> None:
+        self._path, self._graph = path, graph
+
+    def initial_memory(self, n: int) -> Batch:
+        return self._graph.initial_memory(n)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[NDArray[Any], Batch]:
+        found, memory = self._graph.act(observations, memory)
+        return _answer(self._path, found, len(observations)), memory
 
 
 def _answer(path: Path, found: Any, n: int) -> NDArray[Any]:

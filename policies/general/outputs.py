@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from gymnasium.spaces import Box, Discrete, MultiDiscrete, Space
+from gymnasium.spaces import Box, Discrete, MultiDiscrete, Space, Tuple
 from numpy.typing import NDArray
 
 from nathlon.sim.errors import InputError
@@ -115,9 +115,11 @@ class Draw:
 
     def check(self, source: str, space: Space[Any]) -> None:
         """Raise an InputError if the space is of another kind."""
-        if not isinstance(space, Box | Discrete | MultiDiscrete):
+        parts = space.spaces if isinstance(space, Tuple) else [space]
+        if not all(isinstance(part, Box | Discrete | MultiDiscrete) for part in parts):
             raise InputError(
-                f"{source}: action space is {in_words(space)}, expected Box, Discrete or MultiDiscrete"
+                f"{source}: action space is {in_words(space)}, expected Box, Discrete or MultiDiscrete, or a "
+                "Tuple of them"
             )
 
     def decode(
@@ -130,12 +132,16 @@ class Draw:
     ) -> Any:
         """An action drawn with the generator, which is advanced; the space keeps its own.
 
+        Of a Discrete, choices that the mask does not allow are left out.
+
         Raises:
             InputError: if the space is of another kind.
         """
         self.check(source, space)
         own = copy(space)
         own.seed(int(rng.integers(2**31)))
+        if isinstance(own, Discrete) and mask is not None and mask.size == own.n and mask.any():
+            return int(own.sample(mask.astype(np.int8)))
         action = own.sample()
         return int(action) if isinstance(space, Discrete) else action
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -59,6 +59,7 @@ class GeneralPolicy:
         observation_shape: of an observation in training; None where the file does not tell.
         wrappers: classes that the environment was wrapped in, in training, which policies cannot make up for.
         precise: whether it gets observations in float64, as it normalises them.
+        made_with: arguments that the environment was made with, in training.
     """
 
     source: str
@@ -72,6 +73,7 @@ class GeneralPolicy:
     observation_shape: tuple[int, ...] | None = None
     wrappers: tuple[str, ...] = ()
     precise: bool = False
+    made_with: Mapping[str, Any] = field(default_factory=dict)
 
     def check(self, observation_space: Space[Any], action_space: Space[Any]) -> None:
         """Raise an InputError, which names the source, if the policy cannot act in these spaces."""

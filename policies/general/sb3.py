@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import count, takewhile
 from pathlib import Path
@@ -22,7 +23,7 @@ from nathlon.policies.sources.foreign import ForeignCard
 from nathlon.policies.sources.normalisation import companions, identity_with
 from nathlon.policies.sources.sb3_file import VALUES, Family, Sb3File
 from nathlon.policies.sources.vec_normalize import Statistics
-from nathlon.policies.sources.zoo_settings import ZooSettings
+from nathlon.policies.sources.zoo_settings import ZooSettings, made_with
 from nathlon.sim.errors import InputError
 
 _SPACES: tuple[str, ...] = ("Box", "Discrete", "MultiDiscrete")
@@ -40,6 +41,7 @@ class Sb3Model:
         observed: how observations are seen.
         outputs: what the numbers mean.
         wrappers: classes that the environment was wrapped in.
+        made_with: arguments that it was made with.
     """
 
     id: str
@@ -49,6 +51,7 @@ class Sb3Model:
     observed: Observed
     outputs: Outputs
     wrappers: tuple[str, ...]
+    made_with: Mapping[str, Any]
 
     @classmethod
     def read(cls, path: Path, seen: Space[Any] | None = None) -> Sb3Model:
@@ -89,6 +92,7 @@ class Sb3Model:
                 observed,
                 outputs,
                 settings.wrappers if settings else (),
+                made_with(beside.arguments, contents[-1]) if beside.arguments else {},
             )
 
 
@@ -106,6 +110,7 @@ def load_sb3(path: Path, seen: Space[Any] | None = None) -> GeneralPolicy:
         outputs=model.outputs,
         observation_shape=model.observed.shape,
         wrappers=model.wrappers,
+        made_with=model.made_with,
         precise=any(part.normal for part in model.observed.parts),
     )
 

@@ -34,6 +34,7 @@ class ForeignCard(BaseModel):
     seed: Count | None = None
     created_by: Versions = {}
     output: Text | None = None
+    states: dict[Text, Text] = {}
 
 
 def observation_spec(path: Path, card: ForeignCard, size: int) -> ObservationSpec:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from nathlon.policies.policy_file import content_id, read_policy_file
-from nathlon.policies.sources import SUFFIXES, suffix_of
+from nathlon.policies.sources import SUFFIXES, stem_of, suffix_of
 from nathlon.policies.sources.sb3_file import was_normalised
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -42,7 +42,7 @@ _SAYS_NOTHING = {"model", "policy", "checkpoint", "agent", "env", "stats", "stat
 _OF_A_RUN = {"best", "checkpoints", "checkpoint", "ckpt", "ckpts", "models", "weights", "saves", "snapshots"}
 """Names of folders below that of their run."""
 _ZOO = ("config.yml", "args.yml")
-"""Files of a run that RL Zoo keeps beside its statistics."""
+"""Files of a run that RL Zoo keeps beside its statistics: settings and arguments."""
 _PUT = ("MEMOIZE", "BINPUT", "LONG_BINPUT", "PUT")
 
 Words = tuple[str, ...]
@@ -55,24 +55,28 @@ class Companions(NamedTuple):
         statistics: by which they were normalised.
         settings: of a run of RL Zoo.
         weights: of a graph, where they are not inside it.
+        arguments: with which such a run was started.
     """
 
     statistics: Path | None = None
     settings: Path | None = None
     weights: Path | None = None
+    arguments: Path | None = None
 
     def read(self) -> tuple[bytes, ...]:
-        """Their contents, empty of what is not there.
+        """Their contents, empty of what is not there; those of the arguments come last, if they are.
 
         Raises:
             InputError: if one cannot be read.
         """
-        return tuple(read_policy_file(path) if path else b"" for path in self)
+        there = self if self.arguments else self[:-1]
+        return tuple(read_policy_file(path) if path else b"" for path in there)
 
     def named_after(self, copy: Path) -> dict[Path, Path]:
         """Where they lie beside a copy of the policy, so that they belong to it: paths there, and here."""
-        statistics = copy.with_name(f"{_with_statistics(copy.stem)}.pkl")
-        there = statistics, copy.with_suffix(f".{_ZOO[0]}"), copy.with_name(copy.name + WEIGHTS[0])
+        statistics = copy.with_name(f"{_with_statistics(stem_of(copy))}.pkl")
+        settings, arguments = (copy.with_name(f"{stem_of(copy)}.{name}") for name in _ZOO)
+        there = statistics, settings, copy.with_name(copy.name + WEIGHTS[0]), arguments
         return {one: path for one, path in zip(there, self, strict=True) if path}
 
 
@@ -96,7 +100,8 @@ def companions(path: Path) -> Companions:
     if suffix_of(path) != ".zip":
         return Companions()
     zoo = _zoo(path)
-    return Companions(_own_statistics(path, zoo), _settings(path, zoo))
+    settings, arguments = (_of_zoo(path, zoo, name) for name in _ZOO)
+    return Companions(_own_statistics(path, zoo), settings, arguments=arguments)
 
 
 def check_as_it_is(path: Path) -> None:
@@ -121,7 +126,7 @@ def check_as_it_is(path: Path) -> None:
                     "done for graphs; expected one with the statistics inside, in a folder without them"
                 )
     if suffix_of(path) == ".zip" and companions(path).statistics is None and was_normalised(path):
-        named = f"{printable(path.stem)}_vecnormalize.pkl"
+        named = f"{printable(stem_of(path))}_vecnormalize.pkl"
         raise InputError(
             f"{path}: was trained with VecNormalize, and without its statistics nobody knows whether "
             f"observations were normalised; expected what VecNormalize.save writes, as {named!r} beside it"
@@ -134,7 +139,7 @@ def _own_statistics(path: Path, zoo: Path | None) -> Path | None:
     if not found:
         return None
     named = ", ".join(repr(printable(os.path.relpath(one, path.parent))) for one in found)
-    wanted = printable(f"{_with_statistics(path.stem)}.pkl")
+    wanted = printable(f"{_with_statistics(stem_of(path))}.pkl")
     if strange := [one for one in found if one.suffix.lower() not in PICKLES]:
         raise InputError(
             f"{path}: {printable(os.path.relpath(strange[0], path.parent))!r} seems to say how observations "
@@ -143,8 +148,8 @@ def _own_statistics(path: Path, zoo: Path | None) -> Path | None:
     if len(found) > 1:
         raise InputError(f"{path}: its statistics are {named}, expected one file, as {wanted!r}")
     [one] = found
-    own = _words(path.stem)
-    if one.parent == zoo or one.stem == _with_statistics(path.stem) or (_words(one.stem) == own and own):
+    own = _words(stem_of(path))
+    if one.parent == zoo or one.stem == _with_statistics(stem_of(path)) or (_words(one.stem) == own and own):
         return one
     if _is_step(_words(one.stem)):
         raise InputError(
@@ -173,11 +178,11 @@ def _stems(folder: Path) -> list[str]:
     return [one.stem for one in _in(folder)]
 
 
-def _settings(path: Path, zoo: Path | None) -> Path | None:
-    own = path.with_suffix(f".{_ZOO[0]}")
+def _of_zoo(path: Path, zoo: Path | None, name: str) -> Path | None:
+    own = path.with_name(f"{stem_of(path)}.{name}")
     if own.is_file():
         return own
-    return zoo / _ZOO[0] if zoo and (zoo / _ZOO[0]).is_file() else None
+    return zoo / name if zoo and (zoo / name).is_file() else None
 
 
 def _zoo(path: Path) -> Path | None:
@@ -185,7 +190,7 @@ def _zoo(path: Path) -> Path | None:
     folder = path.parent
     below = _kept_below(folder, _changed(folder))
     run = re.sub(r"_\d+$", "", folder.absolute().name)
-    for name in (path.stem, run):
+    for name in (stem_of(path), run):
         if called := [child for child in below if child.name == name]:
             return called[0]
     return below[0] if len(below) == 1 else None
@@ -193,10 +198,10 @@ def _zoo(path: Path) -> Path | None:
 
 def statistics_of(path: Path) -> list[Path]:
     """The files of statistics that belong to a policy's file: its own, else those of its run."""
-    exact = path.with_name(f"{_with_statistics(path.stem)}.pkl")
+    exact = path.with_name(f"{_with_statistics(stem_of(path))}.pkl")
     if exact.is_file():
         return [exact]
-    own, folder = _words(path.stem), path.parent
+    own, folder = _words(stem_of(path)), path.parent
     here = _in(folder)
     policies = _policies(folder)
     named = [(_words(one.stem), one) for one in here]
@@ -250,16 +255,16 @@ def _statistics(folder: Path, _: int) -> tuple[Path, ...]:
 
 @lru_cache
 def _named_policies(folder: Path, _: int) -> set[Words]:
-    return {_words(path.stem) for path in map(Path, _listed(folder)[1]) if path.suffix.lower() in SUFFIXES}
+    return {_words(stem_of(path)) for path in map(Path, _listed(folder)[1]) if suffix_of(path) in SUFFIXES}
 
 
 @lru_cache
 def _names_of_statistics(folder: Path, _: int) -> set[str]:
     """What statistics of a folder's policies are called."""
     return {
-        _with_statistics(path.stem)
+        _with_statistics(stem_of(path))
         for path in map(Path, _listed(folder)[1])
-        if path.suffix.lower() in SUFFIXES
+        if suffix_of(path) in SUFFIXES
     }
 
 

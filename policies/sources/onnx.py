@@ -57,12 +57,13 @@ class OnnxPolicy:
             return cls(card, identity_with(content, beside), open_session(path, whole), path)
 
     def initial_memory(self, n: int) -> Batch:
-        """No memory: (n, 0) float32."""
-        return np.zeros((n, 0), np.float32)
+        """States of the graph, zeros (n, m) float32; mostly m is 0."""
+        return self._graph.initial_memory(n)
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
-        """Actions (n, 2) float32 for observations (n, observation_spec.size) float32; memory as it was."""
-        return np.clip(self._graph(observations), -1.0, 1.0), memory
+        """Actions (n, 2) float32 for observations (n, observation_spec.size) float32, and memory."""
+        numbers, memory = self._graph.act(observations, memory)
+        return np.clip(numbers, -1.0, 1.0), memory
 
     def _actions(self, found: Any, n: int) -> Batch:
         expected = [("float32", (n, ACTION_SIZE))]

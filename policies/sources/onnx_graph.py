@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from nathlon.policies.policy import Batch
 from nathlon.policies.sources.foreign import ForeignCard
+from nathlon.policies.sources.onnx_states import Told, find_states, without_state
 from nathlon.sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ class OnnxGraph:
         path: its file, for errors.
         size: numbers of an observation.
         shape: of the one array that it takes; None if there are several.
+        remembers: numbers that it keeps from one step to the next.
     """
 
     def __init__(self, session: Any, path: Path, card: ForeignCard, seen: Space[Any] | None = None) -> None:
@@ -73,7 +75,7 @@ class OnnxGraph:
         Args:
             session: which runs it.
             path: its file.
-            card: which may name the output that is the actions.
+            card: which may name the output that is the actions, and states.
             seen: space of the observations; None for one row of numbers.
 
         Raises:
@@ -81,29 +83,52 @@ class OnnxGraph:
         """
         self.path = path
         self._session = session
-        self._inputs, self._alone = _inputs(path, session, seen)
+        parts: Any = getattr(seen, "spaces", {})
+        keys = parts.keys() if isinstance(parts, dict) else ()
+        inputs, outputs = _told(session.get_inputs()), _told(session.get_outputs())
+        self._states = find_states(path, inputs, outputs, card.states, keys)
+        taken = {state.taken for state in self._states}
+        self._inputs, self._alone = _inputs(path, [each for each in inputs if each[0] not in taken], seen)
+        self._alone = self._alone or any(state.axis is None for state in self._states)
+        self.remembers = self._states[-1].at.stop if self._states else 0
         first, *others = self._inputs
         self.size = _size(seen) if seen is not None and others else prod(first.shape)
         self.shape = None if others else first.shape
-        self._outputs = [each.name for each in session.get_outputs()]
+        given = {state.given for state in self._states}
+        self._outputs = [name for name, _, _ in outputs if name not in given]
         self._wanted = card.output
 
-    def __call__(self, observations: Batch) -> NDArray[Any]:
-        """What it gives for observations (n, size) float32; see `probe`."""
+    def initial_memory(self, n: int) -> Batch:
+        """States of zeros, (n, remembers) float32."""
+        return np.zeros((n, self.remembers), np.float32)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[NDArray[Any], Batch]:
+        """What it gives for observations (n, size) float32, see `probe`, and memory (n, m) float32 after."""
         with _memory_errors():
-            [found] = self._run(observations, self._outputs)
-        return found
+            [found], memory = self._run(observations, memory, self._outputs)
+        return found, memory
 
-    def _run(self, observations: Batch, names: list[str]) -> list[Any]:
-        """Some outputs; row by row where the graph takes one at a time."""
+    def _run(self, observations: Batch, memory: Batch, names: list[str]) -> tuple[list[Any], Batch]:
+        """Some outputs, and the memory after; row by row where the graph takes one at a time."""
         if not self._alone:
-            return self._once(observations, names)
-        rows = [self._once(row[None], names) for row in observations]
-        return [np.concatenate([_first(one) for one in column]) for column in zip(*rows, strict=True)]
+            return self._once(observations, memory, names)
+        rows = [
+            self._once(row[None], own[None], names) for row, own in zip(observations, memory, strict=True)
+        ]
+        columns = zip(*(found for found, _ in rows), strict=True)
+        together = [np.concatenate([_first(one) for one in column]) for column in columns]
+        return together, np.concatenate([after for _, after in rows])
 
-    def _once(self, observations: Batch, names: list[str]) -> list[Any]:
-        found = self._session.run(names, {each.name: each(observations) for each in self._inputs})
-        return [_plain(each) for each in found]
+    def _once(self, observations: Batch, memory: Batch, names: list[str]) -> tuple[list[Any], Batch]:
+        fed = {each.name: each(observations) for each in self._inputs}
+        fed |= {state.taken: state.unpacked(memory) for state in self._states}
+        found = self._session.run([*names, *(state.given for state in self._states)], fed)
+        kept = [
+            state.packed(self.path, array, len(observations))
+            for state, array in zip(self._states, found[len(names) :], strict=True)
+        ]
+        after = np.concatenate(kept, axis=1) if kept else memory
+        return [_plain(each) for each in found[: len(names)]], after
 
     def probe(self, answer: Callable[[NDArray[Any], int], NDArray]) -> NDArray:
         """What it answers to some observations; from now on it gives the output that is the actions.
@@ -146,8 +171,9 @@ class OnnxGraph:
     def _attempt(self, observations: Batch) -> list[Any]:
         try:
             with _memory_errors():
-                return self._run(observations, self._outputs)
-        except MemoryError:
+                found, _ = self._run(observations, self.initial_memory(len(observations)), self._outputs)
+                return found
+        except (MemoryError, InputError):
             raise
         except Exception as error:
             raise InputError(
@@ -218,16 +244,19 @@ def _size(space: Space[Any]) -> int:
     return flatdim(space)
 
 
-def _inputs(path: Path, session: Any, seen: Space[Any] | None) -> tuple[tuple[Input, ...], bool]:
-    """The arrays that a graph takes, and whether it takes one observation at a time."""
+def _told(arrays: Any) -> list[Told]:
+    """Inputs or outputs of a session."""
+    return [(each.name, each.type, list(each.shape)) for each in arrays]
+
+
+def _inputs(path: Path, told: list[Told], seen: Space[Any] | None) -> tuple[tuple[Input, ...], bool]:
+    """The arrays of an observation that a graph takes, and whether it takes one observation at a time."""
     from gymnasium.spaces import Dict, Discrete, flatdim
 
-    told = [(each.name, each.type, list(each.shape)) for each in session.get_inputs()]
     found = ", ".join(f"{name} {kind} {shape}" for name, kind, shape in told) or "none"
     inner = seen.spaces if isinstance(seen, Dict) else {}
     if not told or (len(told) > 1 and not {name for name, _, _ in told} <= inner.keys()):
-        keys = f", or one for each of {', '.join(inner)}" if inner else ""
-        raise InputError(f"{path}: inputs are {found}; expected one, tensor(float) ['n', observations]{keys}")
+        raise without_state(path, found, inner.keys())
     starts = dict(zip(inner, np.cumsum([0, *map(flatdim, inner.values())]), strict=False))
     inputs: list[Input] = []
     for name, kind, batch in told:

@@ -71,6 +71,34 @@ class ZooSettings:
         return cls(path, frames, normalised, tuple(name for name in classes if name not in _HARMLESS))
 
 
+def made_with(path: Path, content: bytes) -> dict[str, Any]:
+    """The arguments that an environment was made with, as `args.yml` with these bytes tells.
+
+    How it is shown is none of them.
+
+    Raises:
+        InputError: if the file cannot be understood.
+    """
+    with opening(path):
+        try:
+            told = _parsed(content)
+            if not isinstance(told, dict):
+                raise ValueError("no names with values")
+            arguments = told.get("env_kwargs") or {}
+            if not isinstance(arguments, dict) or not all(isinstance(name, str) for name in arguments):
+                raise ValueError(f"env_kwargs is {arguments!r}")
+        except ValueError as error:
+            raise InputError(f"{path}: {error}, expected the arguments of a run of RL Zoo") from None
+    return {name: value for name, value in arguments.items() if name != "render_mode"}
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Whether two arguments are equal; lists and tuples of the same are."""
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(alike, one, other))
+    return type(one == other) is bool and one == other
+
+
 def _wrappers(told: Any) -> Iterator[str]:
     """Names of wrappers: one, or several, each with or without its arguments."""
     match told:

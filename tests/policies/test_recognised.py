@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import zipfile
 from pathlib import Path
@@ -12,8 +13,11 @@ import pytest
 import torch
 from gymnasium.spaces import Box, Discrete
 
+from nathlon.arena.naming import short_names
 from nathlon.policies.general import load_general
 from nathlon.policies.load import load_policy
+from nathlon.policies.sources.finding import find_sources
+from nathlon.policies.sources.normalisation import companions
 from nathlon.policies.sources.recognised import recognised
 from tests.support.games import refused
 
@@ -60,13 +64,26 @@ def test_what_others_write_is_called_by_its_name(tmp_path: Path, name: str, what
         load_policy(str(path), "lindenring", "gt3")
 
 
-def test_one_of_stable_baselines_without_its_ending_is_to_be_renamed(tmp_path: Path) -> None:
-    path = tmp_path / "model_0.5"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("data", "{}")
-        archive.writestr("policy.pth", "")
-    with refused(f"{path}: is a policy of Stable-Baselines3", "expected the name 'model_0.5.zip'"):
-        load_general(str(path), Box(-1.0, 1.0, (2,)), Discrete(2))
+def test_one_of_stable_baselines_is_told_by_its_contents(tmp_path: Path) -> None:
+    """Its `save` leaves the ending out where a name has a dot."""
+    for name in ("model_0.5", "model_0.75", "agent.sb3", "weights.pt"):
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.writestr("data" if name != "weights.pt" else "archive/data.pkl", "{}")
+            archive.writestr("policy.pth", "")
+    (tmp_path / "model_0.25").write_bytes((tmp_path / "model_0.5").read_bytes()[:40])
+    (tmp_path / "model_0.1").mkdir()
+    os.mkfifo(tmp_path / "model_0.2")
+    (tmp_path / "model_0.3").symlink_to(tmp_path / "nowhere")
+    found = find_sources([tmp_path])
+    assert [Path(source).name for source in found] == ["agent.sb3", "model_0.5", "model_0.75"]
+    assert list(short_names(found).values()) == ["agent", "model_0.5", "model_0.75"]
+    for source in found:
+        with refused(f"{source}: "):
+            load_general(source, Box(-1.0, 1.0, (2,)), Discrete(2))
+    statistics = tmp_path / "model_0.5_vecnormalize.pkl"
+    statistics.touch()
+    assert companions(tmp_path / "model_0.5").statistics == statistics
+    assert companions(tmp_path / "model_0.75").statistics is None
 
 
 def test_a_checkpoint_of_any_name_is_none_of_them(tmp_path: Path) -> None:

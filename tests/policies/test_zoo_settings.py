@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from nathlon.policies.sources.zoo_settings import ZooSettings
+from nathlon.policies.sources.zoo_settings import ZooSettings, alike, made_with
 from nathlon.sim.errors import InputError
 from tests.support.refusals import refusal
 from tests.support.spoiling import spoilt_bytes
@@ -34,6 +36,17 @@ CONFIG = """!!python/object/apply:collections.OrderedDict
 """
 
 
+ARGUMENTS = """!!python/object/apply:collections.OrderedDict
+- - - algo
+    - ppo
+  - - env_kwargs
+    - goal: [1, 2]
+      render_mode: human
+  - - seed
+    - 7
+"""
+
+
 def settings(text: str) -> ZooSettings:
     return ZooSettings.read(Path("config.yml"), text.encode())
 
@@ -43,6 +56,16 @@ def test_what_settings_say() -> None:
     assert (found.frames, found.normalised, found.wrappers) == (4, True, ("AtariWrapper",))
     found = settings("n_envs: 8\npolicy: MlpPolicy\nframe_stack: null\n")
     assert (found.frames, found.normalised, found.wrappers) == (1, False, ())
+
+
+def test_what_an_environment_was_made_with() -> None:
+    assert made_with(Path("args.yml"), ARGUMENTS.encode()) == {"goal": [1, 2]}
+    assert made_with(Path("args.yml"), b"env_kwargs: null\n") == {}
+    assert alike((1, [2.0]), [1, (2,)])
+    assert not alike([1, 2], [1])
+    assert not alike(np.zeros(2), [0, 0])
+    with refusal(Path("args.yml"), "env_kwargs is 3, expected the arguments of a run of RL Zoo"):
+        made_with(Path("args.yml"), b"env_kwargs: 3\n")
 
 
 @pytest.mark.parametrize(
@@ -83,12 +106,15 @@ def test_other_settings_are_refused(tmp_path: Path, text: str, message: str) -> 
     assert not Path("harm").exists()
 
 
-def test_damaged_settings_are_refused_in_a_sentence() -> None:
+@pytest.mark.parametrize(
+    ("read", "text"), [(ZooSettings.read, CONFIG), (made_with, ARGUMENTS)], ids=["settings", "arguments"]
+)
+def test_damaged_settings_are_refused_in_a_sentence(read: Callable[[Path, bytes], Any], text: str) -> None:
     rng, refused = np.random.default_rng(0), list[str]()
     for _ in range(150):
         try:
-            ZooSettings.read(Path("config.yml"), spoilt_bytes(CONFIG.encode(), rng))
+            read(Path("run.yml"), spoilt_bytes(text.encode(), rng))
         except InputError as error:
             refused.append(str(error))
     assert len(refused) > 75
-    assert all(said.startswith("config.yml: ") and said.isprintable() for said in refused)
+    assert all(said.startswith("run.yml: ") and said.isprintable() for said in refused)
