@@ -59,7 +59,7 @@ class Host:
         versions.update(python=platform.python_version(), numpy=np.__version__)
         files = {} if self._file is None else hashes(self._file)
         mode = str(getattr(self._environment, "render_mode", ""))
-        told = {"seats": seats, "versions": versions, "files": files, "render_mode": mode}
+        told: dict[str, Any] = {"seats": seats, "versions": versions, "files": files, "render_mode": mode}
         told["in_turn"] = is_in_turn(self._environment)
         return told, arrays
 
