@@ -1,5 +1,3 @@
-"use strict";
-
 const SVG = "http://www.w3.org/2000/svg";
 const data = JSON.parse(document.getElementById("data").textContent);
 const many = data.dimensions.map((dimension, n) => n).filter((n) => data.dimensions[n].levels.length > 1);

@@ -1,5 +1,11 @@
 // The page of its own: the player with traces of the followed car and what the stewards noted.
 
+import { h } from "./race/element.js";
+import { orderTable } from "./race/order.js";
+import { keepMoment, keyHints, momentOf, racePlayer } from "./race/player.js";
+import { clock, openRecording } from "./race/recording.js";
+import { sized } from "./race/scene.js";
+
 const TRACE_S = 20;
 
 function tracesOf(player, canvas, of) {

@@ -1,5 +1,3 @@
-"use strict";
-
 async function start() {
   await wasm_bindgen({ module_or_path: "re_viewer_bg.wasm" });
   const canvas = document.getElementById("viewer");

@@ -1,5 +1,17 @@
 // Which view is shown follows from the address alone.
 
+import { h } from "../race/element.js";
+import { checkpoint } from "./checkpoint.js";
+import { committee } from "./committee.js";
+import { data, met } from "./data.js";
+import { here, missing, to } from "./dom.js";
+import { compare, leaderboard } from "./leaderboard.js";
+import { matchup, matchups } from "./matchups.js";
+import { nAthlon } from "./n_athlon.js";
+import { pareto } from "./pareto.js";
+import { raceView } from "./race.js";
+import { tonight } from "./tonight.js";
+
 const VIEWS = {
   tonight: ["Tonight", tonight],
   leaderboard: ["Leaderboard", leaderboard],
@@ -12,7 +24,6 @@ const VIEWS = {
   race: [null, raceView],
   checkpoint: [null, checkpoint],
 };
-const missing = (what) => [h("h1", {}, "Not found"), h("p", {}, `This report has no such ${what}. `, link(to("tonight"), "Back to tonight"))];
 
 const main = document.querySelector("main");
 function show() {
@@ -78,4 +89,5 @@ window.addEventListener("hashchange", () => {
   scrollTo(0, 0);
   main.focus({ preventScroll: true });
 });
+addEventListener("chosen", show);
 show();

@@ -1,7 +1,12 @@
 // Bars with intervals, shades, and charts that are drawn anew when their width changes.
 
+import { h } from "../race/element.js";
+import { nameOf, skillsOf, tests } from "./data.js";
+import { count, entrantLink, number, plain } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+
 // A function that draws bars of one column on a common axis from `origin`.
-function barScale(rows, [value, low, high], origin, kind, reference = null) {
+export function barScale(rows, [value, low, high], origin, kind, reference = null) {
   const [width, margin] = [120, 3];
   const known = rows.flatMap((row) => [row[value], row[low], row[high]]).filter((x) => x !== null && x !== undefined);
   const at = d3.scaleLinear([Math.min(origin, ...known), Math.max(origin, ...known)], [margin, width - margin]);
@@ -22,18 +27,18 @@ function barScale(rows, [value, low, high], origin, kind, reference = null) {
 
 // The shade of a heat map's cell: p1..p5 up to `largest`, n1..n5 down to its negative.
 const LEVELS = 5;
-const shade = (value, largest) => {
+export const shade = (value, largest) => {
   const level = largest > 0 ? Math.min(LEVELS, Math.ceil((LEVELS * Math.abs(value)) / largest)) : 0;
   return level === 0 ? "h0" : `${value > 0 ? "p" : "n"}${level}`;
 };
-const shadeKey = (shades, low, high) =>
+export const shadeKey = (shades, low, high) =>
   h("span", { class: "scale" }, h("span", {}, low), shades.map((one) => h("i", { class: one })), h("span", {}, high));
-const BLUES = ["h0", "p1", "p2", "p3", "p4", "p5"];
-const BOTH = ["n5", "n4", "n3", "n2", "n1", ...BLUES];
+export const BLUES = ["h0", "p1", "p2", "p3", "p4", "p5"];
+export const BOTH = ["n5", "n4", "n3", "n2", "n1", ...BLUES];
 
 // A figure whose chart `draw(width)` makes; the page's own style sheet has the rules of Plot's.
 const LEAST_PX = 200; // Narrower is only what is still being laid out.
-function chart(title, draw) {
+export function chart(title, draw) {
   const host = h("figure", {}, title && h("figcaption", {}, title));
   let drawn = 0;
   new ResizeObserver(() => {
@@ -54,14 +59,14 @@ function chart(title, draw) {
   return host;
 }
 
-const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
+export const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
 
 // The mark of an entrant in a test: its mean has other points than the mean of the points that the runs have.
-const measuredAs = ({ measure, unit, runs }) => `mean over ${count(runs, "run")}, each scored by itself; mean mark ${number(measure, 3)} ${unit} of the runs that set one`;
+export const measuredAs = ({ measure, unit, runs }) => `mean over ${count(runs, "run")}, each scored by itself; mean mark ${number(measure, 3)} ${unit} of the runs that set one`;
 
 // The points of some entrants in every test, as one line each.
-const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamond2"], ["var(--third)", "triangle"]];
-function profile(chosen) {
+export const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamond2"], ["var(--third)", "triangle"]];
+export function profile(chosen) {
   const points = chosen.flatMap((index, line) =>
     tests.map((test) => {
       const skill = (skillsOf.get(index) ?? []).find((one) => one.test === test);

@@ -1,8 +1,24 @@
 // All there is to know about one entrant.
 
+import { h } from "../race/element.js";
+import { barScale, chart, profile, tip } from "./charts.js";
+import { QUESTIONS } from "./committee.js";
+import {
+  batteryOf, batteryRank, blames, capital, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, known, lapped,
+  measured, MEETINGS, met, nameOf, objectivesOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, rankWritten,
+  skillsOf, stageName, summary, tables, touches,
+} from "./data.js";
+import {
+  ABSENT, chip, chips, count, empty, facts, gained, interval, link, missing, note, number, percent, plain, raceHref, section, signed, to,
+} from "./dom.js";
+import { lapView } from "./lap.js";
+import { d3, Plot } from "./libraries.js";
+import { measuredIn, objectiveTitle } from "./pareto.js";
+import { dataTable, ownColumns } from "./table.js";
+
 const curves = groups(tables.curves, "checkpoints");
 
-function checkpoint([key]) {
+export function checkpoint([key]) {
   const card = entrantByKey.get(key);
   if (!card) return missing("entrant");
   const index = card.number;
@@ -94,10 +110,6 @@ function ballotsOn(card) {
       h("strong", {}, ballot.member), ballot.approve.includes(card.entrant) ? " approves" : " does not approve",
       ballot.rank.includes(card.entrant) && `, place ${ballot.rank.indexOf(card.entrant) + 1} of ${ballot.rank.length}`, `: “${ballot.reason}”`))),
   ]));
-}
-
-function ownCars(index) {
-  return racesOf(index).flatMap((race) => carsOf(race).filter((car) => car.entrant === index).map((car) => ({ ...car, race })));
 }
 
 function bestLaps(index) {

@@ -1,6 +1,11 @@
 // What the committee was asked, what its members said, and what followed.
 
-const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };
+import { h } from "../race/element.js";
+import { rankText } from "../rank.js";
+import { blames, decisions, entrantOf, measured, MEETINGS, met, touches } from "./data.js";
+import { chip, count, empty, entrantLink, facts, note, number, percent, scroll, section, time } from "./dom.js";
+
+export const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };
 
 // What members are shown of a candidate, as far as the world measures it.
 const SHOWN = [
@@ -12,7 +17,7 @@ const SHOWN = [
   ["Faults", (one) => number(one.faults)],
 ].filter(Boolean);
 
-function committee() {
+export function committee() {
   return [
     h("h1", {}, "Committee"),
     note("Fit: approved on at least half of the ballots. Schulze's method orders those who are fit; favour breaks ties. Members named “rule:…” are automatic."),

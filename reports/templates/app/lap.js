@@ -1,5 +1,12 @@
 // A lap against another line: a map in the colours of its speed, what was lost where, and a closer look.
 
+import { h } from "../race/element.js";
+import { barScale, chart } from "./charts.js";
+import { data, entrantByKey, entrants, groups, nameOf, ownCars, paretoOf, tables } from "./data.js";
+import { choose, command, empty, facts, here, link, note, number, raceHref, signed } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+import { dataTable } from "./table.js";
+
 const course = tables.course;
 const lapOf = groups(tables.laps, "entrant");
 const KMH = 3.6;
@@ -9,13 +16,13 @@ const LIMIT = "the fastest lap that the car and the rules allow, by optimal cont
 const overLimit = (lap) => (data.limit === null || lap === null || lap === undefined ? null : lap / data.limit);
 
 // Of tables of entrants, where the limit is known.
-const limitColumn = () => (data.limit === null ? [] : [{
+export const limitColumn = () => (data.limit === null ? [] : [{
   key: "limit", head: "Mean / limit", first: "ascending", title: `mean best lap of the time trials over the limit of ${number(data.limit, 3)} s: ${LIMIT}`,
   value: (row) => overLimit(paretoOf.get(row.entrant)?.lap_s), cell: (row) => number(overLimit(paretoOf.get(row.entrant)?.lap_s), 3),
 }]);
-const limitNote = () => (data.limit === null ? "" : ` Mean / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
+export const limitNote = () => (data.limit === null ? "" : ` Mean / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
 
-function lapView(index) {
+export function lapView(index) {
   const lap = lapOf.get(index);
   if (!lap) return lapCommand(index);
   const others = [...lapOf.keys()].filter((other) => other !== index);
@@ -27,7 +34,7 @@ function lapView(index) {
   const stretches = sectionsOf(rows);
   const place = placeOn(rows, names, d3.greatest(stretches, (one) => one.lost)?.slowest ?? 0);
   const last = rows.length - 1;
-  const choice = h("label", {}, "Against ", h("select", { onchange: (event) => { keep("against", event.target.value); show(); } },
+  const choice = h("label", {}, "Against ", h("select", { onchange: (event) => choose("against", event.target.value) },
     h("option", { value: "" }, "the built-in driver's line"),
     others.map((one) => h("option", { value: entrants[one].key, selected: one === against }, nameOf(one)))));
   return [

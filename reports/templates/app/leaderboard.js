@@ -1,8 +1,23 @@
 // The meetings: points and contacts with their intervals, and two entrants side by side.
 
+import { h } from "../race/element.js";
+import { barScale, profile } from "./charts.js";
+import {
+  batteryOf, batteryRank, blames, capital, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD,
+  RANK_DIGITS, rankingOf, rankWritten, skillsOf, summary, tables, tests, touches,
+} from "./data.js";
+import {
+  ABSENT, count, empty, entrantLink, here, interval, keep, link, missing, note, number, percent, plain, scroll, section, signed, to,
+} from "./dom.js";
+import { limitColumn, limitNote } from "./lap.js";
+import { d3 } from "./libraries.js";
+import { asked } from "./n_athlon.js";
+import { measuredIn, objectiveTitle, objectiveUnit, objectiveValue } from "./pareto.js";
+import { dataTable, entrantColumn, rankColumn } from "./table.js";
+
 const GATED = "barred only if the whole interval is above the gate's limit";
 
-function leaderboard() {
+export function leaderboard() {
   const rows = tables.ranking.map((row) => ({ ...row, skill: batteryOf.get(row.entrant)?.points ?? null }));
   const title = h("h1", {}, "Leaderboard");
   if (!rows.length) return [title, empty(`No entrant reached the ${MEETINGS.toLowerCase()}.`)];
@@ -70,7 +85,7 @@ function comparison() {
   return host(link(to("compare", keys), `Compare ${entrantByKey.get(keys[0]).name} and ${entrantByKey.get(keys[1]).name}`));
 }
 
-function compare([first, second]) {
+export function compare([first, second]) {
   const two = [first, second].map((key) => entrantByKey.get(key));
   if (two.includes(undefined)) return missing("entrant");
   const numbers = two.map((one) => one.number);

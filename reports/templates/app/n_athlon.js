@@ -1,6 +1,13 @@
 // The n-athlon: entrants and tests, coloured by points; the profiles of some beside each other.
 
-function nAthlon() {
+import { h } from "../race/element.js";
+import { BLUES, LINES, measuredAs, profile, shade, shadeKey } from "./charts.js";
+import { data, entrantByKey, entrants, groups, nameOf, onCircuit, rowsOf, sent, skillsOf, summary, tables, tests } from "./data.js";
+import { ABSENT, chip, count, empty, entrantLink, here, interval, keep, note, number, percent, plain, scroll, section } from "./dom.js";
+import { d3 } from "./libraries.js";
+import { dataTable, entrantColumn, rankColumn } from "./table.js";
+
+export function nAthlon() {
   const title = h("h1", {}, "n-athlon");
   const rows = tables.battery.map((row) => ({ ...row, skills: new Map((skillsOf.get(row.entrant) ?? []).map((skill) => [skill.test, skill])) }));
   if (!rows.length) return [title, empty("No entrant has been through the n-athlon.")];
@@ -72,7 +79,7 @@ function profiled(rows) {
 // What a test asks, in what it is measured, and which way is better.
 const unitOf = new Map(tables.skills.map((skill) => [skill.test, skill.unit]));
 const better = ({ base, reference }) => (reference < base ? "less" : "more");
-function asked(test) {
+export function asked(test) {
   const mark = summary.marks[test];
   return mark && [mark.asks, `Measured in ${unitOf.get(test) ?? "its own unit"}; ${better(mark)} is better.`].filter(Boolean).join(" ");
 }

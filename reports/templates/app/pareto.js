@@ -1,17 +1,25 @@
 // The filter's objectives, two at a time: the field in grey, the front labelled.
 
+import { h } from "../race/element.js";
+import { chart, tip } from "./charts.js";
+import { capital, data, entrants, EPISODES, MEETINGS, met, nameOf, objectivesOf, rankingOf, sent, tables } from "./data.js";
+import { chip, empty, here, keep, note, number, percent, plain, section, to } from "./dom.js";
+import { limitColumn, limitNote } from "./lap.js";
+import { d3, Plot } from "./libraries.js";
+import { dataTable, entrantColumn } from "./table.js";
+
 const objectiveNames = [...new Set(tables.objectives.map((row) => row.objective))];
-const objectiveUnit = new Map(tables.objectives.map((row) => [row.objective, row]));
-const objectiveTitle = (name) => {
+export const objectiveUnit = new Map(tables.objectives.map((row) => [row.objective, row]));
+export const objectiveTitle = (name) => {
   const { unit, goal } = objectiveUnit.get(name);
   const title = plain(name.replace(/_per_km$|_s$|_m$/, ""));
   return `${title}${unit === "1" ? "" : ` [${unit}]`}${goal === "max" ? ", more is better" : ""}`;
 };
 const MEASURED_IN = { time_trial: "in the time trials", race: `in the filter's ${EPISODES}` };
-const measuredIn = (name) => MEASURED_IN[objectiveUnit.get(name).source] ?? "in the filter";
-const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;
+export const measuredIn = (name) => MEASURED_IN[objectiveUnit.get(name).source] ?? "in the filter";
+export const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;
 
-function pareto() {
+export function pareto() {
   const title = h("h1", {}, "Pareto filter");
   const rows = tables.pareto.map((row) => ({
     ...row,

@@ -1,5 +1,13 @@
 // Charts of a recorded race by distance, with a line where the player stands.
 
+import { h } from "../race/element.js";
+import { clock } from "../race/recording.js";
+import { chart, LINES, tip } from "./charts.js";
+import { groups } from "./data.js";
+import { empty, here, keep, note, number } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+import { lapsOf, passings, traceOf } from "./race_laps.js";
+
 const teamStroke = (recording, car) => (recording.race.cars[car].team === 1 ? "var(--finalist)" : "var(--survivor)");
 
 // A chart along x with the player's place in it; a click has the player go there.
@@ -25,7 +33,7 @@ function playedChart(player, title, draw, placeOf, timeOf) {
   });
 }
 
-function raceCharts(player) {
+export function raceCharts(player) {
   const { recording, state } = player;
   const { race, circuit, samples } = recording;
   const rows = passings(recording);
@@ -61,7 +69,7 @@ function raceCharts(player) {
 }
 
 // Speeds of up to two laps, and the time that they lose, against the fastest lap of the race.
-function speedCharts(player) {
+export function speedCharts(player) {
   const { recording, state } = player;
   const { race, circuit } = recording;
   const laps = lapsOf(recording);

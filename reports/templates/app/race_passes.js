@@ -1,6 +1,13 @@
 // Where cars go by each other: in this race and in the others of the run that were recorded.
 
-function passesView(player) {
+import { h } from "../race/element.js";
+import { clock } from "../race/recording.js";
+import { chart, tip } from "./charts.js";
+import { data } from "./data.js";
+import { empty, note, number } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+
+export function passesView(player) {
   const { recording } = player;
   const { race, circuit, line } = recording;
   const all = data.recordings.flatMap((one) => one.passes.map((pass) => ({ ...pass, own: one === race })));
@@ -38,7 +45,7 @@ function passesView(player) {
 }
 
 // Has the player show a moment.
-const momentButton = (player, seconds, car, text) =>
+export const momentButton = (player, seconds, car, text) =>
   h("button", { type: "button", class: "moment", onclick: () => {
     player.follow(car);
     player.seek(seconds);

@@ -1,8 +1,13 @@
 // A table that sorts by its heads and filters by a field; both are kept in the address.
 
+import { h } from "../race/element.js";
+import { rankIn } from "../rank.js";
+import { measured, nameOf, onCircuit, ownNames } from "./data.js";
+import { ABSENT, chips, entrantLink, here, keep, number, plain, scroll } from "./dom.js";
+
 // columns (those that are false are left out): key, head, and optionally kind (class), value (row => what it sorts by), cell (row => what is shown),
 // first ("descending" unless said otherwise), title. Without `value` a column does not sort.
-function dataTable(id, columns, rows, { sort, text = null, prefix = "", grouped = null, label = id, shown = 200 }) {
+export function dataTable(id, columns, rows, { sort, text = null, prefix = "", grouped = null, label = id, shown = 200 }) {
   const { params } = here();
   let [descending, by] = /^(-?)(.*)$/.exec(params.get(`${prefix}sort`) ?? sort).slice(1);
   let query = params.get(`${prefix}q`) ?? "";
@@ -71,18 +76,18 @@ function dataTable(id, columns, rows, { sort, text = null, prefix = "", grouped 
 }
 
 // What another world measures of a seat.
-const ownColumns = () => [
+export const ownColumns = () => [
   measured("score") && { key: "score", head: "Score", value: (row) => row.score, cell: (row) => number(row.score, 2) },
   ...ownNames.map((name) => ({ key: `own-${name}`, head: plain(name), value: (row) => row.own[name] ?? null, cell: (row) => number(row.own[name] ?? null, 2) })),
   !onCircuit && measured("distance_m") && { key: "distance", head: "Distance, m", value: (row) => row.distance_m, cell: (row) => number(row.distance_m, 1) },
 ];
 
-const entrantColumn = (extra = () => null) => ({
+export const entrantColumn = (extra = () => null) => ({
   key: "name", head: "Entrant", kind: "name", first: "ascending",
   value: (row) => nameOf(row.entrant),
   cell: (row) => [entrantLink(row.entrant), " ", chips(row.entrant), extra(row)],
 });
-const rankColumn = (rows) => {
+export const rankColumn = (rows) => {
   const written = rankIn(rows);
   return {
     key: "rank", head: "Rank", kind: "rank", first: "ascending",

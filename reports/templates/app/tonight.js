@@ -1,6 +1,15 @@
 // Tonight: whom to send and why, what became of the field, and whether the run can be trusted.
 
-function tonight() {
+import { h } from "../race/element.js";
+import { rankIn } from "../rank.js";
+import {
+  byEntrant, capital, data, decisions, EACH, entrantOf, entrants, EPISODE, EPISODES, known, met, onCircuit, paretoOf, poolRank, rowsOf,
+  stageName, summary, tables,
+} from "./data.js";
+import { ABSENT, chip, count, duration, empty, entrantLink, facts, fileHref, link, note, number, plain, scroll, section, to } from "./dom.js";
+import { clipsOf, replay } from "./recorded.js";
+
+export function tonight() {
   const decided = summary.sent[0];
   return [
     h("p", { class: "over" }, data.title, data.underWay && [" · ", chip("barred", data.underWay)]),
@@ -119,17 +128,3 @@ function changes() {
     note(`Ranks in the pool of all nights. Newcomers can push others down; more ${EPISODES} can break ties.`),
   ];
 }
-
-// A race that was recorded: what is seen there, and its files.
-function replay({ match, race, why, player, video, recording, replay: rerun, missing: reason }) {
-  const there = raceByKey.get(`${match.slice(0, 12)}/${race}`);
-  const name = `${capital(EPISODE)} ${match.slice(0, 6)}/${race}`;
-  const files = [[player, "watch it here"], [video, "video"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]].filter(([file]) => file);
-  return [
-    there ? link(raceHref(there), name) : name, `: ${why}. `,
-    files.map(([file, text], i) => [i > 0 && " · ", link(fileHref(file), text)]),
-    reason && h("span", { class: "fault" }, `It could not be run again: ${reason}`),
-  ];
-}
-
-const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, typed(words)));

@@ -1,5 +1,10 @@
 // The page of the coach.
 
+import { keepMoment, momentOf, racePlayer } from "../race/player.js";
+import { openRecording } from "../race/recording.js";
+import { lapMap } from "./map.js";
+import { lapTraces, valueAt } from "./traces.js";
+
 const PIECE_M = 12;
 const BEFORE_S = 2;
 const AROUND_M = 60;

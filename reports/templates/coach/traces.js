@@ -1,10 +1,13 @@
 // Traces over the way: the coached lap, the other one, and what was driven with an advice.
 
+import { h } from "../race/element.js";
+import { difference } from "../race/recording.js";
+
 const TRACE_WIDTH = 1000;
 const LEFT = 40;
 
 // The value of a trace at a place, or null outside of it.
-function valueAt(traces, name, place) {
+export function valueAt(traces, name, place) {
   const { place: at } = traces;
   const last = at.length - 1;
   if (place < at[0] || place > at[last]) return null;
@@ -24,7 +27,7 @@ function niceStep(span) {
 }
 
 // Charts one above the other; `show` draws a stretch of the lap, `mark` a place in it.
-function lapTraces(box, { own, other, edited }, onPlace) {
+export function lapTraces(box, { own, other, edited }, onPlace) {
   for (const lap of [own, other]) lap.lost = lostOn(lap, other);
   for (const drive of edited) drive.lost = lostOn(drive, other, valueAt(own, "lost", drive.place[0]));
   const charts = [

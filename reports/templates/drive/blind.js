@@ -1,15 +1,17 @@
 // A blind test: how far it has come, the questions after a race, and who was who once the ballot is cast.
 
+import { h } from "../race/element.js";
+
 const ASKED = [
   ["again", "Would you race it again?"], ["fair", "Was it fair in contact?"],
   ["room", "Did it leave room?"], ["beatable", "Was it beatable?"],
 ];
 const SCALE = [1, 2, 3, 4, 5];
 
-const momentOf = ({ time_s: time, nearest, apart_m: apart }) =>
+export const momentOf = ({ time_s: time, nearest, apart_m: apart }) =>
   `${time.toFixed(1)} s${nearest === null ? "" : `, ${nearest} ${apart.toFixed(0)} m away`}`;
 
-function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
+export function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
   const panel = document.getElementById("blind");
   const called = (letter) => (names ? `${letter}: ${names[letter]}` : letter);
   const list = (letters, between) => letters.map(called).join(between) || "nobody";
@@ -29,7 +31,7 @@ function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
     ]));
 }
 
-function questionsDialog({ letters, marks, longest }, { onAnswer, onDrop }) {
+export function questionsDialog({ letters, marks, longest }, { onAnswer, onDrop }) {
   const dialog = document.getElementById("questions");
   const choose = (name, options) => options.map(([value, text]) =>
     h("label", { class: "score" }, h("input", { type: "radio", name, value, required: true }), h("span", {}, text)));

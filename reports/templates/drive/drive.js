@@ -1,5 +1,16 @@
 // The page: connection, inputs and drawing, put together.
 
+import { openCircuit, unpacked } from "../race/recording.js";
+import { raceScene } from "../race/scene.js";
+import { chaseCamera, cockpitCamera } from "../scene3d/cameras.js";
+import { newView } from "../scene3d/view.js";
+import { momentOf, questionsDialog, showBlind } from "./blind.js";
+import { newHud, newReference } from "./hud.js";
+import { kept, newInputs } from "./inputs.js";
+import { connect, newPlayback } from "./link.js";
+import { newMenu, pauseDialog, resultDialog } from "./menu.js";
+import { newSound } from "./sound.js";
+
 const SEND_MS = 1000 / 60;
 const READY = 3; // pictures after which the countdown may begin: a graphics driver may take seconds for the first ones
 const VIEWS = ["chase", "cockpit", "map"];

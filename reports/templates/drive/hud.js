@@ -1,18 +1,14 @@
 // What stands over the picture: place, times, gaps, the car's instruments, and what the stewards say.
 
+import { h } from "../race/element.js";
+import { difference } from "../race/recording.js";
+import { called, lapTime } from "./words.js";
+
 const NEWS_MS = 7000;
 const REFRESH_MS = 80;
 
-function lapTime(seconds) {
-  if (!Number.isFinite(seconds)) return "–";
-  const ms = Math.round(seconds * 1000);
-  return `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(ms % 1000).padStart(3, "0")}`;
-}
-
-const ordinal = (place) => `${place}${{ one: "st", two: "nd", few: "rd", other: "th" }[new Intl.PluralRules("en", { type: "ordinal" }).select(place)]}`;
-
 // The lap to compare your own with: time since the line at each row of the circuit.
-function newReference(driver, lapM) {
+export function newReference(driver, lapM) {
   const rows = driver.time.length;
   let own = null;
   let running = new Float64Array(rows).fill(NaN);
@@ -40,7 +36,7 @@ function newReference(driver, lapM) {
   };
 }
 
-function newHud({ race, scene, reference }) {
+export function newHud({ race, scene, reference }) {
   const [place, times, order, instruments, news, lights] = ["place", "times", "order", "car", "news", "lights"].map((id) => document.getElementById(id));
   news.replaceChildren();
   let last = 0;

@@ -14,7 +14,7 @@ const STEPS = [
   ["brake", "Let the throttle go and press the brake all the way."],
 ];
 
-const kept = {
+export const kept = {
   read(name, otherwise) {
     try {
       return JSON.parse(localStorage.getItem(STORED + name)) ?? otherwise;
@@ -31,7 +31,7 @@ const kept = {
   },
 };
 
-const pads = () => [...navigator.getGamepads()].filter((pad) => pad && pad.connected);
+export const pads = () => [...navigator.getGamepads()].filter((pad) => pad && pad.connected);
 const numbers = (pad) => [...pad.axes, ...pad.buttons.map((button) => button.value)];
 
 // Where a control stands between two ends, from 0 to 1.
@@ -65,7 +65,7 @@ function moved(rest, values) {
 }
 
 // Steps of a calibration: `press` notes where the controls stand; the calibration once it is whole, else null.
-function newCalibration(pad) {
+export function newCalibration(pad) {
   let rest = numbers(pad);
   let step = 0;
   const ends = {};
@@ -86,7 +86,7 @@ function newCalibration(pad) {
   };
 }
 
-function newInputs(onChange) {
+export function newInputs(onChange) {
   const down = new Set();
   let device = kept.read("device", "keys");
   addEventListener("keydown", (event) => {

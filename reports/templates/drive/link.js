@@ -52,7 +52,7 @@ function between(first, second, share) {
 }
 
 // Frames as they come, and the race as it stood a moment ago; `now` is in seconds of any clock that goes on.
-function newPlayback() {
+export function newPlayback() {
   let frames = [];
   let offset = null;
   return {
@@ -83,7 +83,7 @@ function newPlayback() {
 }
 
 // A connection that comes back by itself, unless another window has taken its place.
-function connect(session, { onWords, onFrame, onState }) {
+export function connect(session, { onWords, onFrame, onState }) {
   let socket = null;
   let number = 0;
   const open = () => {

@@ -1,11 +1,15 @@
 // Choosing a drive, calibrating a wheel, and the dialogs.
 
+import { typed } from "../command.js";
+import { h } from "../race/element.js";
+import { kept, newCalibration, pads } from "./inputs.js";
+import { called, lapTime, ordinal, percent, titled } from "./words.js";
+
 const AIDS = [["steering", "Steering aid: never turns the front wheels beyond their grip"], ["pedals", "Pedal aid: eases throttle and brake while the tyres turn"]];
 const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
 
 const DIFFICULTIES = { chosen: "As ticked below", beginner: "Beginner", intermediate: "Intermediate", expert: "Expert", match: "Match me" };
 const TEMPERS = { calm: "Calm", fair: "Fair", aggressive: "Aggressive" };
-const percent = (share) => `${Math.round(100 * share)} %`;
 
 // What a difficulty means: opponents are handicapped by their pace alone, and that is told.
 function meaning(difficulty, levels) {
@@ -15,22 +19,7 @@ function meaning(difficulty, levels) {
   return `The built-in driver at ${percent(slow)} to ${percent(fast)} of its pace.`;
 }
 
-// What somebody is called in the order and the menu: built-in drivers in plain words, people by their names.
-function called(name) {
-  const [, number = "", source] = /^(\d+ )?(.*)$/.exec(name);
-  if (source.startsWith("human:")) return number + source.slice("human:".length);
-  if (!/^driver(:|$)/.test(source)) return name;
-  const { pace, ...others } = Object.fromEntries(source.slice("driver:".length).split(",").filter(Boolean).map((one) => one.split("=")));
-  const told = [pace && `${percent(Number(pace))} pace`, ...Object.entries(others).map(([what, value]) => (what === "temper" ? value : `${what} ${value}`))];
-  return `${number}Built-in driver${told.some(Boolean) ? `, ${told.filter(Boolean).join(", ")}` : ""}`;
-}
-
-function titled(name) {
-  const words = name.replace(/(\/circuit)?\.toml$/, "").split("/").at(-1);
-  return words.split("-").map((word) => (/^[a-z]+\d+$/.test(word) ? word.toUpperCase() : word[0].toUpperCase() + word.slice(1))).join(" ");
-}
-
-function newMenu({ choices, inputs, onGo }) {
+export function newMenu({ choices, inputs, onGo }) {
   const form = document.getElementById("choice");
   const last = kept.read("choice", {});
   const number = (name, value, most) => h("input", { name, type: "number", min: 1, max: most, value, required: true });
@@ -121,7 +110,7 @@ function calibration(inputs, onDone) {
   dialog.showModal();
 }
 
-function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
+export function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
   const dialog = document.getElementById("pause");
   const boxes = AIDS.map(([name, label]) =>
     h("label", { class: "check" }, h("input", { type: "checkbox", checked: aids[name], onchange: (event) => {
@@ -135,7 +124,7 @@ function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
   if (!dialog.open) dialog.showModal();
 }
 
-function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
+export function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
   const dialog = document.getElementById("result");
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },

@@ -4,7 +4,7 @@ const FIRING = 4; // ignitions in a turn of the crankshaft
 const SQUEAL_RAD = [0.07, 0.16]; // slip angles at which tyres begin to be heard, and are loudest
 const SETTLE_S = 0.04;
 
-function newSound() {
+export function newSound() {
   let parts = null;
   function begin() {
     const audio = new AudioContext();

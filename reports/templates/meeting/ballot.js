@@ -1,10 +1,13 @@
 // What a member says of a question: a ballot, or which of two is preferred.
 
+import { h } from "../race/element.js";
+import { head, note } from "./figures.js";
+
 // The candidates' names by id, in the order of the evidence.
-const candidatesOf = (decision) => decision.evidence.rows.map(({ entrant, name }) => [entrant, name]);
+export const candidatesOf = (decision) => decision.evidence.rows.map(({ entrant, name }) => [entrant, name]);
 
 // A form for a ballot; `take` fills in the member's ballot, once: it may be from elsewhere.
-function ballotForm(decision, longest, say) {
+export function ballotForm(decision, longest, say) {
   const candidates = candidatesOf(decision);
   let taken = null;
   const rows = candidates.map(([entrant, name]) => {
@@ -50,7 +53,7 @@ function ballotForm(decision, longest, say) {
   };
 }
 
-function comparisonForm(decision, longest, say) {
+export function comparisonForm(decision, longest, say) {
   const choose = (label) => h("label", { class: "field" }, h("span", {}, label),
     h("select", { required: true }, h("option", { value: "" }, ""), candidatesOf(decision).map(([value, name]) => h("option", { value }, name))));
   const [better, worse] = [choose("I prefer"), choose("to")];
@@ -67,7 +70,7 @@ function comparisonForm(decision, longest, say) {
   return h("details", {}, h("summary", {}, "Say only which of two you prefer"), form);
 }
 
-function reopenForm(decision, longest, say) {
+export function reopenForm(decision, longest, say) {
   const reason = h("input", { type: "text", required: true, maxlength: longest });
   const form = h("form", {},
     h("label", { class: "field" }, h("span", {}, "Why, in a sentence"), reason),

@@ -1,5 +1,10 @@
 // A question to the committee: what members are shown, what they have said, and what follows.
 
+import { h } from "../race/element.js";
+import { rankText } from "../rank.js";
+import { ballotForm, candidatesOf, comparisonForm, reopenForm } from "./ballot.js";
+import { absent, chip, clock, count, elsewhere, empty, fileOf, head, list, note, number, percent, scroll, when } from "./figures.js";
+
 const ASKED_FOR = { shortlist: "Who is shortlisted?", selection: "Who is sent?" };
 const EVIDENCE = [
   ["Rank", (one) => rankText(one.rank, one.tied)],
@@ -11,7 +16,7 @@ const EVIDENCE = [
 ];
 
 // A question's part of the page: `show` brings it up to date and leaves forms as they are.
-function questionView(first, you, longest, say) {
+export function questionView(first, you, longest, say) {
   const [state, people, standings, said, drives] = [h("p", { class: "state" }), h("ul", { class: "people" }), h("div", {}), h("div", {}), h("div", {})];
   const close = h("button", { type: "button", class: "first", onclick: () => say({ type: "decide", question: first.question, decision: first.decision }) }, "Decide");
   const waits = h("span", { class: "note" });

@@ -3,7 +3,7 @@
 const TOKEN = "nathlon room: token"; // under which it is kept for the tab; test drives read it there
 
 // The token of the address: it goes out of it, into what the browser keeps for this tab.
-function takeToken() {
+export function takeToken() {
   const given = location.hash.slice(1);
   if (given && !given.startsWith("/")) {
     sessionStorage.setItem(TOKEN, given);
@@ -18,7 +18,7 @@ const CLOSED = {
 };
 
 // A connection that comes back by itself; `first` is said whenever it is open.
-function connect(address, token, first, { onWords, onState }) {
+export function connect(address, token, first, { onWords, onState }) {
   let socket = null;
   const open = () => {
     socket = new WebSocket(address);

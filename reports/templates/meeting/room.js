@@ -1,5 +1,11 @@
 // The room: what comes from the server, and the views of it.
 
+import { h } from "../race/element.js";
+import { questionView } from "./decision.js";
+import { empty, number } from "./figures.js";
+import { connect, takeToken } from "./link.js";
+import { logView, racesView } from "./races.js";
+
 const el = (id) => document.getElementById(id);
 const VIEWS = ["questions", "report", "races", "log"];
 const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again." };

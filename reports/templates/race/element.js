@@ -1,6 +1,6 @@
 // Elements. All text goes through text nodes, so nothing in it is markup.
 
-const h = (tag, attributes = {}, ...children) => {
+export const h = (tag, attributes = {}, ...children) => {
   const drawn = tag.startsWith("svg:");
   const node = drawn ? document.createElementNS("http://www.w3.org/2000/svg", tag.slice(4)) : document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {

@@ -1,10 +1,17 @@
 // The player: a race from above, with what makes it go.
 
+import { nearContact, SLOW } from "./battle.js";
+import { h } from "./element.js";
+import { clock } from "./recording.js";
+import { ALARM, NEWS_S, QUIET, raceScene } from "./scene.js";
+import { calm, spaceScene } from "./space.js";
+import { watching } from "./watching.js";
+
 const RATES = { 0.25: "¼×", 0.5: "½×", 1: "1×", 2: "2×", 4: "4×", 8: "8×" };
 
 // Its `node` goes into a page; `on` has functions called with the state whenever the moment or the car changes.
 // With another recording `beside` it, both are shown at the same moment, which may come after the end of one.
-function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside = null } = {}) {
+export function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside = null } = {}) {
   const { race, cars } = recording;
   const recordings = [recording, beside].filter(Boolean);
   const end = Math.max(...recordings.map((one) => one.end));
@@ -160,11 +167,11 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
 
 // The keys that `key` knows, to be shown beside a player.
 const KEYS = [["Space"], " play", ["←"], ["→"], " 1 s, with ", ["Shift"], " 10 s", [","], ["."], " 0.1 s", ["↑"], ["↓"], " next car", ["["], ["]"], " incidents", ["M"], " whole circuit, wheel zooms", ["V"], " 3-D", ["C"], " camera", ["F"], " full screen"];
-const keyHints = (before = "") => h("p", { class: "keys" }, before, KEYS.map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : `${part}\u2002`)));
+export const keyHints = (before = "") => h("p", { class: "keys" }, before, KEYS.map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : `${part}\u2002`)));
 
 // Have the moment and the car written down, where they are others than at first, when the player has stood still.
 const KEPT_MS = 300;
-function keepMoment(player, write) {
+export function keepMoment(player, write) {
   const first = { ...player.state };
   let timer = 0;
   player.on.push(({ now, followed, playing }) => {
@@ -175,4 +182,4 @@ function keepMoment(player, write) {
 }
 
 // The moment and the car that a query names, if it does.
-const momentOf = (params) => ({ ...(params.has("at") && { now: Number(params.get("at")) || 0 }), ...(params.has("car") && { followed: Number(params.get("car")) }) });
+export const momentOf = (params) => ({ ...(params.has("at") && { now: Number(params.get("at")) || 0 }), ...(params.has("car") && { followed: Number(params.get("car")) }) });

@@ -1,7 +1,7 @@
 // A recorded race, as reports/race_data.py packs it.
 
 // Rows of whole numbers.
-async function unpacked(text, width) {
+export async function unpacked(text, width) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   const planes = new Uint8Array(await new Response(stream).arrayBuffer());
@@ -21,7 +21,7 @@ async function unpacked(text, width) {
 }
 
 // The lines of a circuit, by name, and what lies beside and on the road, by row.
-async function openCircuit(circuit) {
+export async function openCircuit(circuit) {
   const [outline, heights, ground] = await Promise.all(
     [circuit.points, circuit.heights, circuit.runoff].map((rows) => unpacked(rows, circuit.rows)),
   );
@@ -33,7 +33,7 @@ async function openCircuit(circuit) {
 }
 
 // Samples by name, car and tick; the circuit's lines; and what follows from both.
-async function openRecording(race, circuit) {
+export async function openRecording(race, circuit) {
   const cars = race.cars.length;
   const [[ticks], rows, { line, ground }] = await Promise.all([
     race.ticks ? unpacked(race.time, race.ticks) : [new Int32Array()],
@@ -99,12 +99,12 @@ async function openRecording(race, circuit) {
 }
 
 // A difference with its sign; what rounds to zero has no minus.
-function difference(value, digits) {
+export function difference(value, digits) {
   const text = Math.abs(value).toFixed(digits);
   return `${value < 0 && Number(text) > 0 ? "−" : "+"}${text}`;
 }
 
-function clock(seconds) {
+export function clock(seconds) {
   const tenths = Math.max(Math.round(seconds * 10), 0);
   return `${Math.floor(tenths / 600)}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
 }

@@ -1,12 +1,12 @@
 // A race from above, drawn on a canvas.
 
 const TRAIL_S = 3;
-const NEWS_S = 4;
-const ALARM = "#f06a6a";
-const QUIET = "#99a1ac";
+export const NEWS_S = 4;
+export const ALARM = "#f06a6a";
+export const QUIET = "#99a1ac";
 
 // As many pixels as the screen has for a canvas.
-function sized(canvas) {
+export function sized(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
   if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
@@ -15,7 +15,7 @@ function sized(canvas) {
 
 // A function that draws the race at state.now, with the camera on car state.followed, or over the whole circuit
 // if that is negative; it leaves what it shows in state.scale (pixels a metre) and state.centre.
-function raceScene(recording, scene, state) {
+export function raceScene(recording, scene, state) {
   const { race, circuit, cars, time, samples, line, ground, moment, value } = recording;
   const view = scene.getContext("2d");
   const bounds = [line.wall_left, line.wall_right].reduce(

@@ -1,14 +1,20 @@
 // A race in three dimensions, in the place of the map.
 
-const CAMERAS = { trackside: "trackside", chase: "from behind", cockpit: "from the cockpit" };
+import { besideCar, chaseCamera, cockpitCamera, projected } from "../scene3d/cameras.js";
+import { newView } from "../scene3d/view.js";
+import { watchedCar } from "./battle.js";
+import { h } from "./element.js";
+import { aimed, SHOT, shotsOf, tracksideCameras } from "./trackside.js";
+
+export const CAMERAS = { trackside: "trackside", chase: "from behind", cockpit: "from the cockpit" };
 const LAG_S = 0.15; // by which the camera behind a car turns later than the car
 const LABEL_M = 1.7;
 const DRAWN = ["x", "y", "z", "yaw", "pitch", "roll", "speed"];
 
-const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 // Its `node` goes over the map; `open` tells whether the browser can draw it, and `draw` draws the race at state.now.
-function spaceScene(recording, state, id) {
+export function spaceScene(recording, state, id) {
   const { race, circuit, line, ground, cars } = recording;
   const canvas = h("canvas", { id, class: "scene", role: "img", "aria-label": "The race in three dimensions" });
   const labels = race.cars.map(({ name }, car) => h("span", { class: "label", title: name }, String(car)));

@@ -1,5 +1,8 @@
 // Cameras beside the circuit: where they stand, which of them shows a moment, and where it looks.
 
+import { minus } from "../scene3d/cameras.js";
+import { battleAt } from "./battle.js";
+
 const CAMERA_GAP_M = 240; // between two along the lap, at most
 const CAMERA_ROOM_M = 80; // and at least
 const BEND_PER_M = 1 / 300; // curvature from which on a road bends
@@ -7,11 +10,11 @@ const CHORD_M = 20; // over which curvature is measured
 const STAND = { beyond: 1.5, up: 4 }; // m from the foot of the wall
 const PICTURE_M = 24; // what a picture is wide, at least, where the cars are
 const WIDEST = 0.62; // half the greater angle of view, rad
-const SHOT = { least: 3, step: 0.5, ahead: 1, turn: 0.8 }; // s
+export const SHOT = { least: 3, step: 0.5, ahead: 1, turn: 0.8 }; // s
 
 // One camera outside of each bend, at its middle, and as many in equal steps between two as the gap asks for, each on the side
 // that is outside of the nearest bend.
-function tracksideCameras({ circuit, line }) {
+export function tracksideCameras({ circuit, line }) {
   const [n, lap] = [circuit.rows, circuit.lap];
   const row = (i) => ((i % n) + n) % n;
   const middle = (i) => [(line.left.x[row(i)] + line.right.x[row(i)]) / 2, (line.left.y[row(i)] + line.right.y[row(i)]) / 2];
@@ -50,7 +53,7 @@ function tracksideCameras({ circuit, line }) {
 
 // The shots that show a race, in order: from when, by which camera, and of which cars. The camera is the one that is nearest,
 // along the lap, to where the battle is a second later; a shot takes three seconds at least.
-function shotsOf(recording, cameras, followed) {
+export function shotsOf(recording, cameras, followed) {
   const { circuit: { lap }, race: { origin }, samples: { distance } } = recording;
   const nearest = (along) => {
     const far = cameras.map((camera) => Math.abs(((((camera.along - along) % lap) + 1.5 * lap) % lap) - 0.5 * lap));
@@ -68,7 +71,7 @@ function shotsOf(recording, cameras, followed) {
 }
 
 // How a camera at `eye` shows places: the first in any case, the others as far as the widest picture has room for them.
-function aimed(eye, places, aspect) {
+export function aimed(eye, places, aspect) {
   const seen = places.map((place) => {
     const [x, y, z] = minus(place, eye);
     return { turn: Math.atan2(y, x), tilt: Math.atan2(z, Math.hypot(x, y)), margin: Math.atan(PICTURE_M / 2 / Math.hypot(x, y, z)) };

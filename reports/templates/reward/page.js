@@ -1,5 +1,8 @@
 // The page of a reward's design.
 
+import { racePlayer } from "../race/player.js";
+import { openRecording } from "../race/recording.js";
+
 async function start() {
   const at = (id) => document.getElementById(id);
   const { circuit, clips, car } = JSON.parse(at("data").textContent);

@@ -1,5 +1,8 @@
 // The page in which two clips are compared.
 
+import { racePlayer } from "../race/player.js";
+import { openRecording } from "../race/recording.js";
+
 function start() {
   const at = (id) => document.getElementById(id);
   const { circuit, pairs, car, socket: address, token } = JSON.parse(at("data").textContent);

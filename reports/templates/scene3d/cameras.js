@@ -4,23 +4,23 @@ const CHASE = { back: 6.4, up: 2.3, look: 7, fov: 0.95 };
 const COCKPIT = { forward: 0.35, up: 1.16, fov: 1.1 };
 const MIRROR_FOV = 0.5;
 
-function multiply(a, b) {
+export function multiply(a, b) {
   const out = new Float32Array(16);
   for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) for (let k = 0; k < 4; k++) out[c * 4 + r] += a[k * 4 + r] * b[c * 4 + k];
   return out;
 }
 
-function perspective({ fov, near = 0.2 }, aspect, mirrored) {
+export function perspective({ fov, near = 0.2 }, aspect, mirrored) {
   const [far, f] = [4000, 1 / Math.tan(fov / 2)];
   return new Float32Array([(mirrored ? -f : f) / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, (2 * far * near) / (near - far), 0]);
 }
 
-const minus = (a, b) => a.map((part, i) => part - b[i]);
+export const minus = (a, b) => a.map((part, i) => part - b[i]);
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const inner = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const unit = (a) => a.map((part) => part / (Math.hypot(...a) || 1));
 
-function lookAt({ eye, target, up }) {
+export function lookAt({ eye, target, up }) {
   const back = unit(minus(eye, target));
   const right = unit(cross(up, back));
   const top = cross(back, right);
@@ -35,34 +35,34 @@ function axes({ yaw, pitch, roll }) {
   return [forward, left, cross(forward, left)];
 }
 
-function modelOf(car) {
+export function modelOf(car) {
   const [f, l, u] = axes(car);
   return new Float32Array([...f, 0, ...l, 0, ...u, 0, car.x, car.y, car.z, 1]);
 }
 
 // A point of the world in a picture: x and y from -1 to 1, and how far ahead it is.
-function projected(matrix, [x, y, z]) {
+export function projected(matrix, [x, y, z]) {
   const [across, up, , ahead] = [0, 1, 2, 3].map((r) => matrix[r] * x + matrix[4 + r] * y + matrix[8 + r] * z + matrix[12 + r]);
   return [across / ahead, up / ahead, ahead];
 }
 
 // A place beside a car's origin, so far ahead and above.
-function besideCar(car, ahead, above) {
+export function besideCar(car, ahead, above) {
   const [forward, , up] = axes(car);
   return [car.x, car.y, car.z].map((part, i) => part + forward[i] * ahead + up[i] * above);
 }
 
 // From behind a car, in the direction `heading`.
-function chaseCamera(car, heading) {
+export function chaseCamera(car, heading) {
   const [forward] = axes(car);
   const eye = [car.x - CHASE.back * Math.cos(heading), car.y - CHASE.back * Math.sin(heading), car.z + CHASE.up - CHASE.back * forward[2]];
   return { eye, target: besideCar(car, CHASE.look, 0.8), up: [0, 0, 1], fov: CHASE.fov + Math.min(car.speed / 90, 1) * 0.2 };
 }
 
-function cockpitCamera(car) {
+export function cockpitCamera(car) {
   return { eye: besideCar(car, COCKPIT.forward, COCKPIT.up), target: besideCar(car, 30, COCKPIT.up - 0.2), up: axes(car)[2], fov: COCKPIT.fov };
 }
 
-function mirrorCamera(car, length) {
+export function mirrorCamera(car, length) {
   return { eye: besideCar(car, -0.4 * length, 1.25), target: besideCar(car, -30, 0.9), up: [0, 0, 1], fov: MIRROR_FOV };
 }

@@ -1,5 +1,9 @@
 // The race in three dimensions, drawn by WebGL.
 
+import { sized } from "../race/scene.js";
+import { lookAt, mirrorCamera, modelOf, multiply, perspective } from "./cameras.js";
+import { carMesh, circuitMesh, CORNER_BYTES, newMesh, rgb } from "./mesh.js";
+
 const SKY = [0.55, 0.7, 0.84];
 const MIRROR = { width: 0.3, height: 0.13 };
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
@@ -19,7 +23,7 @@ varying vec3 shade; varying float far;
 void main() { gl_FragColor = vec4(mix(sky, shade, exp(-far / 900.0)), alpha); }`;
 
 // A view on a canvas; null where the browser has no WebGL.
-function newView(canvas) {
+export function newView(canvas) {
   const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
   if (!gl) return null;
   const program = gl.createProgram();

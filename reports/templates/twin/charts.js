@@ -1,15 +1,19 @@
 // One car in two races over time.
 
-const ORIGINAL = "#7db8ee";
-const TWIN = "#f5b450";
+import { h } from "../race/element.js";
+import { difference } from "../race/recording.js";
+import { sized } from "../race/scene.js";
+
+export const ORIGINAL = "#7db8ee";
+export const TWIN = "#f5b450";
 const MARGIN = 8;
 
 // The place of a moment on a canvas that is as wide as the timeline, and back.
-const across = (seconds, end, width, ratio) => MARGIN * ratio + (seconds / (end || 1)) * (width - 2 * MARGIN * ratio);
-const secondsAt = (event, canvas, end) => ((event.offsetX - MARGIN) / Math.max(canvas.clientWidth - 2 * MARGIN, 1)) * end;
+export const across = (seconds, end, width, ratio) => MARGIN * ratio + (seconds / (end || 1)) * (width - 2 * MARGIN * ratio);
+export const secondsAt = (event, canvas, end) => ((event.offsetX - MARGIN) / Math.max(canvas.clientWidth - 2 * MARGIN, 1)) * end;
 
 // Upright lines: where another policy takes over, and now.
-function upright(pen, at, colour, width, height, ratio) {
+export function upright(pen, at, colour, width, height, ratio) {
   pen.strokeStyle = colour;
   pen.lineWidth = ratio;
   pen.beginPath();
@@ -36,7 +40,7 @@ const leader = (recording, tick) => recording.order(tick)[0];
 const gapOf = (recording, car) => series(recording, car, (tick) => recording.gap(car, leader(recording, tick), tick));
 
 // Charts one above the other; each follows the player, and a press on it goes there.
-function twinCharts(player, [original, twin], car, mark) {
+export function twinCharts(player, [original, twin], car, mark) {
   const both = (name, of) => ({ name, lines: [[original, of(original), ORIGINAL, "original"], [twin, of(twin), TWIN, "twin"]] });
   const charts = [
     { ...both("Place", (one) => series(one, car, (tick) => one.samples.place[car][tick])), down: true, least: 2, words: (v) => v.toFixed(0) },

@@ -1,5 +1,11 @@
 // The page of two races from one start.
 
+import { h } from "../race/element.js";
+import { keepMoment, keyHints, momentOf, racePlayer } from "../race/player.js";
+import { openRecording } from "../race/recording.js";
+import { twinCharts } from "./charts.js";
+import { openSeen, seenView } from "./seen.js";
+
 async function start() {
   const at = (id) => document.getElementById(id);
   const { circuit, car, at: takenOver, parted, sides } = JSON.parse(at("twins").textContent);

@@ -1,5 +1,10 @@
 // What the driver of one car sees in two races, as reports/seen_data.py packs it.
 
+import { h } from "../race/element.js";
+import { unpacked } from "../race/recording.js";
+import { sized } from "../race/scene.js";
+import { across, ORIGINAL, secondsAt, TWIN, upright } from "./charts.js";
+
 const UNLIKE = 0.02; // share of a number's range by which two differ visibly
 const STRONGLY = 0.25; // and that at which a strip has its full colour
 const BINS = 600;
@@ -7,7 +12,7 @@ const CAR_NUMBERS = 5; // present, x, y, velocity x, velocity y
 const SHOWN_M = { ahead: 70, behind: 20 };
 
 // All drivers of a car in turn: `at` gives the numbers that were seen last at a moment, null before the first.
-async function openSeen(seen) {
+export async function openSeen(seen) {
   const drivers = await Promise.all(seen.drivers.map(async (one) => {
     const [[time], own, course, cars] = await Promise.all([
       unpacked(one.time, one.ticks), unpacked(one.own, one.ticks),
@@ -66,7 +71,7 @@ function apart(a, b, range) {
   return a === null || b === null ? 1 : Math.abs(a - b) / range;
 }
 
-function seenView(player, sides, mark) {
+export function seenView(player, sides, mark) {
   const { state, end } = player;
   const groups = groupsOf(sides[0].fields);
   const rows = groups.map((group) => {
