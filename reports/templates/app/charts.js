@@ -5,7 +5,26 @@ import { nameOf, skillsOf, tests } from "./data.js";
 import { count, entrantLink, number, plain } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 
-// A function that draws bars of one column on a common axis from `origin`.
+/**
+ * The least and the greatest of some numbers; 0 where there are none.
+ * @template One
+ * @param {Iterable<One>} rows
+ * @param {(row: One) => number | null} of
+ * @returns {[number, number]}
+ */
+export const extent = (rows, of) => {
+  const [low = 0, high = 0] = d3.extent(rows, of);
+  return [low, high];
+};
+
+/**
+ * A function that draws bars of one column on a common axis from `origin`.
+ * @param {any[]} rows
+ * @param {string[]} columns value, low, high
+ * @param {number} origin
+ * @param {string} kind
+ * @param {number | null} [reference]
+ */
 export function barScale(rows, [value, low, high], origin, kind, reference = null) {
   const [width, margin] = [120, 3];
   const known = rows.flatMap((row) => [row[value], row[low], row[high]]).filter((x) => x !== null && x !== undefined);
@@ -36,6 +55,9 @@ export const shadeKey = (shades, low, high) =>
 export const BLUES = ["h0", "p1", "p2", "p3", "p4", "p5"];
 export const BOTH = ["n5", "n4", "n3", "n2", "n1", ...BLUES];
 
+/** What axes of charts have in common. */
+export const PLAIN_AXIS = /** @type {const} */ ({ labelAnchor: "center", labelArrow: "none" });
+
 // A figure whose chart `draw(width)` makes; the page's own style sheet has the rules of Plot's.
 const LEAST_PX = 200; // Narrower is only what is still being laid out.
 export function chart(title, draw) {
@@ -59,6 +81,12 @@ export function chart(title, draw) {
   return host;
 }
 
+/**
+ * How a chart that is drawn places values across, and back.
+ * @param {{ scale: (name: "x") => import("@observablehq/plot").Scale | undefined }} plot
+ */
+export const scaleOf = (plot) => /** @type {{ apply: (value: number) => number, invert: (x: number) => number }} */ (plot.scale("x"));
+
 export const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
 
 // The mark of an entrant in a test: its mean has other points than the mean of the points that the runs have.
@@ -78,7 +106,7 @@ export function profile(chosen) {
     Plot.plot({
       width, height: 60 + 30 * shown.length, marginLeft: width < 500 ? 126 : 150, marginRight: 20, marginTop: 20, marginBottom: 40,
       ariaLabel: "Points in every test",
-      x: { label: "points", labelAnchor: "center", labelArrow: "none", grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
+      x: { label: "points", ...PLAIN_AXIS, grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
       y: { type: "point", domain: shown, label: null },
       marks: [
         Plot.ruleX([500, 1000], { stroke: "var(--strong-rule)", strokeDasharray: "3 3" }),

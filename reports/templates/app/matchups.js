@@ -16,7 +16,7 @@ export function matchups() {
   const order = [...tables.ranking].sort((a, b) => (a.rank ?? Infinity) - (b.rank ?? Infinity) || b.points_per_race - a.points_per_race).map((row) => row.entrant);
   const contacts = touches && here().params.get("of") === "contacts";
   const value = (row) => (contacts ? row.contacts_per_km : row.difference);
-  const largest = d3.max(cells.values(), (row) => Math.abs(value(row) ?? 0));
+  const largest = d3.max(cells.values(), (row) => Math.abs(value(row) ?? 0)) ?? 0;
   const radio = (of, text) => h("label", {}, h("input", { type: "radio", name: "of", checked: contacts === (of === "contacts"), onchange: () => choose("of", of) }), ` ${text} `);
   const drawn = (row) => {
     const [from, against] = [entrants[row.entrant], entrants[row.opponent]];
@@ -44,8 +44,8 @@ export function matchups() {
 }
 
 export function matchup([first, second]) {
-  const two = [first, second].map((key) => entrantByKey.get(key));
-  if (two.includes(undefined)) return missing("entrant");
+  const two = [first, second].map((key) => entrantByKey.get(key)).filter((one) => one !== undefined);
+  if (two.length < 2) return missing("entrant");
   const [a, b] = two.map((one) => one.number);
   const both = tables.matchups.find((row) => row.entrant === a && row.opponent === b);
   const other = tables.matchups.find((row) => row.entrant === b && row.opponent === a);

@@ -1,6 +1,6 @@
 // One race: its grid and result; if it was recorded, the race itself; and how to run it again.
 
-import { h } from "../race/element.js";
+import { h, shown } from "../race/element.js";
 import { orderTable } from "../race/order.js";
 import { keepMoment, keyHints, momentOf, racePlayer } from "../race/player.js";
 import { clock, openRecording } from "../race/recording.js";
@@ -62,7 +62,7 @@ export function raceView([key, index]) {
 // What is drawn of a race that was recorded, once that is unpacked.
 function later(player, draw) {
   const host = h("div", {});
-  player.then((ready) => host.append(...[draw(ready)].flat(Infinity).filter(Boolean)));
+  player.then((ready) => host.append(...shown([draw(ready)])));
   return host;
 }
 
@@ -126,7 +126,8 @@ function filmOf({ video, seats, why }) {
       .map(([who, own]) => `${own.map(({ seat }) => seat).join(", ")}: ${who}`).join(" · ")));
 }
 
-function clipsHere(player, { clips }) {
+function clipsHere(player, shown) {
+  const clips = shown?.clips ?? [];
   return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
     momentButton(player, clip.start_s, clip.car, `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)));
 }

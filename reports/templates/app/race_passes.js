@@ -2,7 +2,7 @@
 
 import { h } from "../race/element.js";
 import { clock } from "../race/recording.js";
-import { chart, tip } from "./charts.js";
+import { chart, extent, tip } from "./charts.js";
 import { data } from "./data.js";
 import { empty, note, number } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
@@ -18,7 +18,7 @@ export function passesView(player) {
   const shown = d3.sort(all, (pass) => !pass.own).map((pass) => ({ ...pass, name: sectionOf(pass) }));
   const road = Array.from({ length: Math.floor(circuit.rows / 8) + 1 }, (_, i) => (8 * i) % circuit.rows)
     .map((i) => [(line.left.x[i] + line.right.x[i]) / 2, (line.left.y[i] + line.right.y[i]) / 2]);
-  const [width, height] = [0, 1].map((axis) => d3.extent(road, (point) => point[axis])).map(([low, high]) => high - low);
+  const [width, height] = [0, 1].map((axis) => extent(road, (point) => point[axis])).map(([low, high]) => high - low);
   const about = (pass) => `${race.cars[pass.car].name}\npasses ${race.cars[pass.passed].name}\nfor place ${pass.place}, ${clock(pass.time)}`;
   const key = h("p", { class: "key" }, h("i", { class: "survivor" }), `this race, ${number(own.length)}`, h("i", { class: "field" }), `the other recorded races, ${number(all.length - own.length)}`);
   return [

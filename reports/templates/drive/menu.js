@@ -1,7 +1,7 @@
 // Choosing a drive, calibrating a wheel, and the dialogs.
 
 import { typed } from "../command.js";
-import { h } from "../race/element.js";
+import { byId, h } from "../race/element.js";
 import { kept, newCalibration, pads } from "./inputs.js";
 import { called, lapTime, ordinal, percent, titled } from "./words.js";
 
@@ -20,7 +20,7 @@ function meaning(difficulty, levels) {
 }
 
 export function newMenu({ choices, inputs, onGo }) {
-  const form = document.getElementById("choice");
+  const form = byId("choice", HTMLFormElement);
   const last = kept.read("choice", {});
   const number = (name, value, most) => h("input", { name, type: "number", min: 1, max: most, value, required: true });
   const select = (name, options, chosen) =>
@@ -79,7 +79,7 @@ export function newMenu({ choices, inputs, onGo }) {
     const data = new FormData(form);
     const whole = (name) => Number(data.get(name));
     const choice = {
-      name: data.get("name").trim(), circuit: data.get("circuit"), car: data.get("car"), laps: whole("laps"), cars: whole("cars"),
+      name: String(data.get("name")).trim(), circuit: data.get("circuit"), car: data.get("car"), laps: whole("laps"), cars: whole("cars"),
       seat: Math.min(whole("seat"), whole("cars")), opponents: data.getAll("opponent").map(Number),
       ...(blind ? {} : { difficulty: difficulty.value, temper: temper.value }),
       aids: Object.fromEntries(AIDS.map(([name]) => [name, data.has(`aid-${name}`)])),
@@ -91,15 +91,17 @@ export function newMenu({ choices, inputs, onGo }) {
 
 // Asks for each control in turn.
 function calibration(inputs, onDone) {
-  const dialog = document.getElementById("calibrate");
+  const dialog = byId("calibrate", HTMLDialogElement);
   const id = inputs.device;
   const pad = () => pads().find((one) => one.id === id);
-  if (!pad()) return;
-  const steps = newCalibration(pad());
+  const first = pad();
+  if (!first) return;
+  const steps = newCalibration(first);
   const words = h("p", {}, steps.words);
   const next = h("button", { class: "first", onclick: () => {
-    if (!pad() || !steps.moves(pad())) return;
-    const made = steps.press(pad());
+    const now = pad();
+    if (!now || !steps.moves(now)) return;
+    const made = steps.press(now);
     words.textContent = steps.words;
     if (!made) return;
     kept.write(`calibration of ${id}`, made);
@@ -111,7 +113,7 @@ function calibration(inputs, onDone) {
 }
 
 export function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
-  const dialog = document.getElementById("pause");
+  const dialog = byId("pause", HTMLDialogElement);
   const boxes = AIDS.map(([name, label]) =>
     h("label", { class: "check" }, h("input", { type: "checkbox", checked: aids[name], onchange: (event) => {
       aids[name] = event.target.checked;
@@ -125,7 +127,7 @@ export function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids })
 }
 
 export function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
-  const dialog = document.getElementById("result");
+  const dialog = byId("result", HTMLDialogElement);
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
     [row.place, called(row.name), row.race_time_s === null ? row.ending.replace("_", " ") : lapTime(row.race_time_s), row.best_lap_s === null ? "–" : lapTime(row.best_lap_s), row.penalties, row.contacts].map((value) => h("td", {}, String(value)))));

@@ -2,6 +2,7 @@
 
 export const percent = (share) => `${Math.round(100 * share)} %`;
 
+/** @param {number} seconds */
 export function lapTime(seconds) {
   if (!Number.isFinite(seconds)) return "–";
   const ms = Math.round(seconds * 1000);
@@ -12,7 +13,7 @@ export const ordinal = (place) => `${place}${{ one: "st", two: "nd", few: "rd", 
 
 // What somebody is called in the order and the menu: built-in drivers in plain words, people by their names.
 export function called(name) {
-  const [, number = "", source] = /^(\d+ )?(.*)$/.exec(name);
+  const [, number = "", source] = /** @type {RegExpExecArray} */ (/^(\d+ )?(.*)$/.exec(name));
   if (source.startsWith("human:")) return number + source.slice("human:".length);
   if (!/^driver(:|$)/.test(source)) return name;
   const { pace, ...others } = Object.fromEntries(source.slice("driver:".length).split(",").filter(Boolean).map((one) => one.split("=")));

@@ -113,7 +113,10 @@ function plantTrees(mesh, at, toward, line, n, spacing) {
     return true;
   };
   let seed = 7;
-  const chance = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+  const chance = () => {
+    seed = (seed * 16807) % 2147483647;
+    return seed / 2147483647;
+  };
   const every = Math.max(Math.round(TREE_GAP_M / spacing), 1);
   for (let i = 0; i < n; i += every) {
     for (const side of ["left", "right"]) {
