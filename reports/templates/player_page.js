@@ -1,9 +1,10 @@
 // The page of its own: the player with traces of the followed car and what the stewards noted.
 
+import { clock } from "./numbers.js";
 import { byId, dataOf, h } from "./race/element.js";
 import { orderTable } from "./race/order.js";
 import { keepMoment, keyHints, momentOf, racePlayer } from "./race/player.js";
-import { clock, openRecording } from "./race/recording.js";
+import { openRecording } from "./race/recording.js";
 import { penOf, sized } from "./race/scene.js";
 
 const TRACE_S = 20;

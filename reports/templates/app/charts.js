@@ -1,8 +1,9 @@
 // Bars with intervals, shades, and charts that are drawn anew when their width changes.
 
+import { count, number } from "../numbers.js";
 import { h } from "../race/element.js";
 import { nameOf, skillsOf, tests } from "./data.js";
-import { count, entrantLink, number, plain } from "./dom.js";
+import { entrantLink, plain } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 
 /**

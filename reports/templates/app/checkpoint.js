@@ -1,16 +1,15 @@
 // All there is to know about one entrant.
 
+import { ABSENT, capital, count, number, percent, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { barScale, chart, extent, PLAIN_AXIS, profile, tip } from "./charts.js";
 import { QUESTIONS } from "./committee.js";
 import {
-  batteryOf, batteryRank, blames, capital, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, known, lapped,
-  measured, MEETINGS, met, nameOf, objectivesOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, rankWritten,
-  skillsOf, stageName, summary, tables, touches,
+  batteryOf, batteryRank, blames, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, known, lapped, measured,
+  MEETINGS, met, nameOf, objectivesOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, rankWritten, skillsOf,
+  stageName, summary, tables, touches,
 } from "./data.js";
-import {
-  ABSENT, chip, chips, count, empty, facts, gained, interval, link, missing, note, number, percent, plain, raceHref, section, signed, to,
-} from "./dom.js";
+import { chip, chips, empty, facts, gained, interval, link, missing, note, plain, raceHref, section, to } from "./dom.js";
 import { lapView } from "./lap.js";
 import { d3, Plot } from "./libraries.js";
 import { measuredIn, objectiveTitle } from "./pareto.js";

@@ -1,9 +1,10 @@
 // What the committee was asked, what its members said, and what followed.
 
+import { count, number, percent } from "../numbers.js";
 import { h } from "../race/element.js";
 import { rankText } from "../rank.js";
 import { blames, decisions, entrantOf, measured, MEETINGS, met, touches } from "./data.js";
-import { chip, count, empty, entrantLink, facts, note, number, percent, scroll, section, time } from "./dom.js";
+import { chip, empty, entrantLink, facts, note, scroll, section, time } from "./dom.js";
 
 /** @type {Record<string, string>} */
 export const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };

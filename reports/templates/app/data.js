@@ -1,5 +1,6 @@
 // What the page shows: `reports/payload.py` wrote it as columns, here they become rows.
 
+import { capital } from "../numbers.js";
 import { dataOf } from "../race/element.js";
 import { rankIn } from "../rank.js";
 
@@ -142,8 +143,6 @@ export const blames = ranks("at_fault_per_km") || measured("contacts_at_fault");
 export const EPISODE = summary.episode;
 export const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISODE}s`;
 export const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;
-/** @param {string} text */
-export const capital = (text) => text[0].toUpperCase() + text.slice(1);
 export const MEETINGS = "Round robin";
 /** @type {Record<string, string>} */
 const STAGES = { pareto: "Pareto filter", battery: "n-athlon", tournament: MEETINGS, committee: "Committee" };

@@ -1,25 +1,13 @@
 // Numbers and addresses, and elements that many views have.
 
 import { typed } from "../command.js";
+import { ABSENT, number } from "../numbers.js";
 import { h } from "../race/element.js";
 import { candidates, entrants, nameOf, rankingOf, selection, sent } from "./data.js";
 
-export const ABSENT = "–";
-const MINUS = "−";
-const formats = new Map();
-export const number = (value, digits = 0) => {
-  if (value === null || value === undefined) return ABSENT;
-  if (!formats.has(digits)) {
-    formats.set(digits, new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }));
-  }
-  return formats.get(digits).format(value).replace(/^-(?=0[.0]*$)/, "").replace("-", MINUS);
-};
-export const signed = (value, digits = 1) => (value > 0 && /[1-9]/.test(number(value, digits)) ? "+" : "") + number(value, digits);
-export const percent = (share, digits = 0) => (share === null || share === undefined ? ABSENT : number(100 * share, digits));
-export const count = (value, what) => `${number(value)} ${what}${value === 1 ? "" : "s"}`;
 export const plain = (name) => name.replaceAll("_", " ");
 export const duration = (seconds) => {
-  if (seconds < 60) return `${number(seconds, 1)} s`;
+  if (seconds < 59.95) return `${number(seconds, 1)} s`;
   const minutes = Math.floor(Math.round(seconds) / 60);
   if (minutes < 60) return `${minutes} min ${Math.round(seconds) % 60} s`;
   return `${number(Math.floor(minutes / 60))} h ${minutes % 60} min`;

@@ -1,9 +1,10 @@
 // A lap against another line: a map in the colours of its speed, what was lost where, and a closer look.
 
+import { number, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { barScale, chart, extent, scaleOf } from "./charts.js";
 import { data, entrantByKey, entrants, groups, nameOf, ownCars, paretoOf, tables } from "./data.js";
-import { choose, command, empty, facts, here, link, note, number, raceHref, signed } from "./dom.js";
+import { choose, command, empty, facts, here, link, note, raceHref } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 import { dataTable } from "./table.js";
 

@@ -1,14 +1,13 @@
 // The meetings: points and contacts with their intervals, and two entrants side by side.
 
+import { ABSENT, capital, count, number, percent, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { barScale, profile } from "./charts.js";
 import {
-  batteryOf, batteryRank, blames, capital, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD,
-  RANK_DIGITS, rankingOf, rankWritten, skillsOf, summary, tables, tests, touches,
+  batteryOf, batteryRank, blames, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD, RANK_DIGITS,
+  rankingOf, rankWritten, skillsOf, summary, tables, tests, touches,
 } from "./data.js";
-import {
-  ABSENT, count, empty, entrantLink, here, interval, keep, link, missing, note, number, percent, plain, scroll, section, signed, to,
-} from "./dom.js";
+import { empty, entrantLink, here, interval, keep, link, missing, note, plain, scroll, section, to } from "./dom.js";
 import { limitColumn, limitNote } from "./lap.js";
 import { d3 } from "./libraries.js";
 import { asked } from "./n_athlon.js";

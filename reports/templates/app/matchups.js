@@ -1,11 +1,10 @@
 // Everybody against everybody, and the races of one matchup.
 
+import { ABSENT, capital, count, number, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { BOTH, shade, shadeKey } from "./charts.js";
-import {
-  blames, capital, carsOf, EACH, entrantByKey, entrants, EPISODE, EPISODES, nameOf, POINT_DIGITS, racesOf, sum, tables, touches,
-} from "./data.js";
-import { ABSENT, choose, count, empty, entrantLink, here, link, missing, note, number, raceHref, scroll, signed, to } from "./dom.js";
+import { blames, carsOf, EACH, entrantByKey, entrants, EPISODE, EPISODES, nameOf, POINT_DIGITS, racesOf, sum, tables, touches } from "./data.js";
+import { choose, empty, entrantLink, here, link, missing, note, raceHref, scroll, to } from "./dom.js";
 import { d3 } from "./libraries.js";
 import { dataTable } from "./table.js";
 

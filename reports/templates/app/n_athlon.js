@@ -1,9 +1,10 @@
 // The n-athlon: entrants and tests, coloured by points; the profiles of some beside each other.
 
+import { ABSENT, count, number, percent } from "../numbers.js";
 import { h } from "../race/element.js";
 import { BLUES, LINES, measuredAs, profile, shade, shadeKey } from "./charts.js";
 import { data, entrantByKey, entrants, groups, nameOf, onCircuit, rowsOf, sent, skillsOf, summary, tables, tests } from "./data.js";
-import { ABSENT, chip, count, empty, entrantLink, here, interval, keep, note, number, percent, plain, scroll, section } from "./dom.js";
+import { chip, empty, entrantLink, here, interval, keep, note, plain, scroll, section } from "./dom.js";
 import { d3 } from "./libraries.js";
 import { dataTable, entrantColumn, rankColumn } from "./table.js";
 

@@ -1,9 +1,10 @@
 // The filter's objectives, two at a time: the field in grey, the front labelled.
 
+import { capital, number, percent } from "../numbers.js";
 import { h } from "../race/element.js";
 import { chart, tip } from "./charts.js";
-import { capital, data, entrants, EPISODES, MEETINGS, met, nameOf, objectivesOf, rankingOf, sent, tables } from "./data.js";
-import { chip, empty, here, keep, note, number, percent, plain, section, to } from "./dom.js";
+import { data, entrants, EPISODES, MEETINGS, met, nameOf, objectivesOf, rankingOf, sent, tables } from "./data.js";
+import { chip, empty, here, keep, note, plain, section, to } from "./dom.js";
 import { limitColumn, limitNote } from "./lap.js";
 import { d3, Plot } from "./libraries.js";
 import { dataTable, entrantColumn } from "./table.js";

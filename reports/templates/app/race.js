@@ -1,13 +1,12 @@
 // One race: its grid and result; if it was recorded, the race itself; and how to run it again.
 
+import { capital, clock, number } from "../numbers.js";
 import { h, shown } from "../race/element.js";
 import { orderTable } from "../race/order.js";
 import { keepMoment, keyHints, momentOf, racePlayer } from "../race/player.js";
-import { clock, openRecording } from "../race/recording.js";
-import {
-  blames, capital, carsOf, data, EPISODE, groups, lapped, measured, onCircuit, POINT_DIGITS, raceByKey, stageName, sum, summary,
-} from "./data.js";
-import { command, empty, entrantLink, facts, fileHref, gained, here, keep, missing, note, number, plain, section } from "./dom.js";
+import { openRecording } from "../race/recording.js";
+import { blames, carsOf, data, EPISODE, groups, lapped, measured, onCircuit, POINT_DIGITS, raceByKey, stageName, sum, summary } from "./data.js";
+import { command, empty, entrantLink, facts, fileHref, gained, here, keep, missing, note, plain, section } from "./dom.js";
 import { raceCharts, speedCharts } from "./race_charts.js";
 import { momentButton, passesView } from "./race_passes.js";
 import { replay } from "./recorded.js";

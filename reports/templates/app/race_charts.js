@@ -1,10 +1,10 @@
 // Charts of a recorded race by distance, with a line where the player stands.
 
+import { clock, number } from "../numbers.js";
 import { h } from "../race/element.js";
-import { clock } from "../race/recording.js";
 import { chart, LINES, PLAIN_AXIS, scaleOf, tip } from "./charts.js";
 import { groups } from "./data.js";
-import { empty, here, keep, note, number } from "./dom.js";
+import { empty, here, keep, note } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 import { lapsOf, passings, traceOf } from "./race_laps.js";
 

@@ -1,10 +1,10 @@
 // Where cars go by each other: in this race and in the others of the run that were recorded.
 
+import { clock, number } from "../numbers.js";
 import { h } from "../race/element.js";
-import { clock } from "../race/recording.js";
 import { chart, extent, tip } from "./charts.js";
 import { data } from "./data.js";
-import { empty, note, number } from "./dom.js";
+import { empty, note } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 
 export function passesView(player) {

@@ -1,8 +1,8 @@
 // Races of the night that were recorded.
 
+import { capital, clock } from "../numbers.js";
 import { h } from "../race/element.js";
-import { clock } from "../race/recording.js";
-import { capital, EPISODE, raceByKey } from "./data.js";
+import { EPISODE, raceByKey } from "./data.js";
 import { fileHref, link, raceHref, to } from "./dom.js";
 
 // A race that was recorded: what is seen there, and its files.

@@ -1,9 +1,10 @@
 // A table that sorts by its heads and filters by a field; both are kept in the address.
 
+import { ABSENT, number } from "../numbers.js";
 import { h } from "../race/element.js";
 import { rankIn } from "../rank.js";
 import { measured, nameOf, onCircuit, ownNames } from "./data.js";
-import { ABSENT, chips, entrantLink, here, keep, number, plain, scroll } from "./dom.js";
+import { chips, entrantLink, here, keep, plain, scroll } from "./dom.js";
 
 /**
  * @typedef {object} Column without `value` it does not sort

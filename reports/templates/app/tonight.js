@@ -1,12 +1,13 @@
 // Tonight: whom to send and why, what became of the field, and whether the run can be trusted.
 
+import { ABSENT, capital, count, number } from "../numbers.js";
 import { h } from "../race/element.js";
 import { rankIn } from "../rank.js";
 import {
-  byEntrant, capital, data, decisions, EACH, entrantOf, entrants, EPISODE, EPISODES, known, met, onCircuit, paretoOf, poolRank, rowsOf,
-  stageName, summary, tables,
+  byEntrant, data, decisions, EACH, entrantOf, entrants, EPISODE, EPISODES, known, met, onCircuit, paretoOf, poolRank, rowsOf, stageName,
+  summary, tables,
 } from "./data.js";
-import { ABSENT, chip, count, duration, empty, entrantLink, facts, fileHref, link, note, number, plain, scroll, section, to } from "./dom.js";
+import { chip, duration, empty, entrantLink, facts, fileHref, link, note, plain, scroll, section, to } from "./dom.js";
 import { clipsOf, replay } from "./recorded.js";
 
 export function tonight() {

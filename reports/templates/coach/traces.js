@@ -1,7 +1,7 @@
 // Traces over the way: the coached lap, the other one, and what was driven with an advice.
 
+import { difference } from "../numbers.js";
 import { all, h } from "../race/element.js";
-import { difference } from "../race/recording.js";
 
 const TRACE_WIDTH = 1000;
 const LEFT = 40;

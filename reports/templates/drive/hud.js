@@ -1,7 +1,7 @@
 // What stands over the picture: place, times, gaps, the car's instruments, and what the stewards say.
 
+import { difference } from "../numbers.js";
 import { byId, h } from "../race/element.js";
-import { difference } from "../race/recording.js";
 import { called, lapTime } from "./words.js";
 
 const NEWS_MS = 7000;

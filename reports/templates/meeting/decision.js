@@ -1,9 +1,10 @@
 // A question to the committee: what members are shown, what they have said, and what follows.
 
+import { clock, count, number } from "../numbers.js";
 import { h, shown } from "../race/element.js";
 import { rankText } from "../rank.js";
 import { ballotForm, candidatesOf, comparisonForm, reopenForm } from "./ballot.js";
-import { absent, chip, clock, count, elsewhere, empty, fileOf, head, list, note, number, percent, scroll, when } from "./figures.js";
+import { absent, chip, elsewhere, empty, fileOf, head, list, note, percent, scroll, when } from "./figures.js";
 
 const ASKED_FOR = { shortlist: "Who is shortlisted?", selection: "Who is sent?" };
 /** @type {[string, (one: any) => import("../race/element.js").Child][]} */

@@ -1,20 +1,17 @@
 // Figures and parts of the page that several views have.
 
+import { ABSENT, number } from "../numbers.js";
 import { h } from "../race/element.js";
 
-const ABSENT = "–";
+/** @param {any} value */
 export const absent = (value) => value === null || value === undefined;
-export const number = (value, digits = 0) => (absent(value) ? ABSENT : value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace("-", "−"));
 export const percent = (share, digits = 0) => (absent(share) ? ABSENT : `${number(100 * share, digits)} %`);
 export const when = (stamp) => h("time", { datetime: stamp }, `${stamp.slice(0, 10)} ${stamp.slice(11, 16)} UTC`);
-export const clock = (seconds) => `${Math.floor(seconds / 60)}:${(seconds % 60).toFixed(1).padStart(4, "0")}`;
-export const count = (value, what) => `${number(value)} ${what}${value === 1 ? "" : "s"}`;
 export const chip = (kind, text) => h("span", { class: `chip ${kind}` }, text);
 export const empty = (text) => h("p", { class: "empty" }, text);
 export const note = (...text) => h("p", { class: "note" }, ...text);
 export const scroll = (label, child) => h("div", { class: "scroll", role: "region", "aria-label": label, tabindex: "0" }, child);
 export const head = (columns) => h("thead", {}, h("tr", {}, columns.map(([text, kind]) => h("th", { scope: "col", class: kind }, text))));
-export const capital = (text) => text[0].toUpperCase() + text.slice(1);
 export const list = (names) => names.join(", ") || "nobody";
 
 // A file of the run: paths are from the folder of its report.

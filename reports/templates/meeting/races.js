@@ -1,7 +1,8 @@
 // Races to look at, and the log.
 
+import { capital, clock } from "../numbers.js";
 import { h } from "../race/element.js";
-import { capital, clock, elsewhere, empty, fileOf, head, note, scroll, when } from "./figures.js";
+import { elsewhere, empty, fileOf, head, note, scroll, when } from "./figures.js";
 
 export function racesView(state) {
   const files = (race) => [[race.player, "watch"], [race.video, "video"], [race.recording, "recording"], [race.replay, "Rerun"]].filter(([path]) => path);

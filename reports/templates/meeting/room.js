@@ -1,8 +1,9 @@
 // The room: what comes from the server, and the views of it.
 
+import { number } from "../numbers.js";
 import { byId, dataOf, h } from "../race/element.js";
 import { questionView } from "./decision.js";
-import { empty, number } from "./figures.js";
+import { empty } from "./figures.js";
 import { connect, takeToken } from "./link.js";
 import { logView, racesView } from "./races.js";
 

@@ -1,8 +1,8 @@
 // The player: a race from above, with what makes it go.
 
+import { clock } from "../numbers.js";
 import { nearContact, SLOW } from "./battle.js";
 import { h } from "./element.js";
-import { clock } from "./recording.js";
 import { ALARM, NEWS_S, QUIET, raceScene } from "./scene.js";
 import { calm, spaceScene } from "./space.js";
 import { watching } from "./watching.js";

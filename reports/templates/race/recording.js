@@ -187,19 +187,3 @@ export async function openRecording(race, circuit) {
     order: (tick) => [...Array(cars).keys()].sort((a, b) => samples.place[a][tick] - samples.place[b][tick]),
   };
 }
-
-/**
- * A difference with its sign; what rounds to zero has no minus.
- * @param {number} value
- * @param {number} digits
- */
-export function difference(value, digits) {
-  const text = Math.abs(value).toFixed(digits);
-  return `${value < 0 && Number(text) > 0 ? "−" : "+"}${text}`;
-}
-
-/** @param {number} seconds */
-export function clock(seconds) {
-  const tenths = Math.max(Math.round(seconds * 10), 0);
-  return `${Math.floor(tenths / 600)}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
-}

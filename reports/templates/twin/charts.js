@@ -1,7 +1,7 @@
 // One car in two races over time.
 
+import { difference } from "../numbers.js";
 import { h } from "../race/element.js";
-import { difference } from "../race/recording.js";
 import { penOf, sized } from "../race/scene.js";
 
 export const ORIGINAL = "#7db8ee";
