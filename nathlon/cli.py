@@ -14,7 +14,7 @@ from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
 from nathlon.commands.car import check_car, generate_car, tune_car
 from nathlon.commands.coach import coach
-from nathlon.commands.committee_app import committee
+from nathlon.commands.committee import committee
 from nathlon.commands.drive import drive
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate

@@ -26,6 +26,7 @@ from nathlon.commands.options import (
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
 from nathlon.results.ranks import written_ranks
+from nathlon.results.words import figure
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
@@ -270,27 +271,20 @@ def _print_ranking(summary: Summary) -> None:
     met = "tournament" not in summary.stages_set_aside
     touches = any(row.contacts_per_km is not None for row in ranking)
     means = any(row.mean is not None for row in ranking)
-    table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals")
     points = f"Points {summary.an_episode}" if met else "n-athlon points"
     heads = ["Rank", "Entrant", *([f"{summary.a_mean} played", *RESULTS] if means else [points])]
     heads += ["Contacts per km"] if touches else []
-    for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
-        table.add_column(column, justify="left" if column == "Entrant" else "right")
+    heads += [summary.episodes.capitalize()] if met else []
+    table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals", heads)
     for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
         cells = [rank, row.name]
         if means:
             shares = (row.won, row.drawn, row.lost)
-            cells.append(_interval(row.mean, row.mean_low, row.mean_high))
+            cells.append(figure(row.mean, row.mean_low, row.mean_high))
             cells += ["–" if share is None else f"{share:.0%}" for share in shares]
         else:
-            cells.append(_interval(row.points_per_race, row.points_low, row.points_high))
+            cells.append(figure(row.points_per_race, row.points_low, row.points_high))
         if touches:
-            cells.append(_interval(row.contacts_per_km, row.contacts_low, row.contacts_high))
+            cells.append(figure(row.contacts_per_km, row.contacts_low, row.contacts_high))
         table.add_row(*cells, *([str(row.races)] if met else []))
     print_table(table)
-
-
-def _interval(value: float | None, low: float | None, high: float | None) -> str:
-    """A figure with its interval; what the races could not tell is a dash."""
-    shown = "–" if value is None else f"{value:.2f}"
-    return shown if low is None or high is None else f"{shown} ({low:.2f} to {high:.2f})"

@@ -164,9 +164,8 @@ def show_track(
     if as_json:
         print_json({"name": circuit.name, "length_m": circuit.length, "sections": sections, "map": path})
         return
-    table = new_table(f"{circuit.name}, {circuit.length:.0f} m")
-    for column in ("Section", "Kind", "From m", "To m", "Turn", "Least radius m"):
-        table.add_column(column, justify="left" if column in ("Section", "Kind", "Turn") else "right")
+    heads = ("Section", "Kind", "From m", "To m", "Turn", "Least radius m")
+    table = new_table(f"{circuit.name}, {circuit.length:.0f} m", heads, ("Section", "Kind", "Turn"))
     for row in sections:
         radius = row["least_radius_m"]
         table.add_row(
