@@ -14,7 +14,7 @@ from nathlon.policies.sources.normalisation import companions
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.scratch import scratch_folder
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 
 def labels(match: Match, shared: bool) -> list[str] | None:
@@ -140,8 +140,7 @@ class Arrivals:
                 raise InputError(
                     f"{where} has the contents of {found[:12]}, expected those that it is named after"
                 )
-            with whole_file(path) as partial:
-                partial.write_bytes(content)
+            write_whole(path, content)
         return str(path)
 
 

@@ -19,7 +19,7 @@ from nathlon.reports.cars import car_colours, winner
 from nathlon.sim.errors import InputError
 from nathlon.sim.render.panels import write
 from nathlon.sim.render.scene import Camera
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, writing
 
 SIZE, FINE, RATE = (1280, 720), 2, 30
 """Pixels of a picture, how much larger it is drawn, and pictures a second."""
@@ -62,19 +62,17 @@ def write_video(
             f"{path}: no clip from {start:g} s to {end:g} s, expected times from 0 to {last_s:g} s"
         )
     times = start + np.arange(max(round((end - start) * RATE), 1)) / RATE
-    try:
-        with (
-            whole_file(path) as partial,
-            av.open(str(partial), "w", format="mp4", options={"movflags": "faststart"}) as container,
-        ):
-            stream = container.add_stream("libx264", rate=RATE, options={"crf": "21", "preset": "veryfast"})
-            stream.width, stream.height = SIZE
-            stream.pix_fmt = "yuv420p"
-            for picture in pictures(log, winner(log) if follow is None else follow, times):
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
-            container.mux(stream.encode())
-    except OSError as error:
-        raise InputError(f"{path}: the video cannot be written: {error.strerror}") from None
+    with (
+        writing(path, "video"),
+        whole_file(path) as partial,
+        av.open(str(partial), "w", format="mp4", options={"movflags": "faststart"}) as container,
+    ):
+        stream = container.add_stream("libx264", rate=RATE, options={"crf": "21", "preset": "veryfast"})
+        stream.width, stream.height = SIZE
+        stream.pix_fmt = "yuv420p"
+        for picture in pictures(log, winner(log) if follow is None else follow, times):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
+        container.mux(stream.encode())
     return len(times)
 
 

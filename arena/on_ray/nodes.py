@@ -21,7 +21,7 @@ from nathlon.arena.payload import Payload, labels, send
 from nathlon.arena.queue import Where, facts_of, where_of
 from nathlon.arena.recorder import Recorded
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 log = logging.getLogger(__name__)
 
@@ -260,8 +260,7 @@ def _received(job: Racing, ended: NodeEnded, processor: str) -> tuple[Racing, An
         return job, answer
     try:
         for name, content in ended.files.items():
-            with whole_file(folder / name) as partial:
-                partial.write_bytes(content)
+            write_whole(folder / name, content)
     except OSError as error:
         return job, InputError(f"{folder}: the recording cannot be written: {error.strerror}")
     return job, answer

@@ -22,7 +22,7 @@ from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules
 from nathlon.sim.scenario import load_scenario
-from nathlon.sim.whole_file import check_output, whole_file
+from nathlon.sim.whole_file import check_output, whole_file, write_whole
 from nathlon.terminal.progress import stage_progress, worker_count
 
 COMPOUNDS = ("racing-soft", "racing-medium", "racing-hard")
@@ -156,6 +156,5 @@ def _write(folder: Path, source: str, name: str, plan: Plan) -> Path:
     for stint in plan.stints:
         lines += ["[[stint]]", f"laps = {stint.laps}", f'compound = "{stint.compound}"']
         lines += [f"fuel_kg = {stint.fuel_kg}"]
-    with whole_file(path) as partial_path:
-        partial_path.write_text("\n".join(lines) + "\n", "utf-8")
+    write_whole(path, "\n".join(lines) + "\n")
     return path

@@ -23,7 +23,7 @@ from nathlon.reports.cars import car_index
 from nathlon.reports.twin_page import write_twin_page
 from nathlon.results.twin import Side, Twins, outcome
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import check_output
+from nathlon.sim.whole_file import check_output, writing
 from nathlon.terminal.progress import stage_progress
 
 RACES = "races"
@@ -164,21 +164,17 @@ def _two_recordings(
 
 def _make(folder: Path) -> None:
     """Make the folder before races are run for it."""
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
 
 
 def _write(twins: Twins, folder: Path) -> TwinResult:
     from nathlon.reports.twin_replay import write_twin_replay  # Rerun takes seconds to load
 
     result = TwinResult(folder, twins)
-    try:
+    with writing(folder):
         write_recording(result.original, twins.original.log)
         write_recording(result.twin, twins.twin.log)
         write_twin_replay(twins, result.replay)
         write_twin_page(twins, result.page)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     return result

@@ -19,7 +19,7 @@ from nathlon.results.part import ResultModel
 from nathlon.results.words import STAGES, an_episode, episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 VERSION = 1
 """Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
@@ -354,8 +354,7 @@ def voided(not_judged: Iterable[NotJudged], names: Mapping[str, str]) -> tuple[V
 
 def write_summary(path: Path, summary: Summary) -> None:
     """Write `summary.json`, whole or not at all."""
-    with whole_file(path) as partial:
-        partial.write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+    write_whole(path, summary.model_dump_json(indent=1) + "\n")
 
 
 def read_summary(path: Path) -> Summary:

@@ -26,7 +26,7 @@ from nathlon.policies.training.trainer import Diverged, Trainer
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 Variant = Callable[[TrainingConfig], TrainingConfig]
 
@@ -200,8 +200,7 @@ def claim(out: Path, base: TrainingConfig) -> None:
             _compare(path, TrainingConfig.model_validate_json(read_text(path)), base)
         else:
             out.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as partial:
-                partial.write_text(base.model_dump_json(indent=1), "utf-8")
+            write_whole(path, base.model_dump_json(indent=1))
     except ValidationError as error:
         raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
     except OSError as error:

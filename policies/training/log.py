@@ -15,9 +15,8 @@ from torch.utils.tensorboard import SummaryWriter
 
 from nathlon.policies.training.evaluation import LapEvaluation
 from nathlon.policies.training.stint import Tally
-from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole, writing
 
 CURVE_FILE = "curve.csv"
 CURVE = ("updates", "transitions", "wall_s", "lap_s", "off_course_share", "mean_q", "entropy")
@@ -109,8 +108,5 @@ def _cut(curve: Path, updates: int) -> None:
     kept = [line for line in lines if not (at := line.split(",")[0]).isdecimal() or int(at) <= updates]
     if len(kept) == len(lines):
         return
-    try:
-        with whole_file(curve) as partial:
-            partial.write_text("".join(kept), "utf-8", newline="")
-    except OSError as error:
-        raise InputError(f"{curve}: cannot be written: {error.strerror}") from None
+    with writing(curve):
+        write_whole(curve, "".join(kept))

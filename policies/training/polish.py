@@ -42,6 +42,7 @@ from nathlon.policies.training.trial import Driven
 from nathlon.policies.training.trial_pool import Plan, TrialPool
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.whole_file import writing
 
 STARTS = 16
 """Differing ones in a round."""
@@ -213,10 +214,8 @@ class Polish:
             }
         )
         path = self._folder / "checkpoints" / f"round-{self.rounds:05d}.safetensors"
-        try:
+        with writing(path):
             save_checkpoint(path, tensors, card)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         network = load_checkpoint(path).network
         laps = mean_laps(
             evaluate_laps(pair, card.observation, network, self._seed) for pair in self._evaluated

@@ -32,6 +32,7 @@ from nathlon.policies.training.state import (
 from nathlon.policies.training.worker import Experience, Gathered, News
 from nathlon.policies.training.worker_pool import MakeWorkers, WorkerPool, local_workers
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import writing
 
 ACTION_SIZE = 2
 LOG_EVERY = 250
@@ -265,10 +266,8 @@ class Trainer:
             created_by={"nathlon": version("nathlon"), "torch": version("torch")},
         )
         path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
-        try:
+        with writing(path):
             save_checkpoint(path, self.learner.policy_tensors(), card)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         laps = mean_laps(
             evaluate_laps(pair, self._spec, lambda seen: self.learner.act(seen, stochastic=False), self.seed)
             for pair in self._evaluated

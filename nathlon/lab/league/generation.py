@@ -16,7 +16,7 @@ from nathlon.lab.league.settings import StopRule
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole, writing
 
 GENERATION_FILE = "generation.json"
 
@@ -192,12 +192,9 @@ def write_generation(folder: Path, generation: Generation) -> None:
         InputError: if it cannot be written.
     """
     path = folder / GENERATION_FILE
-    try:
+    with writing(path):
         folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as partial:
-            partial.write_text(generation.model_dump_json(indent=1) + "\n", "utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+        write_whole(path, generation.model_dump_json(indent=1) + "\n")
 
 
 def read_generation(folder: Path) -> Generation | None:

@@ -18,7 +18,7 @@ from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.state import STATE_FILE
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole, writing
 
 log = logging.getLogger(__name__)
 
@@ -108,13 +108,10 @@ class _Training:
         The state comes last, as where it was made: who goes on from it finds the others.
         """
         folder = trainee.run.folder
-        try:
+        with writing(folder):
             for name, content in sorted(report.files.items(), key=lambda file: file[0] == STATE_FILE):
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                with whole_file(folder / name) as partial:
-                    partial.write_bytes(content)
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+                write_whole(folder / name, content)
         self._reported = True
         if STATE_FILE in report.files:
             trainee.losses = 0
