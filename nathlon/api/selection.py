@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
@@ -20,7 +21,7 @@ from nathlon.reports.verdict import Verdict, verdict
 from nathlon.results.ranks import written_ranks
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
-from nathlon.selection.config import Config, read_config
+from nathlon.selection.config import Config, SectionT, read_config
 from nathlon.selection.evaluation import OnVerdict, evaluate
 from nathlon.selection.field import Exclusion, Field
 from nathlon.selection.publish.output import OutputFolder
@@ -181,9 +182,7 @@ def select(
     Raises:
         InputError: if a checkpoint cannot drive, a name or file is wrong, or the folder cannot be written.
     """
-    settings = configured(config, seed, shortlist, pairs, workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, shortlist, pairs, workers, world)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         found = find_candidates(checkpoints, endings=endings_of(pool, settings.world))
@@ -204,6 +203,7 @@ def configured(
     shortlist: int | None = None,
     pairs: int | None = None,
     workers: int | None = None,
+    world: str | None = None,
 ) -> Config:
     """A configuration, that of a file or the standard one, with what is given in its place.
 
@@ -214,14 +214,19 @@ def configured(
         config = Config()
     elif not isinstance(config, Config):
         config = read_config(Path(config))
-    committee, tournament = config.committee, config.tournament
-    if shortlist is not None:
-        committee = committee.model_copy(update={"shortlist": shortlist})
-    if pairs is not None:
-        tournament = tournament.model_copy(update={"pairs": pairs})
-    changed = {"seed": seed, "workers": workers}
-    given = {name: value for name, value in changed.items() if value is not None}
-    return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
+    return _with(
+        config,
+        seed=seed,
+        workers=workers,
+        world=world,
+        committee=_with(config.committee, shortlist=shortlist),
+        tournament=_with(config.tournament, pairs=pairs),
+    )
+
+
+def _with(section: SectionT, **given: Any) -> SectionT:
+    """A section with what is given, all but None, in place of its own."""
+    return section.model_copy(update={name: value for name, value in given.items() if value is not None})
 
 
 def entered(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.api.candidates import Candidate, named_sources
+from nathlon.api.candidates import Candidate, one_source
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import CAR, CIRCUIT
 from nathlon.arena.pool import Pool
@@ -119,8 +119,8 @@ def stints(
     """
     folder = Path(out)
     check_output(folder)
-    [source, *others] = named_sources(policy)
-    if others or source.endswith(COMPOSITE):
+    source = one_source(policy)
+    if source.endswith(COMPOSITE):
         raise InputError(f"{source}: expected one policy that is no composite")
     if runs < 2:
         raise InputError(f"runs is {runs}, expected at least 2")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import polars as pl
 
-from nathlon.api.candidates import Candidate, named_sources
+from nathlon.api.candidates import Candidate, one_source
 from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
@@ -106,7 +106,8 @@ def twin(
     check_output(folder)
     log = read_recording(path)
     index = car_index(log, str(car), path)
-    known = _Known(store, {name: _one_source(each, name) for name, each in (entrants or {}).items()})
+    given = {name: one_source(each, people=True, name=name) for name, each in (entrants or {}).items()}
+    known = _Known(store, given)
     with Pool(2) as pool, stage_progress(progress, (RACES,)) as on_match:
         on_race = partial(on_match, RACES)
         if other is not None:
@@ -134,17 +135,10 @@ class _Known(NamedTuple):
 
 
 def _enter(pool: Pool, policy: Candidate, log: RaceLog) -> Entrant:
-    [answer] = enter_each(pool, [_one_source(policy)], log.circuit, log.car)
+    [answer] = enter_each(pool, [one_source(policy, people=True)], log.circuit, log.car)
     if isinstance(answer, InputError):
         raise answer
     return answer
-
-
-def _one_source(policy: Candidate, name: str | None = None) -> str:
-    sources = named_sources(policy if name is None else {name: policy}, people=True)
-    if len(sources) != 1:
-        raise InputError(f"{policy}: holds {len(sources)} checkpoints, expected one policy")
-    return sources[0]
 
 
 def _two_recordings(
