@@ -12,7 +12,7 @@ from contextlib import suppress
 from multiprocessing import connection, parent_process
 from typing import Any
 
-from nathlon.arena.job import Answer, Job, Opening, Racing, Wanted
+from nathlon.arena.job import Answer, Job, MatchJob, Opening, Wanted
 from nathlon.arena.match_policies import match_policy
 from nathlon.arena.output_log import print_into
 from nathlon.arena.recorder import Recorded, record_races
@@ -149,7 +149,7 @@ def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -
     return recorded._replace(logs=[])
 
 
-def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Any | Absent:
+def _present(job: MatchJob, number: int, entrant: int, watch: Watch) -> Any | Absent:
     """A policy of a match, watched while it is loaded."""
     if entrant in job.absent:
         return Absent(job.absent[entrant])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nathlon.arena.circuit_mesh import surfaces
 from nathlon.arena.race_log import NOTICES, RaceLog
 from nathlon.reports._motion import poses
-from nathlon.reports._video_panels import Panels, brief
+from nathlon.reports._video_panels import VideoPanels, brief
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, winner
 from nathlon.sim.errors import InputError
@@ -80,7 +80,7 @@ def pictures(log: RaceLog, followed: int, time_s: NDArray[np.float64]) -> Iterat
     """A picture (height, width, 3) of red, green and blue at each of these times of the race."""
     scene = _Scene(log)
     at = poses(log, time_s)
-    panels = Panels(log, followed, SIZE)
+    panels = VideoPanels(log, followed, SIZE)
     large = pygame.Surface((SIZE[0] * FINE, SIZE[1] * FINE))
     camera = Camera(large.get_size(), WIDTH_M)
     for number, now in enumerate(time_s.tolist()):

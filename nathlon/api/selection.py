@@ -23,7 +23,7 @@ from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config, SectionT, read_config
 from nathlon.selection.evaluation import OnVerdict, evaluate
-from nathlon.selection.field import Exclusion, Field
+from nathlon.selection.field import EntryList, Exclusion
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import OPENED
 from nathlon.sim.errors import InputError
@@ -231,7 +231,7 @@ def _with(section: SectionT, **given: Any) -> SectionT:
 
 def entered(
     pool: Pool, found: Found, config: Config, on_opened: Callable[[int, int], None] = quietly
-) -> tuple[Field, Config]:
+) -> tuple[EntryList, Config]:
     """Who enters of what was given and what is set aside, and the configuration for where they play.
 
     Raises:
@@ -241,7 +241,7 @@ def entered(
     where = config.circuit, config.car, config.world
     entrants, refused = enter_found(pool, found, *where, on_opened)
     excluded = tuple(Exclusion(printable(source), str(why), None) for source, why in refused.items())
-    return Field(tuple(entrants), excluded=excluded), config
+    return EntryList(tuple(entrants), excluded=excluded), config
 
 
 def at_home(pool: Pool, sources: list[str], config: Config) -> Config:

@@ -15,7 +15,7 @@ from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import CAR, CIRCUIT
 from nathlon.arena.pool import Pool
 from nathlon.lab.stints.model import LapModel, fit
-from nathlon.lab.stints.planning import Plan, plans
+from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import Place, heavy, light, practise
 from nathlon.policies.sources import COMPOSITE, is_path
 from nathlon.sim.car import load_car
@@ -48,7 +48,7 @@ class StintsResult:
         folder: Path,
         laps: pl.DataFrame,
         model: LapModel,
-        planned: Sequence[Plan],
+        planned: Sequence[StopPlan],
         files: Sequence[Path],
     ) -> None:
         self.folder, self.laps, self.model = folder, laps, model
@@ -144,7 +144,7 @@ def stints(
     return StintsResult(folder, laps, model, planned, files)
 
 
-def _write(folder: Path, source: str, name: str, plan: Plan) -> Path:
+def _write(folder: Path, source: str, name: str, plan: StopPlan) -> Path:
     """Write a plan as a composite."""
     path = folder / f"{plan.stops}-stops.toml"
     part = os.path.relpath(source, folder) if is_path(source) else source

@@ -107,7 +107,7 @@ def twin(
     log = read_recording(path)
     index = car_index(log, str(car), path)
     given = {name: one_source(each, people=True, name=name) for name, each in (entrants or {}).items()}
-    known = _Known(store, given)
+    known = _RaceSources(store, given)
     with Pool(2) as pool, stage_progress(progress, (RACES,)) as on_match:
         on_race = partial(on_match, RACES)
         if other is not None:
@@ -122,7 +122,7 @@ def twin(
     return _write(twins, folder)
 
 
-class _Known(NamedTuple):
+class _RaceSources(NamedTuple):
     """Where matches and policies of recorded races may be: a store that was named, and sources by name."""
 
     store: str | Path | None
@@ -142,7 +142,7 @@ def _enter(pool: Pool, policy: Candidate, log: RaceLog) -> Entrant:
 
 
 def _two_recordings(
-    pool: Pool, paths: tuple[Path, Path], car: int, known: _Known, folder: Path, on_race: OnRace
+    pool: Pool, paths: tuple[Path, Path], car: int, known: _RaceSources, folder: Path, on_race: OnRace
 ) -> Twins:
     logs = read_recording(paths[0]), read_recording(paths[1])
     check_one_start(*logs, paths)

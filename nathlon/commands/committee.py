@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
-from nathlon.commands.groups import NAMES, Group
+from nathlon.commands.groups import NAMES, CommandGroup
 from nathlon.commands.options import AsJson, StoreName
 from nathlon.results.ranks import written_rank
 from nathlon.results.words import figure
@@ -18,12 +18,12 @@ from nathlon.terminal import new_table, print_json, print_table, say
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from nathlon.selection.committee.decision import Decision
+    from nathlon.selection.committee.decision import CommitteeDecision
     from nathlon.selection.committee.event_log import EventLog
 
 SHORTEST_ID = 6
 
-committee = Group("Ask the committee, vote and decide.")
+committee = CommandGroup("Ask the committee, vote and decide.")
 
 Question = Annotated[
     Literal["shortlist", "selection"] | None,
@@ -33,7 +33,7 @@ Member = Annotated[str, typer.Option(help="Your name, as in the configuration.")
 Reason = Annotated[str, typer.Option(help="Reason, in a sentence.")]
 
 
-class Place(NamedTuple):
+class RunPlace(NamedTuple):
     """Where the committee's record is: the store, and the name of the run, or the last one."""
 
     store: str
@@ -47,7 +47,7 @@ def place(
     run: Annotated[str | None, typer.Option(help="Name of the run; the last by default.")] = None,
 ) -> None:
     """Ask the committee, vote and decide."""
-    context.obj = Place(store, run)
+    context.obj = RunPlace(store, run)
 
 
 @committee.command()
@@ -160,7 +160,7 @@ def log(context: typer.Context, as_json: AsJson = False) -> None:
 
 
 @contextmanager
-def _event_log(place: Place) -> Iterator[EventLog]:
+def _event_log(place: RunPlace) -> Iterator[EventLog]:
     from nathlon.arena.store import Store
     from nathlon.selection.committee.event_log import EventLog
 
@@ -173,7 +173,7 @@ def _event_log(place: Place) -> Iterator[EventLog]:
         yield EventLog(store, place.run or runs[-1])
 
 
-def _pick(event_log: EventLog, question: Question, closed: bool) -> Decision:
+def _pick(event_log: EventLog, question: Question, closed: bool) -> CommitteeDecision:
     """The decision on a question, or else the one that is open or closed, as wanted."""
     decisions = event_log.decisions()
     if question is not None:
@@ -193,7 +193,7 @@ def _pick(event_log: EventLog, question: Question, closed: bool) -> Decision:
     return found[0]
 
 
-def _entrants(decision: Decision, names: str) -> tuple[str, ...]:
+def _entrants(decision: CommitteeDecision, names: str) -> tuple[str, ...]:
     """Ids of the candidates in a list with commas."""
     stripped = [name.strip() for name in names.split(",")]
     return tuple(_entrant(decision.opened.candidates, name) for name in stripped if name)
@@ -209,7 +209,7 @@ def _entrant(candidates: Mapping[str, str], name: str) -> str:
     return found[0]
 
 
-def _report(event_log: EventLog, decision: Decision, as_json: bool) -> None:
+def _report(event_log: EventLog, decision: CommitteeDecision, as_json: bool) -> None:
     """Print the decision as it stands now."""
     from nathlon.selection.committee.decision import describe
 
@@ -220,7 +220,7 @@ def _report(event_log: EventLog, decision: Decision, as_json: bool) -> None:
         _print(now)
 
 
-def _print(decision: Decision) -> None:
+def _print(decision: CommitteeDecision) -> None:
     from nathlon.selection.committee.sentences import sentence
 
     wanted = decision.opened.seats
@@ -242,7 +242,7 @@ def _print(decision: Decision) -> None:
         say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")
 
 
-def _standings(decision: Decision) -> Table:
+def _standings(decision: CommitteeDecision) -> Table:
     """Evidence and standing of every candidate, from first to last."""
     result = decision.result or decision.tally()
     shown = {row["entrant"]: row for row in decision.opened.evidence.rows}

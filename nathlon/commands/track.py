@@ -60,7 +60,7 @@ def _import_folder(
 ) -> None:
     """Import a folder of files, and draw a sheet of the circuits."""
     from nathlon.sim.track import load_track
-    from nathlon.sim.track.collection import Tried, import_folder
+    from nathlon.sim.track.collection import TriedFile, import_folder
     from nathlon.sim.track.map import draw_sheet
 
     if name is not None:
@@ -68,7 +68,7 @@ def _import_folder(
             f"--name is {name!r}, expected none for a folder: circuits are called like their files"
         )
 
-    def tell(tried: Tried) -> None:
+    def tell(tried: TriedFile) -> None:
         if tried.imported is None:
             warn(f"Left out     {tried.refusal}")
         elif not as_json:

@@ -11,7 +11,7 @@ from nathlon.arena.pool import Pool
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.pipeline import select
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.publish.publish import publish
@@ -25,7 +25,7 @@ OnVerdict = Callable[[Summary], None]
 
 
 def evaluate(
-    field: Field,
+    field: EntryList,
     output: OutputFolder,
     config: Config,
     pool: Pool,

@@ -70,7 +70,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Lap:
+class OptimalLap:
     """A lap at the limit.
 
     Attributes:
@@ -195,7 +195,7 @@ def matrix(values: sparse.sparray) -> ca.DM:
     return ca.DM(sparse.csc_matrix(values))
 
 
-def fastest_lap(track: Track, car: Car, step_s: float = STEP_S, verbose: bool = False) -> Lap:
+def fastest_lap(track: Track, car: Car, step_s: float = STEP_S, verbose: bool = False) -> OptimalLap:
     """The lap of least time that the car's equations and the rules allow.
 
     Args:
@@ -215,7 +215,7 @@ def fastest_lap(track: Track, car: Car, step_s: float = STEP_S, verbose: bool = 
     return solve(track, car, fine, refined, SECOND_BARRIER, verbose)
 
 
-def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float, verbose: bool) -> Lap:
+def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float, verbose: bool) -> OptimalLap:
     """The fastest lap on a mesh.
 
     Args:
@@ -284,7 +284,7 @@ def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float,
     step_times = (
         steps * np.array(point_of_lap(car).map(n)(between_points[:split], values[split:], road)[1]).ravel()
     )
-    return Lap(
+    return OptimalLap(
         lap_s=float(step_times.sum()),
         distance=distance,
         step_s=step_times,

@@ -17,7 +17,7 @@ from nathlon.policies.qrsac.networks import Perceptron, act
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.pairs import Pair, PairDraw
 from nathlon.policies.training.rollout import Step
-from nathlon.policies.training.stint import Stint, Tally
+from nathlon.policies.training.stint import RolloutStint, RolloutTally
 from nathlon.sim.observation import ObservationSpec
 
 
@@ -60,7 +60,7 @@ class Gathered(NamedTuple):
     """What one step of a worker brought: the experience of each rollout, and the tally of all."""
 
     experience: list[Experience]
-    tally: Tally
+    tally: RolloutTally
 
 
 class News(NamedTuple):
@@ -99,7 +99,7 @@ class RolloutWorker:
         self._policy = CurrentPolicy(config.observation.spec(), network, torch.from_numpy(news.parameters))
         self._network = network
         self._worlds = [
-            [Stint(config, rollouts, draw, rng) for rng in _generators(stream, rollouts)]
+            [RolloutStint(config, rollouts, draw, rng) for rng in _generators(stream, rollouts)]
             for rollouts, stream in zip(config.rollouts, streams, strict=True)
         ]
         self.hear(news)
@@ -114,7 +114,7 @@ class RolloutWorker:
         """Advance every rollout by one step."""
         seen = [stint.observation for stint in chain(*self._worlds)]
         actions = act(self._network, self._policy.parameters, np.concatenate(seen), self._generator)
-        experience, tally, first = [], Tally(), 0
+        experience, tally, first = [], RolloutTally(), 0
         for worlds in self._worlds:
             parts = []
             for stint in worlds:

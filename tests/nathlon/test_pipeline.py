@@ -22,7 +22,7 @@ from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.committee.rules import CommitteeSettings
 from nathlon.selection.config import Config
 from nathlon.selection.evaluation import evaluate
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.pareto.filter import FilterPlan, FilterSettings
 from nathlon.selection.publish.decider import deciding_race
 from nathlon.selection.publish.output import OutputFolder
@@ -68,7 +68,7 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
     with Pool(2) as pool:
         evaluate(
-            Field(tuple(entrants)),
+            EntryList(tuple(entrants)),
             OutputFolder(folder),
             CONFIG,
             pool,
@@ -139,7 +139,7 @@ def test_a_second_run_runs_nothing_and_says_the_same(
     sent: list[tuple[Sent, ...]] = []
     with Pool(2) as pool:
         evaluate(
-            Field(tuple(entrants)),
+            EntryList(tuple(entrants)),
             OutputFolder(run),
             CONFIG,
             pool,

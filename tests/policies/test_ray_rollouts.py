@@ -21,7 +21,7 @@ from nathlon.policies.training.log import Status
 from nathlon.policies.training.on_ray import runs
 from nathlon.policies.training.on_ray import workers as workers_module
 from nathlon.policies.training.on_ray.actor import Begin, RolloutActor
-from nathlon.policies.training.on_ray.run_actor import Report, RunActor, Start
+from nathlon.policies.training.on_ray.run_actor import Report, RunActor, RunStart
 from nathlon.policies.training.on_ray.runs import train_on_cluster
 from nathlon.policies.training.on_ray.travel import Arrived, needed, pack
 from nathlon.policies.training.on_ray.workers import RayWorkers
@@ -161,9 +161,9 @@ def test_actors_refuse_what_they_cannot_do() -> None:
     with pytest.raises(InputError, match=r"^rollout worker 1 on .* has another nathlon"):
         rollouts.begin(begin._replace(code="other"), np.random.SeedSequence(1), news_of(3.0))
     with pytest.raises(InputError, match=r"^training of base on .* has another nathlon"):
-        run.train(Start("other", CROWDED, 1, [], {}))
+        run.train(RunStart("other", CROWDED, 1, [], {}))
     with pytest.raises(InputError, match=f"^{REFUSAL}"):
-        run.train(Start(fingerprint(), CROWDED, 1, [], {}))
+        run.train(RunStart(fingerprint(), CROWDED, 1, [], {}))
 
 
 @pytest.mark.usefixtures("here")
@@ -172,7 +172,7 @@ def test_an_actor_whose_run_diverges_says_so() -> None:
         update={"workers": 0, "reward": CONFIG.reward.model_copy(update={"progress": 1e300})}
     )
     actor = RunActor("training of base")
-    assert "training diverged" in actor.train(Start(fingerprint(), steep, 1, [], {}))
+    assert "training diverged" in actor.train(RunStart(fingerprint(), steep, 1, [], {}))
     assert not [name for name in actor.report().files if "checkpoints" in name]
 
 
@@ -269,7 +269,7 @@ def test_whole_runs_come_to_what_they_come_to_here(
     class Brief(RunActor):  # travels by value from here
         """The first of the base halts at its first status, which comes after a checkpoint."""
 
-        def train(self, start: Start) -> str:
+        def train(self, start: RunStart) -> str:
             self._halts = self._name == "training of base, seed 1" and not halted.exists()
             if self._halts:
                 halted.touch()
@@ -315,7 +315,7 @@ def test_whole_runs_come_to_what_they_come_to_here(
 
 def test_how_a_run_ends_is_told(member: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Ending(RunActor):  # travels by value from here
-        def train(self, start: Start) -> str:
+        def train(self, start: RunStart) -> str:
             if start.seed == 1:
                 return "training diverged"
             raise InputError(REFUSAL)

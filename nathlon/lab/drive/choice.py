@@ -42,7 +42,7 @@ UNDER_WAY = "person under way"
 """Id of a person whose race has not ended, of which there are no inputs yet."""
 
 
-class Opponent(NamedTuple):
+class DriveOpponent(NamedTuple):
     """A policy that the person may race.
 
     Attributes:
@@ -57,7 +57,7 @@ class Opponent(NamedTuple):
     car: str | None
 
     @classmethod
-    def of(cls, source: str, name: str | None = None) -> Opponent:
+    def of(cls, source: str, name: str | None = None) -> DriveOpponent:
         """The opponent that a source gives.
 
         Raises:
@@ -67,7 +67,7 @@ class Opponent(NamedTuple):
         return opponent
 
     @classmethod
-    def all(cls, named: Mapping[str, str | None]) -> list[Opponent]:
+    def all(cls, named: Mapping[str, str | None]) -> list[DriveOpponent]:
         """The opponents that some sources give, by the names that they shall have; None for their own.
 
         Raises:
@@ -159,14 +159,16 @@ class Offer(NamedTuple):
         difficulty, temper: that are set at first; None for what the person has chosen last.
     """
 
-    opponents: tuple[Opponent, ...]
+    opponents: tuple[DriveOpponent, ...]
     circuits: tuple[str, ...]
     cars: tuple[str, ...]
     difficulty: Difficulty | None = None
     temper: TemperName | None = None
 
     @classmethod
-    def of(cls, opponents: Sequence[Opponent], circuit: str | None = None, car: str | None = None) -> Offer:
+    def of(
+        cls, opponents: Sequence[DriveOpponent], circuit: str | None = None, car: str | None = None
+    ) -> Offer:
         """Opponents and the built-in driver at several paces, shipped circuits and cars.
 
         Args:
@@ -181,7 +183,7 @@ class Offer(NamedTuple):
         circuit, car = circuit or there[0], car or there[1]
         load_track(circuit)
         load_car(car)
-        drivers = (Opponent.of(source) for source in DRIVERS)
+        drivers = (DriveOpponent.of(source) for source in DRIVERS)
         return cls(
             tuple({one.source: one for one in (*opponents, *drivers)}.values()),
             tuple(dict.fromkeys((circuit, *shipped("circuit")))),

@@ -24,7 +24,7 @@ from nathlon.policies.training.config import Opponent, TrainingConfig
 from nathlon.policies.training.polish import Polish, Round
 from nathlon.results.selection import Selection
 from nathlon.selection.evaluation import evaluate
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.round_robin import run_round_robin
 from nathlon.selection.run import OnMatch
@@ -133,7 +133,7 @@ class League:
         sources = [*self._plan.sources, *(member.source for member in self.generations[-1].population)]
         entrants = enter_all(pool, sources, config.circuit, config.car)
         output = OutputFolder(self._folder / SELECTION, str(self.store))
-        return output, evaluate(Field(tuple(entrants)), output, config, pool, on_match, lambda _: None)
+        return output, evaluate(EntryList(tuple(entrants)), output, config, pool, on_match, lambda _: None)
 
     def _polished(self, number: int, before: Generation, on_round: OnRound, on_pair: OnPair) -> Path:
         """The newcomer of a generation: its parent, polished among the population."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from nathlon.policies.training.ablation import AblationRun, OnStatus
-from nathlon.policies.training.on_ray.run_actor import Report, RunActor, Start
+from nathlon.policies.training.on_ray.run_actor import Report, RunActor, RunStart
 from nathlon.policies.training.on_ray.travel import needed, pack
 from nathlon.policies.training.on_ray.workers import WAIT_S, WARN_S
 from nathlon.policies.training.run_folder import CONFIG_FILE
@@ -136,7 +136,7 @@ class _Training:
             .remote(f"training of {run}")
         )
         parcels = [pack(name) for name in needed(run.config, [])]
-        start = Start(fingerprint(), run.config, run.seed, parcels, _files(run.folder))
+        start = RunStart(fingerprint(), run.config, run.seed, parcels, _files(run.folder))
         return _Trainee(run, actor, actor.train.remote(start), actor.report.remote(), losses)
 
     def _replace(self, lost: _Trainee) -> None:

@@ -35,7 +35,7 @@ _actors = count(1)
 
 
 @dataclass(eq=False)
-class _Hand:
+class _RemoteWorker:
     """A rollout worker.
 
     Attributes:
@@ -109,7 +109,7 @@ class RayWorkers:
         self._warned = False
         self._hands = [self._start() for _ in range(config.workers)]
 
-    def _start(self) -> _Hand:
+    def _start(self) -> _RemoteWorker:
         import ray
 
         number = next(_actors)
@@ -127,13 +127,15 @@ class RayWorkers:
         )
         [seed] = self._seed.spawn(1)
         letter, checkpoints = self._post.since(-1, 0)
-        hand = _Hand(actor, deque(), time.monotonic(), self._post.version, len(self._post.checkpoints))
+        hand = _RemoteWorker(
+            actor, deque(), time.monotonic(), self._post.version, len(self._post.checkpoints)
+        )
         hand.calls += [actor.ready.remote(), actor.begin.remote(self._begin, seed, letter, *checkpoints)]
         for _ in range(STEPS_AHEAD):
             self._ask(hand)
         return hand
 
-    def _ask(self, hand: _Hand) -> None:
+    def _ask(self, hand: _RemoteWorker) -> None:
         letter, checkpoints = self._post.since(hand.version, hand.known)
         hand.calls.append(hand.actor.step.remote(letter, *checkpoints))
         hand.version, hand.known = self._post.version, len(self._post.checkpoints)
@@ -211,7 +213,7 @@ class RayWorkers:
         for hand in self._hands:
             self._end(hand)
 
-    def _end(self, hand: _Hand) -> None:
+    def _end(self, hand: _RemoteWorker) -> None:
         import ray
 
         ray.kill(hand.actor)
