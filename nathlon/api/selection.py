@@ -22,10 +22,10 @@ from nathlon.results.ranks import written_ranks
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config, SectionT, read_config
-from nathlon.selection.evaluation import OnVerdict, evaluate
 from nathlon.selection.field import EntryList, Exclusion
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import OPENED
+from nathlon.selection.single_selection import OnVerdict, single_selection
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 from nathlon.sim.process import typed
@@ -189,12 +189,8 @@ def select(
         with stage_progress(progress) as on_match:
             field, settings = entered(pool, found, settings, partial(on_match, OPENED))
             output = OutputFolder(Path(out), store)
-            selection = evaluate(field, output, settings, pool, on_match, on_verdict or _ignored)
+            selection = single_selection(field, output, settings, pool, on_match, on_verdict)
     return SelectionResult(output.root, selection, output.store)
-
-
-def _ignored(_: Summary) -> None:
-    """Nobody wants to be told."""
 
 
 def configured(

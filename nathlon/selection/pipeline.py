@@ -45,7 +45,7 @@ ALIKE_DEVIATION = 1e-9
 """Points a race: what adding up in another order may leave of none."""
 
 
-def select(run: Run, field: EntryList, config: Config) -> Summary | None:
+def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     """Run the whole selection into the store, going on from what is there already.
 
     Args:

@@ -23,12 +23,12 @@ from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.training.config import Opponent, TrainingConfig
 from nathlon.policies.training.polish import Polish, Round
 from nathlon.results.selection import Selection
-from nathlon.selection.evaluation import evaluate
 from nathlon.selection.field import EntryList
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.round_robin import run_round_robin
 from nathlon.selection.run import OnMatch
 from nathlon.selection.single_run import single_run
+from nathlon.selection.single_selection import single_selection
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.whole_file import whole_file, write_whole, writing
@@ -133,7 +133,9 @@ class League:
         sources = [*self._plan.sources, *(member.source for member in self.generations[-1].population)]
         entrants = enter_all(pool, sources, config.circuit, config.car)
         output = OutputFolder(self._folder / SELECTION, str(self.store))
-        return output, evaluate(EntryList(tuple(entrants)), output, config, pool, on_match, lambda _: None)
+        return output, single_selection(
+            EntryList(tuple(entrants)), output, config, pool, on_match, lambda _: None
+        )
 
     def _polished(self, number: int, before: Generation, on_round: OnRound, on_pair: OnPair) -> Path:
         """The newcomer of a generation: its parent, polished among the population."""

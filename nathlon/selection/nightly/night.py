@@ -27,7 +27,7 @@ from nathlon.selection.nightly.incumbents import incumbents, located
 from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.pool import best_first, rank_nights
 from nathlon.selection.nightly.watching import Watched, watch
-from nathlon.selection.pipeline import select
+from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.publish.output import POLICY_LOG, OutputFolder
 from nathlon.selection.publish.publish import publish
 from nathlon.selection.publish.recordings import record_tournament
@@ -118,7 +118,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             output = OutputFolder(Path(config.out) / night.name)
             pool.log.keep_in(output.root / POLICY_LOG)
             run = Run(store, night.name, (config.seed, number), pool, on_match, other_engine=engine)
-            if select(run, field, config) is None:
+            if run_pipeline(run, field, config) is None:
                 store.end_run(night.name, WAITING)
                 return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
             # At once: what is kept can be sent whatever becomes of the file.
