@@ -133,9 +133,7 @@ class League:
         sources = [*self._plan.sources, *(member.source for member in self.generations[-1].population)]
         entrants = enter_all(pool, sources, config.circuit, config.car)
         output = OutputFolder(self._folder / SELECTION, str(self.store))
-        return output, single_selection(
-            EntryList(tuple(entrants)), output, config, pool, on_match, lambda _: None
-        )
+        return output, single_selection(EntryList(tuple(entrants)), output, config, pool, on_match)
 
     def _polished(self, number: int, before: Generation, on_round: OnRound, on_pair: OnPair) -> Path:
         """The newcomer of a generation: its parent, polished among the population."""
