@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import polars as pl
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from nathlon.arena.voids import NotJudged
 from nathlon.arena.world_finding import RACING
@@ -18,7 +18,7 @@ from nathlon.results.forecast import Forecast
 from nathlon.results.part import ResultModel
 from nathlon.results.words import STAGES, an_episode, episodes
 from nathlon.sim.errors import InputError
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 from nathlon.sim.whole_file import write_whole
 
 VERSION = 1
@@ -364,11 +364,9 @@ def read_summary(path: Path) -> Summary:
         InputError: if it cannot be read, is none, or is of a later version.
     """
     try:
-        summary = Summary.model_validate_json(path.read_bytes())
+        summary = read_json(path.read_bytes(), Summary, path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, Summary)}") from None
     if summary.version > VERSION:
         raise InputError(f"{path}: field version is {summary.version}, expected at most {VERSION}")
     return summary

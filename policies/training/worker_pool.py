@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
@@ -12,7 +11,7 @@ from typing import Protocol
 import numpy as np
 import torch
 
-from nathlon.policies.child_processes import FreshProcesses
+from nathlon.policies.child_processes import FreshProcesses, obey_parent
 from nathlon.policies.incoming import Incoming, UnreadableError
 from nathlon.policies.patience import LOOK_S
 from nathlon.policies.qrsac.networks import Perceptron
@@ -163,8 +162,7 @@ def _serve(
     news: News,
     seed: np.random.SeedSequence,
 ) -> None:
-    # Ctrl-C reaches the whole group; the learner's process decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    obey_parent()
     torch.set_num_threads(1)
     try:
         worker = RolloutWorker(config, pairs, network, news, seed)

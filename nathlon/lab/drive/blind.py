@@ -13,7 +13,7 @@ from string import ascii_uppercase
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from nathlon.arena.store import Store
 from nathlon.arena.world_finding import RACING
@@ -29,7 +29,7 @@ from nathlon.selection.committee.events import Answers, Drove, EventMoment, Scor
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import as_named, printable
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 
 AT_ONCE = 2
 """Finalists in a race: so many can be told apart while one drives, and "which of the two?" asks for them."""
@@ -193,10 +193,7 @@ class BlindTest:
         """
         if self._unanswered is None:
             raise InputError("there is no race to answer for, expected one that has ended")
-        try:
-            answers = Questionnaire.model_validate_json(json.dumps(told))
-        except ValidationError as error:
-            raise InputError(f"the answers: {first_fault(error, Questionnaire)}") from None
+        answers = read_json(json.dumps(told), Questionnaire, "the answers")
         driven, kept = self._unanswered
         raced = self._raced(driven.plan)
         if set(answers.scores) != set(raced) or answers.better not in (None, *raced):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 from pydantic import Field as Bounds
 
 from nathlon.arena.entrance import home
@@ -31,7 +31,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.names import proper_name
 from nathlon.sim.scenario_start import MOST_CARS
 from nathlon.sim.track import load_track
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 
 MOST_LAPS = 20
 DRIVERS = tuple(f"{DRIVER}:pace={pace}" for pace in (1.0, 0.97, 0.94, 0.9, 0.85))
@@ -128,11 +128,8 @@ class Choice(BaseModel):
         Raises:
             InputError: if it is none.
         """
-        try:
-            # As JSON: strict models take no lists for tuples otherwise.
-            choice = cls.model_validate_json(json.dumps(value))
-        except ValidationError as error:
-            raise InputError(f"the choice: {first_fault(error, cls)}") from None
+        # As JSON: strict models take no lists for tuples otherwise.
+        choice = read_json(json.dumps(value), cls, "the choice")
         if choice.seat > choice.cars:
             raise InputError(f"the choice: seat is {choice.seat}, expected a place from 1 to {choice.cars}")
         if choice.cars > 1 and not choice.opponents and choice.difficulty == CHOSEN:

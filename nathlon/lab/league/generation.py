@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 from scipy.special import expit
 
 from nathlon.arena.entrant import Entrant
 from nathlon.lab.league.settings import StopRule
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 from nathlon.sim.whole_file import write_whole, writing
 
 GENERATION_FILE = "generation.json"
@@ -206,7 +206,4 @@ def read_generation(folder: Path) -> Generation | None:
     path = folder / GENERATION_FILE
     if not path.exists():
         return None
-    try:
-        return Generation.model_validate_json(read_text(path, "generation of a league"))
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, Generation)}") from None
+    return read_json(read_text(path, "generation of a league"), Generation, path)
