@@ -36,11 +36,11 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
 
     What is printed meanwhile goes into a log's `sink`.
     """
+    # At Ctrl-C the parent ends its workers at once, for a match that is not finished is not stored.
+    obey_parent()
     if os.name == "posix":
         os.setpgrp()  # so that it ends with all that policies fork
         os.register_at_fork(after_in_child=lambda: _fall_silent(pipe, watch))
-    # At Ctrl-C the parent ends its workers at once, for a match that is not finished is not stored.
-    obey_parent()
     print_into(sink)
     while True:
         pipe.send(READY)
