@@ -55,8 +55,8 @@ def plan(
         )
     print_table(table)
     if told.budgets:
-        heads = ("Pairs of every two", several, f"Difference, points {an_episode(told.episode)}")
-        table = new_table("What the round robin finds", heads, lean=True)
+        found = ("Pairs of every two", several, f"Difference, points {an_episode(told.episode)}")
+        table = new_table("What the round robin finds", found, lean=True)
         for budget in told.budgets:
             table.add_row(f"{budget.pairs:,}", f"{budget.races:,}", f"{budget.effect:.1f}")
         print_table(table)
