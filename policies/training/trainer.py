@@ -29,7 +29,7 @@ from nathlon.policies.training.state import (
     save_state,
     write_tensors,
 )
-from nathlon.policies.training.worker import Experience, Gathered, News
+from nathlon.policies.training.worker import Experience, Gathered, News, WorkerSetup
 from nathlon.policies.training.worker_pool import MakeWorkers, WorkerPool, local_workers
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import writing
@@ -196,7 +196,7 @@ class Trainer:
     def _worker_pool(self, pairs: Sequence[Pair], make: MakeWorkers) -> WorkerPool:
         # Episodes to come must not repeat those before a stop.
         seed = np.random.SeedSequence([self.seed, self.updates])
-        return make(self.config, pairs, self.learner.policy_network, self._news(), seed)
+        return make(WorkerSetup(self.config, pairs, self.learner.policy_network, self._news(), seed))
 
     def _news(self) -> News:
         past = tuple(sorted((self.folder / CHECKPOINTS).glob("*.safetensors")))

@@ -70,29 +70,34 @@ class News(NamedTuple):
     past: tuple[Path, ...]
 
 
+class WorkerSetup(NamedTuple):
+    """What rollout workers begin with.
+
+    Attributes:
+        config: the training run.
+        pairs: of circuit and car to drive.
+        network: the policy that drives the learner's cars.
+        news: its parameters to begin with.
+        seed: of all that is drawn.
+    """
+
+    config: TrainingConfig
+    pairs: Sequence[Pair]
+    network: Perceptron
+    news: News
+    seed: np.random.SeedSequence
+
+
 class RolloutWorker:
     """Steps all rollouts of a configuration."""
 
-    def __init__(
-        self,
-        config: TrainingConfig,
-        pairs: Sequence[Pair],
-        network: Perceptron,
-        news: News,
-        seed: np.random.SeedSequence,
-    ) -> None:
+    def __init__(self, setup: WorkerSetup) -> None:
         """Rollouts at their start.
-
-        Args:
-            config: the training run.
-            pairs: of circuit and car to drive.
-            network: the policy that drives the learner's cars.
-            news: its parameters to begin with.
-            seed: of all that is drawn.
 
         Raises:
             InputError: if a rollout of the configuration cannot be made.
         """
+        config, pairs, network, news, seed = setup
         exploration, *streams = seed.spawn(1 + len(config.rollouts))
         draw = PairDraw(pairs)
         self._generator = torch.Generator().manual_seed(int(exploration.generate_state(1)[0]))

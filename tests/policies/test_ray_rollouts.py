@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,7 @@ from nathlon.policies.training.on_ray.travel import Arrived, needed, pack
 from nathlon.policies.training.on_ray.workers import RayWorkers
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.trainer import Trainer
-from nathlon.policies.training.worker import News, RolloutWorker
+from nathlon.policies.training.worker import News, RolloutWorker, WorkerSetup
 from nathlon.policies.training.worker_pool import STEPS_AHEAD, LocalWorkers
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
@@ -92,7 +92,7 @@ def news_of(throttle: float) -> News:
 
 
 def workers_of(config: TrainingConfig = CONFIG) -> RayWorkers:
-    return RayWorkers(config, [PAIR], NETWORK, news_of(3.0), np.random.SeedSequence(1))
+    return RayWorkers(WorkerSetup(config, [PAIR], NETWORK, news_of(3.0), np.random.SeedSequence(1)))
 
 
 def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_it_may_be_ahead(
@@ -102,7 +102,7 @@ def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_i
     import ray
 
     [seed] = np.random.SeedSequence(1).spawn(1)
-    here = RolloutWorker(CONFIG, [PAIR], NETWORK, news_of(3.0), seed)
+    here = RolloutWorker(WorkerSetup(CONFIG, [PAIR], NETWORK, news_of(3.0), seed))
     workers = workers_of()
     throttle: list[float] = []
     starts: list[np.ndarray] = []
@@ -226,15 +226,9 @@ def test_a_run_goes_on_against_its_own_checkpoints(cluster: Cluster, tmp_path: P
     assert (last.updates, len(last.checkpoints)) == (8, 4)
 
 
-def in_this_process(
-    config: TrainingConfig,
-    pairs: Sequence[Pair],
-    network: Perceptron,
-    news: News,
-    seed: np.random.SeedSequence,
-) -> LocalWorkers:
+def in_this_process(setup: WorkerSetup) -> LocalWorkers:
     """One worker, whatever the configuration says."""
-    return LocalWorkers(RolloutWorker(config, pairs, network, news, seed))
+    return LocalWorkers(RolloutWorker(setup))
 
 
 def test_a_cluster_needs_to_know_how_many_workers(cluster: Cluster, tmp_path: Path) -> None:

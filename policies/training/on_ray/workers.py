@@ -5,19 +5,15 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
 import numpy as np
 
-from nathlon.policies.qrsac.networks import Perceptron
-from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.on_ray.actor import Begin, RolloutActor
 from nathlon.policies.training.on_ray.travel import needed, pack
-from nathlon.policies.training.pairs import Pair
-from nathlon.policies.training.worker import Experience, Gathered, News
+from nathlon.policies.training.worker import Experience, Gathered, News, WorkerSetup
 from nathlon.policies.training.worker_pool import STEPS_AHEAD, Take
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
@@ -88,24 +84,18 @@ class RayWorkers:
     replaced by another, with races of its own from their start.
     """
 
-    def __init__(
-        self,
-        config: TrainingConfig,
-        pairs: Sequence[Pair],
-        network: Perceptron,
-        news: News,
-        seed: np.random.SeedSequence,
-    ) -> None:
-        """Ask for the processes, as many as the configuration says; for the arguments see `RolloutWorker`.
+    def __init__(self, setup: WorkerSetup) -> None:
+        """Ask for the processes, as many as the configuration says.
 
         Raises:
             InputError: if a file that they need cannot be read.
         """
         import ray
 
+        config, pairs, network, news, self._seed = setup
         parcels = [pack(name) for name in needed(config, pairs)]
         self._begin = ray.put(Begin(fingerprint(), config, tuple(pairs), network, parcels))
-        self._seed, self._post = seed, _Post(news)
+        self._post = _Post(news)
         self._warned = False
         self._hands = [self._start() for _ in range(config.workers)]
 
