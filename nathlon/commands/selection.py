@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -61,7 +61,8 @@ def demo(
 
     members = tuple(name.strip() for name in (committee or "").split(",") if name.strip())
     config, bundled = _with_members(members), [str(BUNDLED / "lindenring")]
-    result = _select(bundled, out, config, seed, shortlist, pairs, workers, as_json=as_json)
+    options = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs, "workers": workers}
+    result = _select(bundled, out, as_json, **options)
     if members:
         store = str(result.store)
         put_again(store, members[0])
@@ -116,22 +117,17 @@ def evaluate(
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
     check_given(on_this_machine(checkpoints))
-    _select(checkpoints, out, config, seed, shortlist, pairs, workers, world, store, as_json)
+    options = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs, "workers": workers}
+    _select(checkpoints, out, as_json, store, world=world, **options)
 
 
 def _select(
-    checkpoints: list[str],
-    out: Path,
-    config: Config | Path | None,
-    seed: int | None,
-    shortlist: int | None,
-    pairs: int | None,
-    workers: int | None,
-    world: str | None = None,
-    store: str | None = None,
-    as_json: bool = False,
+    checkpoints: list[str], out: Path, as_json: bool, store: str | None = None, **options: Any
 ) -> SelectionResult:
-    """Select, and print what came of it. Exits with 3 where somebody could not be judged."""
+    """Select, see `nathlon.select`, and print what came of it.
+
+    Exits with 3 where somebody could not be judged.
+    """
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -142,15 +138,10 @@ def _select(
         result = select(
             checkpoints,
             out,
-            config=config,
-            seed=seed,
-            shortlist=shortlist,
-            pairs=pairs,
-            workers=workers,
-            world=world,
             store=store,
             progress=not as_json,
             on_verdict=None if as_json else _print_now,
+            **options,
         )
         if result.selection is None and as_json:
             print_json({"status": "waiting", "store": result.store})
