@@ -106,7 +106,7 @@ def lap_of_narrow_circle(car: Car, radius: float, speed: float, points: int) -> 
     still = np.zeros(len(track.table))
     path = Path(still + 1.0 / radius, still + track.spacing, still, still, still)
     guess = follow(Profile(still, still, path, still + 1.0, still + speed, 0.0), car)[:, :points]
-    return solve(track, car, np.arange(points) * track.length / points, guess, FIRST_BARRIER, False)
+    return solve(track, car, np.arange(points) * track.length / points, guess, FIRST_BARRIER)
 
 
 def test_narrow_circle_is_driven_at_the_limit_of_grip() -> None:
