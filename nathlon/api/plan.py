@@ -48,8 +48,7 @@ def plan(
     Raises:
         InputError: if a name or file is wrong, or nothing is new.
     """
-    settings = configured(config, pairs=pairs, workers=workers, world=world, loader=loader)
-    settings = settings.suited
+    settings = configured(config, pairs=pairs, workers=workers, world=world, loader=loader).suited
     with ExitStack() as stack:
         target = str(store or settings.store)
         there = "://" in target or Path(target).exists()
