@@ -182,7 +182,7 @@ class _OneSeat:
 
 
 def _row(batch: Any, row: int) -> Any:
-    """What of a batch belongs to an episode; of infos what was told of it, which `_KEY` says."""
+    """What of a batch belongs to an episode: of infos what was told of it, as `_KEY` says, or of all."""
     if isinstance(batch, Mapping):
         return {
             key: _row(value, row)
@@ -191,7 +191,5 @@ def _row(batch: Any, row: int) -> Any:
         }
     if isinstance(batch, tuple):
         return tuple(_row(value, row) for value in batch)
-    try:
-        return batch[row]
-    except (TypeError, IndexError):
-        return batch
+    whole = getattr(batch, "shape", ()) or isinstance(batch, list)
+    return batch[row] if whole else batch

@@ -183,6 +183,6 @@ def test_a_simulator_that_does_not_tell_of_every_episode_is_at_fault() -> None:
 def test_infos_are_told_of_those_whom_they_concern(tmp_path: Path) -> None:
     from nathlon.arena.worlds.vector import _row
 
-    infos = {"even": np.array([5, 6]), "_even": np.array([True, False]), "of_all": 3}
-    assert _row(infos, 0) == {"even": 5, "_even": True, "of_all": 3}
+    infos = {"even": np.array([5, 6]), "_even": np.array([True, False]), "of_all": 3, "words": "ab"}
+    assert _row(infos, 0) == {"even": 5, "_even": True, "of_all": 3, "words": "ab"}
     assert "even" not in _row(infos, 1)
