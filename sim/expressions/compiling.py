@@ -15,8 +15,8 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.expressions.functions import FUNCTIONS, common
 from nathlon.sim.expressions.part import (
     TRUTH,
-    Function,
     ExpressionPart,
+    Function,
     Range,
     Readings,
     Values,

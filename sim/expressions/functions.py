@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.expressions.part import Function, ExpressionPart, Range
+from nathlon.sim.expressions.part import ExpressionPart, Function, Range
 from nathlon.sim.expressions.unit import NUMBER, Unit
 
 UNBOUNDED = 700.0
