@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-from tests.support import forked
 
 pytestmark = pytest.mark.takes_long
 
@@ -24,10 +21,7 @@ BLOCK = re.compile(
 
 
 def follow(page: str, folder: Path) -> str:
-    """Save the files that a page names and run its shell blocks in a folder; what they print.
-
-    A block that is one command of ours needs neither a shell nor a process that loads everything anew.
-    """
+    """Save the files that a page names and run its shell blocks in a folder; what they print."""
     # As after the tutorial's `. .venv/bin/activate`; one thread and one worker, as tests run side by side.
     environment = {
         **os.environ,
@@ -40,12 +34,13 @@ def follow(page: str, folder: Path) -> str:
             alone = "workers = 1\n" if block["file"].endswith(".toml") else ""
             (folder / block["file"]).write_text(alone + block["text"], "utf-8")
         elif block["language"] == "sh" and not block["skip"]:
-            program, *arguments = shlex.split(block["text"])
-            if program == "nathlon":
-                run = forked.run(*arguments, cwd=folder, **environment)
-            else:
-                script = ["bash", "-e", "-c", block["text"]]
-                run = subprocess.run(script, cwd=folder, env=environment, capture_output=True, text=True)
+            run = subprocess.run(
+                ["bash", "-e", "-c", block["text"]],
+                cwd=folder,
+                env=environment,
+                capture_output=True,
+                text=True,
+            )
             assert run.returncode == 0, f"{block['text']}\n{run.stdout}\n{run.stderr}"
             printed += run.stdout
     return printed
