@@ -25,20 +25,23 @@ pytestmark = [
 ]
 
 
-def test_updates_equal_eager_ones() -> None:
-    """Of rates that change with each update, as one graph serves all; and of learners of one shape, each of
-    which has a graph with its own settings.
-    """
-    changes = {"hidden": (8,), "updates": 6, "final_rates": 0.1, "final_alpha": 0.1}
+def test_learners_of_one_shape_keep_their_own_configurations() -> None:
+    (batch,) = batches(1)
     for polyak in (0.5, 0.01):
-        eager, compiled = (
-            learner(compiled=each, polyak=polyak, **changes)  # type: ignore[arg-type]
-            for each in (False, True)
-        )
-        for batch in batches(6):
-            expected, found = eager.update(batch), compiled.update(batch)
-            torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)
+        eager, compiled = (learner(compiled=each, hidden=(8,), polyak=polyak) for each in (False, True))
+        for qrsac in (eager, compiled):
+            qrsac.update(batch)
         torch.testing.assert_close(compiled.state_dict(), eager.state_dict(), rtol=1e-4, atol=1e-5)
+
+
+def test_updates_equal_eager_ones() -> None:
+    """Of rates that change with each update, too: one graph serves all."""
+    changes = {"hidden": (8,), "updates": 6, "final_rates": 0.1, "final_alpha": 0.1}
+    eager, compiled = learner(**changes), learner(compiled=True, **changes)  # type: ignore[arg-type]
+    for batch in batches(6):
+        expected, found = eager.update(batch), compiled.update(batch)
+        torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(compiled.state_dict(), eager.state_dict(), rtol=1e-4, atol=1e-5)
 
 
 def test_a_run_leaves_checkpoints_that_drive_and_a_curve(tmp_path: Path) -> None:
