@@ -2,6 +2,7 @@
 
 import { h } from "./element.js";
 
+/** @param {import("./player.js").Player} player */
 export function orderTable(player) {
   const { recording, state } = player;
   const { race, samples, time } = recording;
