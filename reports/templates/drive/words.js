@@ -1,14 +1,12 @@
 // Numbers and names as the page of test drives writes them.
 
+import { ABSENT, clock } from "../numbers.js";
+
 /** @param {number} share */
 export const percent = (share) => `${Math.round(100 * share)} %`;
 
 /** @param {number} seconds */
-export function lapTime(seconds) {
-  if (!Number.isFinite(seconds)) return "–";
-  const ms = Math.round(seconds * 1000);
-  return `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(ms % 1000).padStart(3, "0")}`;
-}
+export const lapTime = (seconds) => (Number.isFinite(seconds) ? clock(seconds, 3) : ABSENT);
 
 /** @type {Record<string, string>} */
 const ENDS = { one: "st", two: "nd", few: "rd", other: "th" };
