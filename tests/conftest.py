@@ -69,7 +69,7 @@ def chromium() -> str:
 
 @pytest.fixture(scope="session")
 def running_chromium(chromium: str) -> Iterator[Browser]:
-    """One Chromium for all modules of a test process: to start it takes longer than to look at many a page."""
+    """One Chromium for all modules of a test process: to start it takes longer than to look at pages."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         yield browser

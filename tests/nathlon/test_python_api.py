@@ -123,7 +123,7 @@ from nathlon.policies.load import load_policy
 list(do([Opening("driver", load_policy, ("driver", "lindenring", "gt3"))], Watch()))
 print(*sys.modules)
 """
-"""Prints what is loaded once the package is imported, for the help, for a guest, for a race, and in a worker."""
+"""Prints what is loaded once the package is imported, for help, a guest, a race, and in a worker."""
 
 
 def test_everything_is_loaded_where_it_is_used() -> None:
