@@ -328,7 +328,9 @@ class PettingZooWorld(EpisodeWorld):
     def make(self, scenario: str, *arguments: Any) -> Any:
         """What the function of a scenario makes."""
         with redirect_stdout(sys.stderr):  # what it prints is no output of ours
-            return self._make[scenario](*arguments)
+            make = self._make[scenario]
+            assert not isinstance(make, str)
+            return make(*arguments)
 
 
 class GymnasiumWorld(PettingZooWorld):

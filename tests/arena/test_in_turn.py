@@ -65,8 +65,8 @@ def played(world: Any, policies: list[Any], seats: int) -> tuple[list[float], li
     """Scores and faults of the seats in an episode."""
     [scenario] = world.scenarios
     players = [
-        Asking(policy, str(seat), *spaces, np.random.default_rng(seat), 1, 1.0).watched(Watch(), 0, seat)
-        for seat, policy, spaces in zip(range(seats), policies, world.spaces(scenario), strict=True)
+        Asking(policy, str(seat), seen, done, np.random.default_rng(seat), 1, 1.0).watched(Watch(), 0, seat)
+        for seat, policy, (seen, done) in zip(range(seats), policies, world.spaces(scenario), strict=True)
     ]
     outcomes = world.play(scenario, players, 1)
     return [one.score for one in outcomes], [player.fault for player in players]
@@ -140,7 +140,7 @@ def test_observations_and_actions_may_be_tuples(tmp_path: Path) -> None:
     def load(path: Path, seen: Any, done: Any) -> Any:
         return lambda observation: (observation[0], np.ones(2, np.int64))
 
-    world: Any = GymnasiumWorld({"pairs": Pairs}, load=load)  # type: ignore[dict-item]
+    world: Any = GymnasiumWorld({"pairs": Pairs}, load=load)
     random = load_general("random", Pairs.observation_space, Pairs.action_space)
     assert played(world, [world.policy(says(tmp_path, 0))], 1) == ([4.0], [""])
     assert played(world, [random], 1)[1] == [""]

@@ -18,10 +18,10 @@ def played(world: Any, source: str) -> tuple[list[float], list[str]]:
     """Scores and faults of an episode that a policy plays in all seats."""
     [scenario] = world.scenarios
     players = [
-        Asking(world.policy(source), str(seat), *spaces, np.random.default_rng(seat), 1, 1.0).watched(
+        Asking(world.policy(source), str(seat), seen, done, np.random.default_rng(seat), 1, 1.0).watched(
             Watch(), 0, 0
         )
-        for seat, spaces in enumerate(world.spaces(scenario))
+        for seat, (seen, done) in enumerate(world.spaces(scenario))
     ]
     outcomes = world.play(scenario, players, 1)
     return [one.score for one in outcomes], [player.fault for player in players]
