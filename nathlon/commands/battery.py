@@ -12,7 +12,7 @@ from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Worker
 from nathlon.commands.selection import say_set_aside, stoppable
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given, find
-from nathlon.results.ranks import written_ranks
+from nathlon.results.ranks import written_rank
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -94,11 +94,11 @@ def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
     for column in ("Rank", "Entrant", "Points"):
         ranking.add_column(column, justify="right" if column in ("Rank", "Points") else "left")
     ranked = _named(answer.tables["battery"], names)
-    for row, rank in zip(ranked, written_ranks(row["rank"] for row in ranked), strict=True):
+    for row in ranked:
         points = f"{row['points']:.0f}"
         if row["points_low"] is not None:
             points += f" ({row['points_low']:.0f} to {row['points_high']:.0f})"
-        ranking.add_row(rank, row["name"], points)
+        ranking.add_row(written_rank(row["rank"], row["worst_rank"]), row["name"], points)
     print_table(ranking)
 
     tests = new_table("Tests")

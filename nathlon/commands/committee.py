@@ -193,7 +193,7 @@ def _standings(decision: Decision) -> Table:
             "*" if standing.chosen else "",
             row["name"],
             _interval(row),
-            written_rank(row["rank"], row.get("tied", False)),
+            written_rank(row["rank"], row.get("worst_rank")),
             _figure(row["contacts_per_km"], ".2f"),
             _figure(row["at_fault_per_km"], ".2f"),
             _figure(row["off_course_share"], ".1%"),

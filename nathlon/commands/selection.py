@@ -25,7 +25,6 @@ from nathlon.commands.options import (
 )
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
-from nathlon.results.ranks import written_ranks
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
@@ -276,8 +275,8 @@ def _print_ranking(summary: Summary) -> None:
     heads += ["Contacts per km"] if touches else []
     for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
-    for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
-        cells = [rank, row.name]
+    for row in ranking:
+        cells = [row.written_rank, row.name]
         if means:
             shares = (row.won, row.drawn, row.lost)
             cells.append(_interval(row.mean, row.mean_low, row.mean_high))

@@ -1,10 +1,8 @@
-// A rank as it is written everywhere: with = after it where several share it.
+// A rank as it is written everywhere: the range of those that are possible. Runs of older versions did not keep the worst.
 
-const rankText = (rank, shared) => (rank === null || rank === undefined ? "–" : `${rank}${shared ? "=" : ""}`);
-
-// The rank of an entrant of a table, written.
-const rankIn = (rows) => {
-  const holders = new Map();
-  for (const { rank } of rows) holders.set(rank, (holders.get(rank) ?? 0) + 1);
-  return (rank) => rankText(rank, holders.get(rank) > 1);
+const rankText = (row) => {
+  const { rank: best = null, worst_rank: worst = null } = row ?? {};
+  if (best === null) return "–";
+  if (worst === null) return `from ${best}`;
+  return worst === best ? `${best}` : `${best} to ${worst}`;
 };

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from nathlon.arena.race_log import Incident
+from nathlon.arena.race_log import Incident, numbered
 from nathlon.lab.drive.aids import Aids
 from nathlon.lab.drive.blind import BlindTest
 from nathlon.lab.drive.choice import MOST_LAPS, Choice, DrivePlan, Offer, check_place, plan
@@ -303,8 +303,7 @@ def _race(made: DrivePlan) -> Words:
     return {
         "choice": choice.model_dump(mode="json"),
         "cars": [
-            {"name": f"{place} {name}", "colour": colour}
-            for place, (name, colour) in enumerate(zip(made.grid, shades, strict=True))
+            {"name": name, "colour": colour} for name, colour in zip(numbered(made.grid), shades, strict=True)
         ],
         "countdown_s": COUNTDOWN_S,
         "field": made.field and made.field.words,

@@ -28,7 +28,6 @@ const nameOf = (number) => entrants[number].name;
 
 const byEntrant = (rows) => new Map(rows.map((row) => [row.entrant, row]));
 const rankingOf = byEntrant(tables.ranking);
-const [rankWritten, poolRank, batteryRank] = [tables.ranking, tables.pool.length ? tables.pool : tables.ranking, tables.battery].map(rankIn);
 const batteryOf = byEntrant(tables.battery);
 const paretoOf = byEntrant(tables.pareto);
 const groups = (rows, key) => {

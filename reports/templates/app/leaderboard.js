@@ -15,11 +15,11 @@ function leaderboard() {
   return [
     title,
     !met && note(`The entrants did not meet: ${summary.stages_set_aside.tournament}.`),
-    note(`Rank: 1 + the number of entrants proven better, after Holm's correction. = marks a statistical tie. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
+    note(`${RANKS} Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
-      rankColumn(rows),
+      rankColumn,
       entrantColumn(),
       figure("points", POINTS_HEAD, RANK_DIGITS, POINTS),
       { key: "points-drawn", head: "", unseen: "Points, drawn", kind: "drawn", cell: points },
@@ -78,6 +78,7 @@ function compare([first, second]) {
     const row = table.get(index);
     return { value: row?.[name] ?? null, low: row?.[low] ?? null, high: row?.[high] ?? null, digits };
   });
+  const rankOf = (table) => numbers.map((index) => ({ value: table.get(index)?.rank ?? null, low: null, high: null, text: rankText(table.get(index)) }));
   const skill = (test) => numbers.map((index) => {
     const own = (skillsOf.get(index) ?? []).find((one) => one.test === test);
     return { value: own?.points ?? null, low: own?.points_low ?? null, high: own?.points_high ?? null, digits: 0 };
@@ -86,14 +87,14 @@ function compare([first, second]) {
   const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
   const groups = [
     [met ? MEETINGS : null, [
-      { label: "Rank", two: shown(rankingOf, "rank", 0), written: rankWritten },
+      { label: "Rank", title: RANKS, two: rankOf(rankingOf) },
       { label: POINTS_HEAD, two: shown(rankingOf, POINTS[0], RANK_DIGITS, POINTS[1], POINTS[2]), goal: "max", sure: both && [both.difference_low, both.difference_high] },
       touches && { label: "Contacts per km", two: shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high"), goal: "min" },
       blames && { label: "At fault per km", two: shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high"), goal: "min" },
       { label: "Faults", two: shown(rankingOf, "faults", 0), goal: "min" },
     ]],
     ["n-athlon", [
-      { label: "Rank", two: shown(batteryOf, "rank", 0), written: batteryRank },
+      { label: "Rank", title: RANKS, two: rankOf(batteryOf) },
       { label: "Sum", two: shown(batteryOf, "points", 0, "points_low", "points_high"), goal: "max", apart: true },
       ...tests.map((test) => ({ label: plain(test), title: asked(test), two: skill(test), goal: "max", apart: true })),
     ]],
@@ -124,7 +125,7 @@ const apartBy = (a, b) => (a.low === null || b.low === null ? [null, null] : [
 
 // A figure of two entrants, what they differ by, and who is better; `goal` is "max" or "min", `apart` where the two are independent,
 // and `sure` what their difference lies within where something else tells it.
-function sideBySide({ label, title, two: [a, b], written = null, goal = null, apart = false, sure = null }, names) {
+function sideBySide({ label, title, two: [a, b], goal = null, apart = false, sure = null }, names) {
   const known = a.value !== null && b.value !== null;
   const difference = known ? a.value - b.value : null;
   const [low, high] = known && apart ? apartBy(a, b) : [null, null];
@@ -133,7 +134,7 @@ function sideBySide({ label, title, two: [a, b], written = null, goal = null, ap
   const first = goal === "min" ? difference < 0 : difference > 0;
   const told = !goal || !known ? "" : difference === 0 ? "alike" : overlap || (least !== null && least <= 0 && most >= 0) ? "not told apart" : names[first ? 0 : 1];
   return h("tr", {}, h("th", { scope: "row", class: "name", title }, label),
-    [a, b].map(({ value, low: least, high: most, digits }) => h("td", { class: "number" }, h("strong", {}, written ? written(value) : number(value, digits)), " ", interval(least, most, digits))),
-    h("td", { class: "number" }, written || !known ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),
+    [a, b].map(({ value, low: least, high: most, digits, text }) => h("td", { class: "number" }, h("strong", {}, text ?? number(value, digits)), " ", interval(least, most, digits))),
+    h("td", { class: "number" }, a.text || !known ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),
     h("td", { class: "text" }, told));
 }

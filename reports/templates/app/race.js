@@ -65,7 +65,7 @@ async function playerOf(race) {
 }
 
 // What commands are told of a store that is not found beside the recording.
-const storeAsked = () => (/(^|\/)store\.sqlite$/.test(data.store) ? [] : ["--store", data.store]);
+const storeAsked = () => (data.store === "store.sqlite" ? [] : ["--store", data.store]);
 
 // How to race it again with another policy at the wheel of the followed car, from the player's moment on.
 function twinOf({ state, recording }, shown) {
@@ -75,7 +75,7 @@ function twinOf({ state, recording }, shown) {
     const car = state.followed >= 0 ? state.followed : recording.order(recording.tickAt(state.now))[0];
     asked.replaceChildren(
       h("p", {}, `Both races side by side, with FILE at the wheel of ${recording.race.cars[car].name} from ${clock(state.now)} on. From the folder above this page:`),
-      command(["nathlon", "twin", shown.recording.replace("../", ""), "--car", String(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
+      command(["nathlon", "twin", shown.recording.replace("../", ""), "--car", startNumber(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
   };
   return [h("p", {}, h("button", { type: "button", class: "moment", onclick: show }, "race it again with another policy from this moment")), asked];
 }
@@ -90,7 +90,7 @@ function incidents(player, shown) {
   const asked = h("div", { role: "status" });
   const file = shown?.recording?.replace("../", "");
   const frozenBy = (row) => [
-    "nathlon", "incident", file, "--at", row.time.toFixed(1), "--car", String(row.fault >= 0 ? row.fault : row.cars[0]), "--name", "NAME",
+    "nathlon", "incident", file, "--at", row.time.toFixed(1), "--car", startNumber(row.fault >= 0 ? row.fault : row.cars[0]), "--name", "NAME",
     ...storeAsked(),
   ];
   const ask = (row) => h("button", {
@@ -133,6 +133,6 @@ function watched(race, shown) {
     shown && h("p", {}, replay(shown)),
     rerun && [h("p", {}, "Open the recording in Rerun, from the folder above this page:"), command(rerun)],
     shown?.notes.map((text) => h("p", {}, text)),
-    h("p", {}, shown?.recording ? `Run the ${EPISODE} again and show it:` : `Run the ${EPISODE} again, record it and show it in Rerun:`),
+    h("p", {}, shown?.recording ? `Run the ${EPISODE} again and show it, from there:` : `Run the ${EPISODE} again, record it and show it in Rerun, from the folder above this page:`),
     command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`]));
 }

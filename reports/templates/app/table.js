@@ -82,12 +82,9 @@ const entrantColumn = (extra = () => null) => ({
   value: (row) => nameOf(row.entrant),
   cell: (row) => [entrantLink(row.entrant), " ", chips(row.entrant), extra(row)],
 });
-const rankColumn = (rows) => {
-  const written = rankIn(rows);
-  return {
-    key: "rank", head: "Rank", kind: "rank", first: "ascending",
-    title: "1 + the number of entrants proven better, after Holm's correction; = marks a statistical tie",
-    value: (row) => row.rank,
-    cell: (row) => written(row.rank),
-  };
+const RANKS = "Ranks that are possible: the best is 1 + the number of entrants proven better, the worst lies ahead of those only that are proven worse, after Holm's correction.";
+const rankColumn = {
+  key: "rank", head: "Rank", kind: "rank", first: "ascending", title: RANKS,
+  value: (row) => row.rank,
+  cell: rankText,
 };

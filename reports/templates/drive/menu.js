@@ -150,7 +150,7 @@ function resultDialog({ rows, car, recording, inputs, questions, forecast }, { o
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
       : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, typed(["nathlon", "replay", recording]))),
          h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
-         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", String(car)]))),
+         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", startNumber(car)]))),
          h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave))]));
   dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); if (questions) onAsk(questions); else onLeave(); };
   dialog.showModal();

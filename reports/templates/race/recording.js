@@ -98,6 +98,9 @@ async function openRecording(race, circuit) {
   };
 }
 
+// What is painted on a car: people count from 1.
+const startNumber = (car) => String(car + 1);
+
 // A difference with its sign; what rounds to zero has no minus.
 function difference(value, digits) {
   const text = Math.abs(value).toFixed(digits);

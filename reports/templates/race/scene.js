@@ -214,7 +214,7 @@ function raceScene(recording, scene, state) {
     }
     view.restore();
     view.globalAlpha = 1;
-    label(near && car === state.followed ? race.cars[car].name : String(car), x, y, near ? 14 : 11, ratio, driving ? "#fff" : QUIET);
+    label(near && car === state.followed ? race.cars[car].name : startNumber(car), x, y, near ? 14 : 11, ratio, driving ? "#fff" : QUIET);
   }
 
   function drawIncidents(near, ratio) {

@@ -11,7 +11,7 @@ const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 function spaceScene(recording, state, id) {
   const { race, circuit, line, ground, cars } = recording;
   const canvas = h("canvas", { id, class: "scene", role: "img", "aria-label": "The race in three dimensions" });
-  const labels = race.cars.map(({ name }, car) => h("span", { class: "label", title: name }, String(car)));
+  const labels = race.cars.map(({ name }, car) => h("span", { class: "label", title: name }, startNumber(car)));
   const told = h("p", { class: "shot" });
   const node = h("div", { class: "space", hidden: true }, canvas, h("div", { class: "labels", "aria-hidden": "true" }, labels), told);
   const cameras = tracksideCameras(recording);
