@@ -9,7 +9,20 @@ from nathlon.reports.cars import winner
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 
-SPACE = ("scene3d/cameras.js", "scene3d/mesh.js", "scene3d/view.js")
+SPACE = tuple(
+    f"scene3d/{part}.js"
+    for part in (
+        "cameras",
+        "shapes",
+        "circuit",
+        "car_models",
+        "landscape",
+        "effects",
+        "cockpit",
+        "shaders",
+        "view",
+    )
+)
 """Scripts that draw cars on a circuit in three dimensions; test drives have them too."""
 PARTS = ("element", "recording", "scene", "battle", "trackside", "space", "watching", "player", "order")
 """Scripts in templates/race of which the player is made, in their order; the report has them too."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from nathlon.reports.player import SPACE
 from nathlon.reports.self_contained import render_page, script_data, template_text
 
-SHARED = ("element", "recording", "scene")
+SHARED = ("element", "recording", "scene", "trackside")
 """Scripts of the report's player that the page has too."""
 OWN = ("link", "inputs", "sound", "hud", "menu", "blind", "drive")
 

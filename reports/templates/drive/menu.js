@@ -1,7 +1,7 @@
 // Choosing a drive, calibrating a wheel, and the dialogs.
 
 const AIDS = [["steering", "Steering aid: never turns the front wheels beyond their grip"], ["pedals", "Pedal aid: eases throttle and brake while the tyres turn"]];
-const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
+const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, G circuit in small, V sound, B reference lap, P or Escape pause, R restart.";
 
 const DIFFICULTIES = { chosen: "As ticked below", beginner: "Beginner", intermediate: "Intermediate", expert: "Expert", match: "Match me" };
 const TEMPERS = { calm: "Calm", fair: "Fair", aggressive: "Aggressive" };

@@ -3,7 +3,7 @@
 const CAMERAS = { trackside: "trackside", chase: "from behind", cockpit: "from the cockpit" };
 const LAG_S = 0.15; // by which the camera behind a car turns later than the car
 const LABEL_M = 1.7;
-const DRAWN = ["x", "y", "z", "yaw", "pitch", "roll", "speed"];
+const DRAWN = ["x", "y", "z", "yaw", "pitch", "roll", "speed", "distance", "steering", "brake"];
 
 const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -18,16 +18,45 @@ function spaceScene(recording, state, id) {
   const shots = new Map();
   let view = null;
   let held = null; // the shot while nothing may cut
+  let skids = null; // marks of tyres, in the order in which they were left
 
   function open() {
     view ??= newView(canvas);
-    view?.show({ circuit, line, ground, length: race.length, width: race.width, colours: race.cars.map(({ colour }) => colour) });
+    if (view && !skids) {
+      view.show({ circuit, line, ground, kind: race.kind, length: race.length, width: race.width, colours: race.cars.map(({ colour }) => colour), names: race.cars.map(({ name }) => name) });
+      skids = skidsOf();
+      view.layMarks(skids.flatMap(({ quads }) => quads));
+    }
     return view !== null;
   }
 
   function frameAt(seconds) {
     const [tick, part] = recording.moment(seconds);
-    return { cars: race.cars.map((_, car) => Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)]))) };
+    return { puffs: puffsAt(seconds), cars: race.cars.map((_, car) => Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)]))) };
+  }
+
+  function skidsOf() {
+    const { samples, time } = recording;
+    const at = (car, tick) => Object.fromEntries(DRAWN.map((name) => [name, samples[name][car][tick]]));
+    const found = [];
+    for (let tick = 1; tick < time.length; tick++) {
+      for (let car = 0; car < cars; car++) {
+        const [before, after] = [at(car, tick - 1), at(car, tick)];
+        if (slides(before, after)) found.push({ time: time[tick], quads: marksBetween(before, after, view.wheels) });
+      }
+    }
+    return found;
+  }
+
+  // Dust of cars beside the road, and smoke of those that slide.
+  function puffsAt(seconds) {
+    return race.cars.flatMap((_, car) => puffsOf((age) => {
+      const [now, before] = [seconds - age, seconds - age - 0.1].map((t) => {
+        const [tick, part] = recording.moment(Math.max(t, 0));
+        return Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)]));
+      });
+      return raisedBy(recording, before, now, now.distance + race.origin);
+    }));
   }
 
   function shotNow() {
@@ -59,6 +88,11 @@ function spaceScene(recording, state, id) {
     return `Camera ${shot.camera + 1} of ${cameras.length}: ${who}`;
   }
 
+  const marksBy = (seconds) => {
+    const after = skids.findIndex(({ time }) => time > seconds);
+    return (after < 0 ? skids : skids.slice(0, after)).reduce((sum, { quads }) => sum + quads.length, 0);
+  };
+
   function draw() {
     const tick = recording.tickAt(state.now);
     const watched = watchedCar(recording, tick, state.followed);
@@ -66,13 +100,13 @@ function spaceScene(recording, state, id) {
     const own = frame.cars[watched];
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     let [camera, shot] = [null, null];
-    if (state.camera === "cockpit") camera = cockpitCamera(own);
+    if (state.camera === "cockpit") camera = cockpitCamera(own, view.kind);
     else if (state.camera === "chase") camera = chaseCamera(own, recording.value("yaw", watched, ...recording.moment(state.now - LAG_S)));
     else {
       shot = shotNow();
       camera = tracksideCamera(shot, frame, watched, width / height);
     }
-    const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1 });
+    const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1, marks: marksBy(state.now) });
     const seen = labels.map(() => false);
     for (let car = 0; car < cars; car++) {
       const [x, y, ahead] = projected(matrix, besideCar(frame.cars[car], 0, LABEL_M));

@@ -1,7 +1,9 @@
 // Cameras: where they are (eye, target, up, vertical angle of view), and the matrices of what they see.
 
 const CHASE = { back: 6.4, up: 2.3, look: 7, fov: 0.95 };
-const COCKPIT = { forward: 0.35, up: 1.16, fov: 1.1 };
+const COCKPIT_FOV = 1.1;
+// Where the driver's eyes are, m ahead of the middle and above the road, by the car's model.
+const EYES = { gt3: { ahead: 0.0, up: 1.06 }, coupe: { ahead: 0.05, up: 1.14 }, prototype: { ahead: 0.15, up: 0.9 } };
 const MIRROR_FOV = 0.5;
 
 function multiply(a, b) {
@@ -59,8 +61,9 @@ function chaseCamera(car, heading) {
   return { eye, target: besideCar(car, CHASE.look, 0.8), up: [0, 0, 1], fov: CHASE.fov + Math.min(car.speed / 90, 1) * 0.2 };
 }
 
-function cockpitCamera(car) {
-  return { eye: besideCar(car, COCKPIT.forward, COCKPIT.up), target: besideCar(car, 30, COCKPIT.up - 0.2), up: axes(car)[2], fov: COCKPIT.fov };
+function cockpitCamera(car, kind) {
+  const { ahead, up } = EYES[kind];
+  return { eye: besideCar(car, ahead, up), target: besideCar(car, 30, up - 1.4), up: axes(car)[2], fov: COCKPIT_FOV, near: 0.08 };
 }
 
 function mirrorCamera(car, length) {

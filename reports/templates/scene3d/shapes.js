@@ -1,0 +1,107 @@
+// Meshes: triangles of lit corners, 20 bytes each: place, normal and what kind of surface it is, colour.
+
+const CORNER_BYTES = 20;
+// How a surface is lit: as it is; in the paint of an entrant, or its accent where the livery has one; brake lights; glass; with grain.
+const LOOK = { plain: 0, paint: 1, stripe: 2, sill: 3, brake: 4, glass: 5, road: 6, grass: 7, unlit: 8 };
+const CREASE = 0.55; // cosine of the angle up to which faces share normals
+
+function rgb(css) {
+  return [1, 3, 5].map((at) => parseInt(css.slice(at, at + 2), 16));
+}
+
+function normalOf(a, b, c) {
+  const [u, v] = [minus(b, a), minus(c, a)];
+  return unit(cross(u, v));
+}
+
+// Faces with a colour (red, green, blue and, where it is not whole, opacity; or one for each corner) and a look; `data` packs them.
+function newMesh() {
+  const faces = [];
+  return {
+    triangle(a, b, c, colour, look = LOOK.plain, normal = null) {
+      faces.push({ points: [a, b, c], colour, look, normal: normal ?? normalOf(a, b, c), flat: normal !== null });
+    },
+    quad(a, b, c, d, colour, look = LOOK.plain, normal = null) {
+      this.triangle(a, b, c, colour, look, normal);
+      this.triangle(a, c, d, colour, look, normal);
+    },
+    get count() {
+      return 3 * faces.length;
+    },
+    // With `smooth`, corners in one place share the normals of faces that hardly differ.
+    data(smooth = false) {
+      const around = new Map();
+      const key = (point) => point.map((part) => Math.round(part * 500)).join();
+      if (smooth) {
+        for (const face of faces) {
+          for (const point of face.points) {
+            const at = key(point);
+            if (around.has(at)) around.get(at).push(face.normal);
+            else around.set(at, [face.normal]);
+          }
+        }
+      }
+      const bytes = new ArrayBuffer(3 * faces.length * CORNER_BYTES);
+      const view = new DataView(bytes);
+      let at = 0;
+      for (const { points, colour, look, normal, flat } of faces) {
+        points.forEach((point, corner) => {
+          const [red, green, blue, opacity = 1] = Array.isArray(colour[0]) ? colour[corner] : colour;
+          const near = smooth && !flat ? around.get(key(point)).filter((other) => inner(other, normal) > CREASE) : [normal];
+          const shared = unit(near.reduce((sum, other) => sum.map((part, i) => part + other[i]), [0, 0, 0]));
+          for (let k = 0; k < 3; k++) {
+            view.setFloat32(at + 4 * k, point[k], true);
+            view.setInt8(at + 12 + k, Math.round(shared[k] * 127));
+            view.setUint8(at + 16 + k, Math.min(Math.max([red, green, blue][k], 0), 255));
+          }
+          view.setInt8(at + 15, look);
+          view.setUint8(at + 19, 255 * opacity);
+          at += CORNER_BYTES;
+        });
+      }
+      return bytes;
+    },
+  };
+}
+
+// A block from low corner to high corner; `lean` moves its top along x.
+function block(mesh, [x, y, z], [X, Y, Z], colour, look = LOOK.plain, lean = 0) {
+  const [a, b, c, d] = [[x, y, z], [X, y, z], [X, Y, z], [x, Y, z]];
+  const [e, f, g, i] = [[x + lean, y, Z], [X + lean, y, Z], [X + lean, Y, Z], [x + lean, Y, Z]];
+  for (const side of [[a, b, f, e], [b, c, g, f], [c, d, i, g], [d, a, e, i], [e, f, g, i], [d, c, b, a]]) mesh.quad(...side, colour, look);
+}
+
+// A skin over rings of as many points each, closed at both ends; `styled(i, k)` tells colour and look between ring i and the next, point k
+// and the next. Points run so that the skin faces outwards.
+function loft(mesh, rings, styled, closed = true) {
+  const n = rings[0].length;
+  for (let i = 0; i + 1 < rings.length; i++) {
+    for (let k = 0; k < n; k++) {
+      const l = (k + 1) % n;
+      mesh.quad(rings[i][k], rings[i + 1][k], rings[i + 1][l], rings[i][l], ...styled(i, k));
+    }
+  }
+  if (!closed) return;
+  for (const [i, ring] of [[0, rings[0]], [rings.length - 2, rings.at(-1).toReversed()]]) {
+    for (let k = 1; k + 1 < n; k++) mesh.triangle(ring[0], ring[k], ring[k + 1], ...styled(i, 0));
+  }
+}
+
+// A body turned about the axis along y: `profile` holds places on the axis and radii.
+function lathe(mesh, centre, profile, parts, styled) {
+  const [cx, cy, cz] = centre;
+  const at = ([y, radius], k) => [cx + radius * Math.cos((2 * Math.PI * k) / parts), cy + y, cz + radius * Math.sin((2 * Math.PI * k) / parts)];
+  for (let i = 0; i + 1 < profile.length; i++) {
+    for (let k = 0; k < parts; k++) {
+      const [a, b] = [profile[i], profile[i + 1]];
+      if (a[1] > 0) mesh.triangle(at(a, k), at(b, k + 1), at(a, k + 1), ...styled(i, k));
+      if (b[1] > 0) mesh.triangle(at(a, k), at(b, k), at(b, k + 1), ...styled(i, k));
+    }
+  }
+}
+
+// Numbers that look drawn, the same each time.
+function drawn(seed) {
+  let state = seed;
+  return () => (state = (state * 16807) % 2147483647) / 2147483647;
+}
