@@ -74,7 +74,7 @@ def _print(report: MatrixReport, out: Path) -> None:
         print_table(table)
     for sentence in report.set_aside:
         say(f"Not driven: {sentence}")
-    for sentence in filter(None, (report.completion, report.void_runs)):
+    for sentence in filter(None, (report.completion, report.void_runs, report.otherwise)):
         say(sentence)
     say(report.headline)
     say(f"Page         {out / 'index.html'}")

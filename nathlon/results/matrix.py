@@ -123,6 +123,7 @@ class MatrixReport(ResultModel):
         policy_broken, baseline_broken: of the half of `runs` of each, those in which it broke down.
         breaks_more: whether the policy surely does so more often, from the same starts.
         set_aside: sentences on what could not be driven.
+        otherwise: that an episode came out otherwise when it was played again, in a sentence.
     """
 
     policy: str
@@ -140,6 +141,7 @@ class MatrixReport(ResultModel):
     policy_broken: int = 0
     baseline_broken: int = 0
     breaks_more: bool = False
+    otherwise: str = ""
     wall_s: float
     versions: dict[str, str]
     measures: tuple[MatrixMeasure, ...]

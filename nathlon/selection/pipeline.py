@@ -181,7 +181,7 @@ def _summary(
         most_void=_most_void(results, names),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
         gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
-        notes=remarks(field, deviation),
+        notes=remarks(field, deviation, run.otherwise),
         also={
             entrant.name: tuple(map(printable, entrant.also)) for entrant in field.entrants if entrant.also
         },
@@ -189,15 +189,16 @@ def _summary(
     )
 
 
-def remarks(field: Field, deviation: float | None) -> tuple[str, ...]:
+def remarks(field: Field, deviation: float | None, otherwise: str = "") -> tuple[str, ...]:
     """What is said of a run beside its verdict.
 
     Args:
         field: who took part.
         deviation: of a matchup's difference from unit to unit; None where nobody met twice.
+        otherwise: what came otherwise when it was played again; '' where nothing did.
     """
     alike = deviation is not None and deviation < ALIKE_DEVIATION
-    return (*field.notes, ALIKE) if alike else field.notes
+    return (*field.notes, *([ALIKE] if alike else []), *([otherwise] if otherwise else []))
 
 
 def _most_void(results: pl.DataFrame, names: dict[str, str]) -> MostVoid | None:

@@ -1,19 +1,51 @@
 // The page: connection, inputs and drawing, put together.
 
+import { marksBetween, puffsOf, raisedBy, slides } from "../scene3d/effects.js";
+import { all, byId, dataOf } from "../race/element.js";
+import { openCircuit, unpacked } from "../race/recording.js";
+import { raceScene, sized } from "../race/scene.js";
+import { chaseCamera, cockpitCamera } from "../scene3d/cameras.js";
+import { newView } from "../scene3d/view.js";
+import { momentOf, questionsDialog, showBlind } from "./blind.js";
+import { newHud, newReference } from "./hud.js";
+import { kept, newInputs } from "./inputs.js";
+import { connect, newPlayback } from "./link.js";
+import { newMenu, pauseDialog, resultDialog } from "./menu.js";
+import { newSound } from "./sound.js";
+
 const SEND_MS = 1000 / 60;
 const READY = 3; // pictures after which the countdown may begin: a graphics driver may take seconds for the first ones
 const VIEWS = ["chase", "cockpit", "map"];
 
+/**
+ * @typedef {object} Driving
+ * @property {any} race as the server tells it
+ * @property {number} own the person's car
+ * @property {Awaited<ReturnType<typeof prepare>>} made
+ * @property {ReturnType<typeof newReference>} reference
+ * @property {ReturnType<typeof newHud>} hud
+ * @property {ReturnType<typeof newMap>} map
+ * @property {ReturnType<typeof newMinimap>} small
+ * @property {ReturnType<typeof newTrails>} [trails]
+ * @property {Record<string, boolean>} aids
+ * @property {boolean} paused
+ * @property {boolean} started
+ * @property {boolean} [finished]
+ * @property {number} drawn pictures
+ * @property {number} begins s
+ */
+
 function start() {
-  const el = (id) => document.getElementById(id);
-  const session = JSON.parse(el("session").textContent);
+  const session = dataOf("session");
   const playback = newPlayback();
   const sound = newSound();
-  const view = newView(el("scene"));
-  let seen = null;
+  const view = newView(byId("scene", HTMLCanvasElement));
+  /** @type {ReturnType<typeof newSight>} */
+  let seen = newSight("gt3");
   const settings = { kind: view ? "chase" : "map", mirror: true, line: true, minimap: true, sound: true, ...kept.read("view", {}) };
   if (!view) settings.kind = "map";
-  let driving = null; // the race: { race, own, hud, map, reference, started, paused, drawn, begins }
+  /** @type {Driving | null} the race */
+  let driving = null;
   const inputs = newInputs(() => send());
   const seconds = () => performance.now() / 1000;
   let heard = Promise.resolve();
@@ -33,7 +65,7 @@ function start() {
     if (words.type === "preparing") notice(words.forecast ? "Getting ready: the computer races it a few times first …" : "Getting ready …");
     if (words.type === "race") await begin(words);
     if (words.type === "paused") pause();
-    if (words.type === "going on" && driving) resume();
+    if (words.type === "going on") resume();
     if (words.type === "stewards") driving?.hud.tell(words, driving.own);
     if (words.type === "marked") driving?.hud.tell({ text: `You marked ${momentOf(words)}`, cars: [driving.own], penalty_s: 0 }, driving.own);
     if (words.type === "questions") ask(words);
@@ -42,14 +74,14 @@ function start() {
   }
 
   function notice(text) {
-    el("notice").textContent = text;
-    if (el("waiting")) el("waiting").textContent = text;
+    byId("notice").textContent = text;
+    for (const waiting of all("#waiting")) waiting.textContent = text;
   }
 
   function refused(why) {
     leave();
     notice("");
-    el("refused").textContent = why;
+    byId("refused").textContent = why;
   }
 
   function ask(questions) {
@@ -64,7 +96,7 @@ function start() {
     if (choices.blind) showBlind(choices.blind, () => link.say({ type: "cast" }));
     newMenu({ choices, inputs, onGo: (choice) => {
       sound.begin();
-      el("refused").textContent = "";
+      byId("refused").textContent = "";
       link.say({ type: "race", choice });
     } });
   }
@@ -72,7 +104,7 @@ function start() {
   async function begin(words) {
     const made = await prepare(words.scene, words.cars);
     playback.clear();
-    for (const id of ["pause", "result"]) el(id).close();
+    for (const id of ["pause", "result"]) byId(id, HTMLDialogElement).close();
     const reference = newReference(made.reference, made.lap);
     driving = {
       race: words, own: words.choice.seat - 1, made, reference, paused: false, started: false, aids: { ...words.choice.aids },
@@ -80,21 +112,20 @@ function start() {
       drawn: 0, begins: Infinity,
     };
     view?.show(made);
-    seen = newSight(view?.kind);
-    driving.trails = view && newTrails(made, view);
-    el("menu").hidden = true;
-    document.activeElement?.blur(); // a button that is hidden would keep the keys until the next picture
-    el("track").hidden = false;
+    if (view) [seen, driving.trails] = [newSight(view.kind), newTrails(made, view)];
+    byId("menu").hidden = true;
+    /** @type {HTMLElement | null} */ (document.activeElement)?.blur(); // a button that is hidden would keep the keys until the next picture
+    byId("track").hidden = false;
     notice("");
     if (words.field) driving.hud.tell({ text: words.field, cars: [driving.own], penalty_s: 0 }, driving.own, 4);
   }
 
   function countDown() {
-    if (!driving.started) driving.begins = seconds() + driving.race.countdown_s;
+    if (driving && !driving.started) driving.begins = seconds() + driving.race.countdown_s;
   }
 
   function ready() {
-    if (driving.paused) return;
+    if (driving?.paused) return;
     link.say({ type: "ready" });
     countDown();
   }
@@ -114,16 +145,16 @@ function start() {
   }
 
   function resume() {
-    driving.paused = false;
+    if (driving) driving.paused = false;
     countDown();
-    el("pause").close();
+    byId("pause", HTMLDialogElement).close();
   }
 
   function leave() {
     driving = null;
-    for (const id of ["pause", "result"]) el(id).close();
-    el("menu").hidden = false;
-    el("track").hidden = true;
+    for (const id of ["pause", "result"]) byId(id, HTMLDialogElement).close();
+    byId("menu").hidden = false;
+    byId("track").hidden = true;
   }
 
   function finish(words) {
@@ -138,6 +169,7 @@ function start() {
   }
   setInterval(send, SEND_MS);
 
+  /** @type {Record<string, () => unknown>} */
   const commands = {
     KeyC: () => (settings.kind = VIEWS[(VIEWS.indexOf(settings.kind) + (view ? 1 : 0)) % VIEWS.length]),
     KeyM: () => link.say({ type: "mark" }),
@@ -145,7 +177,7 @@ function start() {
     KeyL: () => (settings.line = !settings.line),
     KeyG: () => (settings.minimap = !settings.minimap),
     KeyV: () => (settings.sound = !settings.sound),
-    KeyB: () => (driving.reference.own = !driving.reference.own),
+    KeyB: () => driving?.reference.turn(),
     KeyP: () => link.say({ type: "pause" }),
     Escape: () => link.say({ type: "pause" }),
     KeyR: () => link.say({ type: "restart" }),
@@ -165,21 +197,20 @@ function start() {
   function paint() {
     requestAnimationFrame(paint);
     const frame = driving && playback.at(seconds());
-    if (!frame || frame.cars.length <= driving.own) return;
+    if (!driving || !frame || frame.cars.length <= driving.own) return;
     const map = settings.kind === "map";
     if (frame.phase !== "countdown" && !driving.started) [driving.started, driving.begins] = [true, seconds() - frame.time];
     driving.hud.light(driving.begins - seconds());
     if (frame.phase === "over" && !driving.finished) notice("The others finish …");
-    el("scene").hidden = map;
-    el("map").hidden = !map;
+    byId("scene").hidden = map;
+    byId("map").hidden = !map;
     if (map) driving.map(frame, driving.own);
     else {
       frame.cars[driving.own].steering = frame.steering;
-      frame.puffs = driving.trails(frame);
-      view.render(frame, ...seen(frame, driving.own, settings));
+      view?.render({ ...frame, puffs: driving.trails?.(frame) }, ...seen(frame, driving.own, settings));
     }
     if (!map && settings.minimap) driving.small(frame, driving.own);
-    el("small").hidden = map || !settings.minimap;
+    byId("small").hidden = map || !settings.minimap;
     driving.hud.draw(frame, driving.own, performance.now());
     sound.play(frame, driving.own, settings.sound && !driving.paused);
     driving.drawn += 1;
@@ -189,8 +220,16 @@ function start() {
 }
 
 // What the driver looks through, and what of it is drawn: arguments of the view.
+/** @param {string} model */
 function newSight(model) {
+  /** @type {number | null} */
   let heading = null;
+  /**
+   * @param {import("./link.js").Frame} frame
+   * @param {number} own
+   * @param {{ kind: string, mirror: boolean, line: boolean }} settings
+   * @returns {[import("../scene3d/cameras.js").Camera, { inside: number, mirror: number, line: number }]}
+   */
   return (frame, own, { kind, mirror, line }) => {
     const car = frame.cars[own];
     const inside = kind === "cockpit";
@@ -204,13 +243,15 @@ function newSight(model) {
 // What tyres leave and raise as the race goes on: has marks laid on the road, and tells the puffs of a frame.
 function newTrails(made, view) {
   const TRAIL = { apart_s: 0.1, kept: 12 };
-  let past = []; // [time, cars], the latest last
+  /** @type {[number, import("./link.js").Frame["cars"]][]} */
+  let past = []; // with the time of each, the latest last
   return ({ time, cars }) => {
-    if (past.length && time < past.at(-1)[0]) past = [];
+    if (time < (past.at(-1)?.[0] ?? 0)) past = [];
     const before = past.at(-1);
     if (!before || time - before[0] >= TRAIL.apart_s) {
       if (before) view.layMarks(cars.flatMap((car, i) => (slides(before[1][i], car) ? marksBetween(before[1][i], car, view.wheels) : [])));
-      past = [...past, [time, cars]].slice(-TRAIL.kept);
+      past.push([time, cars]);
+      past.splice(0, past.length - TRAIL.kept);
     }
     return cars.flatMap((_, i) => puffsOf((age) => {
       const at = past.findLastIndex(([then]) => then <= time - age);
@@ -240,8 +281,8 @@ const TRAIL_POINTS = 40;
 
 // The whole circuit in small, with a dot for every car.
 function newMinimap({ line, circuit }, cars) {
-  const canvas = document.getElementById("small");
-  const pen = canvas.getContext("2d");
+  const canvas = byId("small", HTMLCanvasElement);
+  const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
   const middle = (part) => Array.from(line.left[part], (value, i) => (value + line.right[part][i]) / 2);
   const [xs, ys] = [middle("x"), middle("y")];
   const [[west, east], [south, north]] = [xs, ys].map((values) => [Math.min(...values), Math.max(...values)]);
@@ -252,16 +293,20 @@ function newMinimap({ line, circuit }, cars) {
     const at = (x, y) => [width / 2 + (x - (west + east) / 2) * scale, height / 2 - (y - (south + north) / 2) * scale];
     pen.clearRect(0, 0, width, height);
     pen.lineJoin = "round";
-    for (const [colour, wide] of [["#12151acc", 7], ["#e6e8eb", 3]]) {
+    for (const [colour, wide] of /** @type {[string, number][]} */ ([["#12151acc", 7], ["#e6e8eb", 3]])) {
       pen.beginPath();
-      for (let i = 0; i <= circuit.rows; i++) pen.lineTo(...at(xs[i % circuit.rows], ys[i % circuit.rows]));
+      for (let i = 0; i <= circuit.rows; i++) {
+        const [x, y] = at(xs[i % circuit.rows], ys[i % circuit.rows]);
+        pen.lineTo(x, y);
+      }
       [pen.strokeStyle, pen.lineWidth] = [colour, wide * ratio];
       pen.stroke();
     }
     const others = [...frame.cars.keys()].filter((car) => car !== own);
     for (const car of [...others, own]) {
       pen.beginPath();
-      pen.arc(...at(frame.cars[car].x, frame.cars[car].y), (car === own ? 6 : 4) * ratio, 0, 7);
+      const [x, y] = at(frame.cars[car].x, frame.cars[car].y);
+      pen.arc(x, y, (car === own ? 6 : 4) * ratio, 0, 7);
       [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [cars[car].colour, car === own ? "#fff" : "#12151a", 1.5 * ratio];
       pen.fill();
       pen.stroke();
@@ -271,20 +316,30 @@ function newMinimap({ line, circuit }, cars) {
 
 // The map, drawn by the scene of recorded races, which is given the present and a short past.
 function newMap(made, cars) {
-  const [time, samples] = [[], { x: cars.map(() => []), y: cars.map(() => []) }];
-  let frame = null;
+  /** @type {number[]} */
+  const time = [];
+  /** @type {{ x: number[][], y: number[][] }} */
+  const samples = { x: cars.map(() => []), y: cars.map(() => []) };
+  /** @type {import("./link.js").Frame} */
+  let frame;
+  /** @type {import("../race/scene.js").Drawable} */
   const recording = {
     race: { cars, length: made.length, width: made.width, incidents: [] }, circuit: made.circuit, cars: cars.length,
     time, samples, line: made.line, ground: made.ground,
     moment: () => [time.length - 1, 0],
-    value: (name, car) => frame.cars[car][name] ?? 0,
+    value: (name, car) => Number(frame.cars[car][/** @type {keyof import("./link.js").FrameCar} */ (name)] ?? 0),
     drives: (car) => frame.cars[car].doing === "driving",
   };
-  const state = { now: 0, followed: 0, zoom: 1, moved: null };
-  const draw = raceScene(recording, document.getElementById("map"), state);
+  /** @type {import("../race/scene.js").SceneState} */
+  const state = { now: 0, followed: 0, zoom: 1, moved: null, scale: 1, centre: [0, 0] };
+  const draw = raceScene(recording, byId("map", HTMLCanvasElement), state);
+  /**
+   * @param {import("./link.js").Frame} now
+   * @param {number} own
+   */
   return (now, own) => {
     frame = now;
-    if (!time.length || frame.tick - TRAIL_EVERY >= time.at(-1) * 60) {
+    if (frame.tick - TRAIL_EVERY >= (time.at(-1) ?? -Infinity) * 60) {
       time.push(frame.time);
       frame.cars.forEach(({ x, y }, car) => { samples.x[car].push(x); samples.y[car].push(y); });
       if (time.length > TRAIL_POINTS) for (const column of [time, ...samples.x, ...samples.y]) column.shift();

@@ -1,5 +1,7 @@
 // Three cars, built from numbers: x in half lengths to the nose, y in half widths, z in metres above the road.
 
+import { block, lathe, loft, LOOK, newMesh } from "./shapes.js";
+
 const BLACK = [24, 25, 28];
 const CARBON = [34, 36, 40];
 const GLASS = [22, 28, 36];
@@ -57,12 +59,14 @@ const MODELS = {
     fin: true,
   },
 };
-const LIVERIES = 4;
+export const LIVERIES = 4;
+// Of a fin: places along the car, and heights.
+const FIN = [[-0.98, 0.66], [-0.98, 0.98], [-0.7, 1], [-0.3, 0.95], [-0.3, 0.7]];
 // Sides of a body's sections that look to the road; the others go up on the right and down on the left.
 const LOW = new Set([0, 13, 14, 15]);
 
 // Which model a car is drawn as: its own, or that of the kind it is shaped like.
-function modelNamed(name, length, width) {
+export function modelNamed(name, length, width) {
   if (name in MODELS) return name;
   return width / length > 0.425 ? "gt3" : "coupe";
 }
@@ -88,21 +92,21 @@ function cabinRing([x, foot, roof, low, top], h, s) {
 }
 
 // The whole car on its wheels, nose along x. `wheels` are apart: they turn. `inside` is what is left for who looks out of it.
-function carModel(kind, length, width) {
+export function carModel(kind, length, width) {
   const model = MODELS[kind];
   const [h, s] = [length / 2, width / 2];
   const [mesh, glass] = [newMesh(), newMesh()];
   const rings = model.body.map((section) => bodyRing(section, h, s));
-  loft(mesh, rings, (i, k) => (LOW.has(k) ? [BLACK] : [PAINT, k === 1 || k === 12 ? LOOK.sill : k === 6 || k === 7 ? LOOK.stripe : LOOK.paint]));
+  loft(mesh, rings, (k) => (LOW.has(k) ? [BLACK] : [PAINT, k === 1 || k === 12 ? LOOK.sill : k === 6 || k === 7 ? LOOK.stripe : LOOK.paint]));
   cabin(glass, model, h, s);
   for (const x of model.axles) for (const y of [-1, 1]) arch(mesh, x * h, y * s, model);
   details(mesh, model, h, s, rings);
   for (const guard of model.guards ?? []) for (const side of [-1, 1]) mudguard(mesh, guard, side, h, s);
   if (model.wing) wing(mesh, model.wing, h, s);
   if (model.fin) {
-    const fin = [[-0.98, 0.66], [-0.98, 0.98], [-0.7, 1.0], [-0.3, 0.95], [-0.3, 0.7]].map(([x, z]) => [x * h, z]);
     for (const y of [-0.012, 0.012]) {
-      for (let k = 1; k + 1 < fin.length; k++) mesh.triangle(...[0, k, k + 1].map((j) => [fin[j][0], y, fin[j][1]]), PAINT, LOOK.stripe, [0, Math.sign(y), 0]);
+      const [first, ...others] = FIN.map(([x, z]) => [x * h, y, z]);
+      for (let k = 0; k + 1 < others.length; k++) mesh.triangle(first, others[k], others[k + 1], PAINT, LOOK.stripe, [0, Math.sign(y), 0]);
     }
   }
   return { body: mesh, glass, wheels: model.axles.flatMap((x) => [1, -1].map((y) => [x * h, y * (s - 0.105), model.radius])), radius: model.radius };
@@ -110,7 +114,7 @@ function carModel(kind, length, width) {
 
 function cabin(mesh, model, h, s) {
   const rings = model.cabin.map((section) => cabinRing(section, h, s));
-  loft(mesh, rings, (i, k) => {
+  loft(mesh, rings, (k, i) => {
     const roof = k > 2 && k < 7 && i >= model.roof[0] && i < model.roof[1];
     if (roof) return [PAINT, k === 4 || k === 5 ? LOOK.stripe : LOOK.paint];
     return model.pillars.includes(i) || k === 0 || k === 9 ? [PAINT, LOOK.paint] : [GLASS, LOOK.glass];
@@ -174,25 +178,25 @@ function mudguard(mesh, [x, reach, top, foot], side, h, s) {
     const at = (x + t * reach) * h;
     return [[at, y - w, 0.16], [at, y - w, z - 0.05], [at, y - 0.6 * w, z], [at, y + 0.6 * w, z], [at, y + w, z - 0.05], [at, y + w, 0.16]];
   });
-  loft(mesh, rings, (i, k) => (k === 2 ? [PAINT, LOOK.stripe] : k === 5 ? [BLACK] : [PAINT, LOOK.paint]));
+  loft(mesh, rings, (k) => (k === 2 ? [PAINT, LOOK.stripe] : k === 5 ? [BLACK] : [PAINT, LOOK.paint]));
 }
 
 // A wheel about its own middle, axle along y, outside to the left.
-function wheelModel(radius) {
+export function wheelModel(radius) {
   const mesh = newMesh();
   const r = radius;
-  lathe(mesh, [0, 0, 0], [[-0.14, 0.6 * r], [-0.14, 0.93 * r], [-0.11, r], [0.11, r], [0.145, 0.94 * r], [0.148, 0.68 * r]], 20, () => [TYRE]);
-  lathe(mesh, [0, 0, 0], [[0.147, 0.68 * r], [0.12, 0.64 * r], [0.06, 0.6 * r], [0.05, 0]], 20, () => [[44, 46, 50]]);
+  lathe(mesh, [[-0.14, 0.6 * r], [-0.14, 0.93 * r], [-0.11, r], [0.11, r], [0.145, 0.94 * r], [0.148, 0.68 * r]], 20, TYRE);
+  lathe(mesh, [[0.147, 0.68 * r], [0.12, 0.64 * r], [0.06, 0.6 * r], [0.05, 0]], 20, [44, 46, 50]);
   for (let k = 0; k < 5; k++) {
     const at = (turn, radius, y) => [radius * Math.cos(1.2566 * k + turn), y, radius * Math.sin(1.2566 * k + turn)];
     mesh.quad(at(-0.35, 0.1 * r, 0.1), at(-0.16, 0.66 * r, 0.13), at(0.16, 0.66 * r, 0.13), at(0.35, 0.1 * r, 0.1), RIM, LOOK.glass, [0, 1, 0]);
   }
-  lathe(mesh, [0, 0, 0], [[0.1, 0.16 * r], [0.12, 0]], 10, () => [[190, 40, 36]]);
+  lathe(mesh, [[0.1, 0.16 * r], [0.12, 0]], 10, [190, 40, 36]);
   return mesh;
 }
 
 // What a car darkens below it: most in the middle, nothing a little beyond its sides.
-function shadowModel(length, width) {
+export function shadowModel(length, width) {
   const mesh = newMesh();
   const parts = 16;
   const ring = (grown, opacity) => [...Array(parts).keys()].map((k) => {
@@ -204,9 +208,9 @@ function shadowModel(length, width) {
   for (let i = 0; i + 1 < rings.length; i++) {
     for (let k = 0; k < parts; k++) {
       const l = (k + 1) % parts;
-      for (const corners of [[rings[i][k], rings[i + 1][k], rings[i + 1][l]], [rings[i][k], rings[i + 1][l], rings[i][l]]]) {
-        mesh.triangle(...corners.map(({ place }) => place), corners.map(({ colour }) => colour), LOOK.unlit, [0, 0, 1]);
-      }
+      const [a, b, c, d] = [rings[i][k], rings[i + 1][k], rings[i + 1][l], rings[i][l]];
+      mesh.triangle(a.place, b.place, c.place, [a.colour, b.colour, c.colour], LOOK.unlit, [0, 0, 1]);
+      mesh.triangle(a.place, c.place, d.place, [a.colour, c.colour, d.colour], LOOK.unlit, [0, 0, 1]);
     }
   }
   return mesh;

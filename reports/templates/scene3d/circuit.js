@@ -1,26 +1,29 @@
 // The ground of a circuit, its kerbs, walls and paint, in pieces along the lap, so that what lies behind a camera is left out.
 
+import { unit } from "./cameras.js";
+import { drawn, LOOK, newMesh, rgb } from "./shapes.js";
+
 const WALL_M = 1.0;
 const ZONE = [150, 122, 62]; // where penalties are served
 const MEADOW = [92, 124, 66];
 const PLAIN_M = 3000;
 const GROUND_PIECE_M = 120; // of the lap
-const OUTSIDE_M = 90; // as far the land falls away behind a wall
-const FALL_M = 9;
+export const OUTSIDE_M = 90; // as far the land falls away behind a wall
+export const FALL_M = 9;
 const KERB_M = 0.06;
 const ADVERTS = [[196, 44, 40], [28, 84, 160], [232, 232, 228], [226, 170, 32], [30, 110, 74], [40, 42, 48]];
 const ADVERT_M = 9;
 
-const UP = [0, 0, 1];
+export const UP = [0, 0, 1];
 
 // A point some metres from `a` towards `b`, on the level.
-function toward(a, b, metres) {
+export function toward(a, b, metres) {
   const far = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
   return a.map((part, i) => part + ((b[i] - part) * metres) / far);
 }
 
 // The pieces: meshes with what they are within; `line` holds points by name, `ground` surfaces by row.
-function circuitPieces({ circuit, line, ground }) {
+export function circuitPieces({ circuit, line, ground }) {
   const n = circuit.rows;
   const spacing = circuit.lap / n;
   const rows = Math.max(Math.round(GROUND_PIECE_M / spacing), 1);
@@ -74,7 +77,7 @@ function barrier(mesh, at, wall, edge, i, j, spacing) {
 }
 
 // The land below all else, as far as one sees.
-function meadow({ wall_left: left, wall_right: right }) {
+export function meadow({ wall_left: left, wall_right: right }) {
   const mesh = newMesh();
   const ends = (part) => [left, right].flatMap((wall) => [Math.min(...wall[part]), Math.max(...wall[part])]);
   const [[x, X], [y, Y], [z]] = ["x", "y", "z"].map((part) => [Math.min(...ends(part)), Math.max(...ends(part))]);
@@ -88,7 +91,7 @@ function meadow({ wall_left: left, wall_right: right }) {
 function hills(mesh, [x, y, low], reach) {
   const chance = drawn(11);
   const parts = 56;
-  for (const [away, high, colour] of [[1500, 190, [104, 128, 120]], [900, 90, [88, 118, 84]]]) {
+  for (const { away, high, colour } of [{ away: 1500, high: 190, colour: [104, 128, 120] }, { away: 900, high: 90, colour: [88, 118, 84] }]) {
     const crest = [...Array(parts).keys()].map(() => high * (0.25 + chance()));
     const at = (k, radius, up) => [x + radius * Math.cos((k * 2 * Math.PI) / parts), y + radius * Math.sin((k * 2 * Math.PI) / parts), low + up];
     for (let k = 0; k < parts; k++) {
@@ -101,7 +104,7 @@ function hills(mesh, [x, y, low], reach) {
 // The line, in squares, and the bridge with the lights above it.
 function paintStart(mesh, line) {
   const at = (name, i, up) => [line[name].x[i], line[name].y[i], line[name].z[i] + up];
-  const [left, right, next, last] = [at("left", 0, 0.02), at("right", 0, 0.02), at("left", 1, 0.02), at("right", 1, 0.02)];
+  const [left, right, next] = [at("left", 0, 0.02), at("right", 0, 0.02), at("left", 1, 0.02)];
   const wide = Math.hypot(left[0] - right[0], left[1] - right[1]);
   const along = unit([next[0] - left[0], next[1] - left[1], 0]);
   for (let row = 0; row < 2; row++) {
@@ -109,7 +112,7 @@ function paintStart(mesh, line) {
       const ahead = (point, by) => point.map((part, i) => part + along[i] * by);
       const [a, b] = [toward(left, right, m), toward(left, right, Math.min(m + 0.8, wide))];
       const light = (Math.round(m / 0.8) + row) % 2;
-      mesh.quad(...[[a, 0.8 * row], [b, 0.8 * row], [b, 0.8 * row + 0.8], [a, 0.8 * row + 0.8]].map(([p, by]) => ahead(p, by)), light ? [244, 244, 244] : [26, 26, 29], LOOK.road, UP);
+      mesh.quad(ahead(a, 0.8 * row), ahead(b, 0.8 * row), ahead(b, 0.8 * row + 0.8), ahead(a, 0.8 * row + 0.8), light ? [244, 244, 244] : [26, 26, 29], LOOK.road, UP);
     }
   }
   gantry(mesh, at("wall_left", 0, 0), at("wall_right", 0, 0), along);
@@ -118,11 +121,11 @@ function paintStart(mesh, line) {
 function gantry(mesh, left, right, along) {
   const high = 6.4;
   const beam = (a, b, z, Z, deep, colour, look) => {
-    const corners = (up) => [[a, -deep], [b, -deep], [b, deep], [a, deep]].map(([p, by]) => [p[0] + along[0] * by, p[1] + along[1] * by, p[2] + up]);
+    const moved = (p, by, up) => [p[0] + along[0] * by, p[1] + along[1] * by, p[2] + up];
+    const corners = (up) => [moved(a, -deep, up), moved(b, -deep, up), moved(b, deep, up), moved(a, deep, up)];
     const [foot, head] = [corners(z), corners(Z)];
     for (let k = 0; k < 4; k++) mesh.quad(foot[k], foot[(k + 1) % 4], head[(k + 1) % 4], head[k], colour, look);
-    mesh.quad(...head, colour, look);
-    mesh.quad(...foot, colour, look);
+    for (const [p, q, r, s] of [head, foot]) mesh.quad(p, q, r, s, colour, look);
   };
   const inward = (a, b, by) => toward(a, b, by);
   for (const [a, b] of [[left, right], [right, left]]) beam(inward(a, b, -0.8), inward(a, b, -0.3), 0, high + 1, 0.3, [60, 64, 72], LOOK.plain);

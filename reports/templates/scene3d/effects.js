@@ -1,5 +1,8 @@
 // What tyres leave: dark marks where they slide, smoke, and dust beside the road.
 
+import { UP } from "./circuit.js";
+import { LOOK, newMesh, rgb } from "./shapes.js";
+
 const SLIDING = 0.13; // rad between where a car points and where it goes
 const SLIDING_M_S = 7; // below this speed nothing is left
 const MARK_M = 0.26; // half the width of a mark is half of it
@@ -13,13 +16,13 @@ function slideOf(before, after) {
   return Math.abs(Math.atan2(Math.sin(turn), Math.cos(turn)));
 }
 
-const slides = (before, after) => {
+export const slides = (before, after) => {
   const slide = slideOf(before, after);
   return after.speed > SLIDING_M_S && slide > SLIDING && slide < 2.6;
 };
 
 // The corners of the marks of the four wheels of a car between two places.
-function marksBetween(before, after, wheels) {
+export function marksBetween(before, after, wheels) {
   const place = (car, [x, y]) => {
     const [c, s] = [Math.cos(car.yaw), Math.sin(car.yaw)];
     return [car.x + x * c - y * s, car.y + x * s + y * c, car.z + 0.012];
@@ -44,7 +47,7 @@ function besideRoad({ circuit, line, ground }, car, distance) {
 }
 
 // What a car raises between two places: where, of which colour, how much; null where nothing.
-function raisedBy(made, before, after, distance) {
+export function raisedBy(made, before, after, distance) {
   if (after.speed < SLIDING_M_S) return null;
   const dirt = besideRoad(made, after, distance);
   if (dirt) return { ...after, colour: dirt.map((part) => 90 + 0.55 * part), strength: Math.min(after.speed / 30, 1) };
@@ -52,7 +55,7 @@ function raisedBy(made, before, after, distance) {
 }
 
 // Puffs behind a car: `past(seconds)` tells where it was, with the colour of what it raised, or null.
-function puffsOf(past) {
+export function puffsOf(past) {
   const puffs = [];
   for (let k = 0; k < PUFFS.count; k++) {
     const age = k * PUFFS.apart_s;
@@ -70,7 +73,7 @@ function puffsOf(past) {
 }
 
 // Facing whoever looks, gone at the rim.
-function puffModel() {
+export function puffModel() {
   const mesh = newMesh();
   for (let k = 0; k < 8; k++) {
     const at = (j) => [Math.cos(j * 0.7854), Math.sin(j * 0.7854), 0];

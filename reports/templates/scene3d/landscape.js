@@ -1,5 +1,9 @@
 // What stands around a circuit: trees of two kinds and stands with people, each one shape drawn in many places.
 
+import { tracksideCameras } from "../race/trackside.js";
+import { FALL_M, OUTSIDE_M, toward } from "./circuit.js";
+import { block, drawn, LOOK, newMesh } from "./shapes.js";
+
 const TREE_GAP_M = 11;
 const TREE_ROOM_M = 24; // from any road
 const STAND_M = 14;
@@ -60,25 +64,35 @@ function stand() {
 }
 
 // A matrix that turns about the upright, stretches and moves.
+/**
+ * @param {number[]} place
+ * @param {number} turn rad
+ * @param {number} size
+ */
 function matrixAt([x, y, z], turn, size, tall = size) {
   const [c, s] = [Math.cos(turn) * size, Math.sin(turn) * size];
   return [c, s, 0, 0, -s, c, 0, 0, 0, 0, tall, 0, x, y, z, 1];
 }
 
 // Where things stand, by kind: { matrix, tint, at }, along the lap.
-function standing({ circuit, line }) {
+export function standing({ circuit, line }) {
   const n = circuit.rows;
   const spacing = circuit.lap / n;
   const at = (name, i) => [line[name].x[i], line[name].y[i], line[name].z[i]];
   const roads = new Set();
   const cell = (x, y) => `${Math.floor(x / ROAD_CELL_M)} ${Math.floor(y / ROAD_CELL_M)}`;
   for (let i = 0; i < n; i++) roads.add(cell((line.left.x[i] + line.right.x[i]) / 2, (line.left.y[i] + line.right.y[i]) / 2));
+  /** @type {(place: number[], room: number) => boolean} */
   const free = ([x, y], room) => {
     for (let dx = -room; dx <= room; dx += room) for (let dy = -room; dy <= room; dy += room) if (roads.has(cell(x + dx, y + dy))) return false;
     return true;
   };
   const chance = drawn(7);
-  const [firs, leaves, stands, taken] = [[], [], [], []];
+  /** @typedef {{ matrix: number[], tint: number, at: number[] }} Standing */
+  /** @type {Standing[][]} */
+  const [firs, leaves, stands] = [[], [], []];
+  /** @type {number[][]} */
+  const taken = [];
   // A place beyond the wall of a side; the land falls there.
   const beyond = (side, i, metres) => {
     const foot = toward(at(`wall_${side}`, i), at(side, i), -metres);
@@ -109,5 +123,5 @@ function standing({ circuit, line }) {
       (kind < 0.5 ? firs : leaves).push({ matrix: matrixAt(foot, turn, kind < 0.5 ? size * 1.1 : size, kind < 0.5 ? size * 1.25 : size), tint, at: foot });
     }
   }
-  return [[fir(), firs], [broadleaf(), leaves], [stand(), stands]];
+  return [{ mesh: fir(), places: firs }, { mesh: broadleaf(), places: leaves }, { mesh: stand(), places: stands }];
 }

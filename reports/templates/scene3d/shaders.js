@@ -1,8 +1,10 @@
 // How corners become pixels: light from sun and sky, haze, grain of the ground, and the sky itself.
 
+import { drawn, LOOK } from "./shapes.js";
+
 const SUN = [0.46, 0.34, 0.82];
 const HAZE = [0.76, 0.83, 0.89];
-const SCENE_VERTEX = `#version 300 es
+export const SCENE_VERTEX = `#version 300 es
 in vec3 place; in vec4 facing; in vec4 colour;
 in vec4 model0, model1, model2, model3, paint, accent;
 uniform mat4 camera; uniform vec3 eye;
@@ -36,7 +38,7 @@ void main() {
   shade = vec4(lit, colour.a * mix(1.0, paint.a, tinted));
   grain = look == ${LOOK.road} ? vec3(world.xy, 0.30) : look == ${LOOK.grass} ? vec3(world.xy, 0.62) : vec3(0.0);
 }`;
-const SCENE_FRAGMENT = `#version 300 es
+export const SCENE_FRAGMENT = `#version 300 es
 precision mediump float; precision highp sampler2D;
 in vec4 shade; in highp vec3 grain; in float far;
 uniform sampler2D noise;
@@ -49,7 +51,7 @@ void main() {
   }
   drawn = vec4(mix(vec3(${HAZE}), seen, exp(-far / 1500.0)), shade.a);
 }`;
-const SKY_VERTEX = `#version 300 es
+export const SKY_VERTEX = `#version 300 es
 in vec2 corner;
 uniform vec3 ahead, across, above;
 out vec3 way;
@@ -57,7 +59,7 @@ void main() {
   way = ahead + corner.x * across + corner.y * above;
   gl_Position = vec4(corner, 1.0, 1.0);
 }`;
-const SKY_FRAGMENT = `#version 300 es
+export const SKY_FRAGMENT = `#version 300 es
 precision mediump float; precision highp sampler2D;
 in highp vec3 way;
 uniform sampler2D noise;
@@ -74,7 +76,7 @@ void main() {
   drawn = vec4(mix(sky, vec3(0.97), smoothstep(0.5, 0.78, cloud) * smoothstep(0.02, 0.22, up) * 0.8), 1.0);
 }`;
 
-function compiled(gl, vertex, fragment) {
+export function compiled(gl, vertex, fragment) {
   const program = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);
@@ -87,7 +89,7 @@ function compiled(gl, vertex, fragment) {
 }
 
 // Noise that can be laid side by side: red is fine, green soft.
-function noiseTexture(gl) {
+export function noiseTexture(gl) {
   const size = 128;
   const chance = drawn(13);
   const lattice = (cells) => {

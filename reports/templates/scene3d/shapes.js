@@ -1,11 +1,13 @@
 // Meshes: triangles of lit corners, 20 bytes each: place, normal and what kind of surface it is, colour.
 
-const CORNER_BYTES = 20;
+import { cross, inner, minus, unit } from "./cameras.js";
+
+export const CORNER_BYTES = 20;
 // How a surface is lit: as it is; in the paint of an entrant, or its accent where the livery has one; brake lights; glass; with grain.
-const LOOK = { plain: 0, paint: 1, stripe: 2, sill: 3, brake: 4, glass: 5, road: 6, grass: 7, unlit: 8 };
+export const LOOK = { plain: 0, paint: 1, stripe: 2, sill: 3, brake: 4, glass: 5, road: 6, grass: 7, unlit: 8 };
 const CREASE = 0.55; // cosine of the angle up to which faces share normals
 
-function rgb(css) {
+export function rgb(css) {
   return [1, 3, 5].map((at) => parseInt(css.slice(at, at + 2), 16));
 }
 
@@ -14,13 +16,21 @@ function normalOf(a, b, c) {
   return unit(cross(u, v));
 }
 
+/**
+ * @typedef {import("./cameras.js").Place} Place
+ * @typedef {number[] | number[][]} Colour
+ * @typedef {ReturnType<typeof newMesh>} Mesh
+ */
+
 // Faces with a colour (red, green, blue and, where it is not whole, opacity; or one for each corner) and a look; `data` packs them.
-function newMesh() {
+export function newMesh() {
   const faces = [];
   return {
+    /** @type {(a: Place, b: Place, c: Place, colour: Colour, look?: number, normal?: Place | null) => void} */
     triangle(a, b, c, colour, look = LOOK.plain, normal = null) {
       faces.push({ points: [a, b, c], colour, look, normal: normal ?? normalOf(a, b, c), flat: normal !== null });
     },
+    /** @type {(a: Place, b: Place, c: Place, d: Place, colour: Colour, look?: number, normal?: Place | null) => void} */
     quad(a, b, c, d, colour, look = LOOK.plain, normal = null) {
       this.triangle(a, b, c, colour, look, normal);
       this.triangle(a, c, d, colour, look, normal);
@@ -65,43 +75,44 @@ function newMesh() {
 }
 
 // A block from low corner to high corner; `lean` moves its top along x.
-function block(mesh, [x, y, z], [X, Y, Z], colour, look = LOOK.plain, lean = 0) {
+export function block(mesh, [x, y, z], [X, Y, Z], colour, look = LOOK.plain, lean = 0) {
   const [a, b, c, d] = [[x, y, z], [X, y, z], [X, Y, z], [x, Y, z]];
   const [e, f, g, i] = [[x + lean, y, Z], [X + lean, y, Z], [X + lean, Y, Z], [x + lean, Y, Z]];
-  for (const side of [[a, b, f, e], [b, c, g, f], [c, d, i, g], [d, a, e, i], [e, f, g, i], [d, c, b, a]]) mesh.quad(...side, colour, look);
+  for (const side of [[a, b, f, e], [b, c, g, f], [c, d, i, g], [d, a, e, i], [e, f, g, i], [d, c, b, a]]) mesh.quad(side[0], side[1], side[2], side[3], colour, look);
 }
 
-// A skin over rings of as many points each, closed at both ends; `styled(i, k)` tells colour and look between ring i and the next, point k
-// and the next. Points run so that the skin faces outwards.
-function loft(mesh, rings, styled, closed = true) {
+// A skin over rings of as many points each, closed at both ends; `styled(k, i)` tells colour and look between point k and the next of ring
+// i and the next. Points run so that the skin faces outwards.
+export function loft(mesh, rings, styled) {
   const n = rings[0].length;
   for (let i = 0; i + 1 < rings.length; i++) {
     for (let k = 0; k < n; k++) {
       const l = (k + 1) % n;
-      mesh.quad(rings[i][k], rings[i + 1][k], rings[i + 1][l], rings[i][l], ...styled(i, k));
+      mesh.quad(rings[i][k], rings[i + 1][k], rings[i + 1][l], rings[i][l], ...styled(k, i));
     }
   }
-  if (!closed) return;
   for (const [i, ring] of [[0, rings[0]], [rings.length - 2, rings.at(-1).toReversed()]]) {
-    for (let k = 1; k + 1 < n; k++) mesh.triangle(ring[0], ring[k], ring[k + 1], ...styled(i, 0));
+    for (let k = 1; k + 1 < n; k++) mesh.triangle(ring[0], ring[k], ring[k + 1], ...styled(0, i));
   }
 }
 
 // A body turned about the axis along y: `profile` holds places on the axis and radii.
-function lathe(mesh, centre, profile, parts, styled) {
-  const [cx, cy, cz] = centre;
-  const at = ([y, radius], k) => [cx + radius * Math.cos((2 * Math.PI * k) / parts), cy + y, cz + radius * Math.sin((2 * Math.PI * k) / parts)];
+export function lathe(mesh, profile, parts, colour) {
+  const at = ([y, radius], k) => [radius * Math.cos((2 * Math.PI * k) / parts), y, radius * Math.sin((2 * Math.PI * k) / parts)];
   for (let i = 0; i + 1 < profile.length; i++) {
     for (let k = 0; k < parts; k++) {
       const [a, b] = [profile[i], profile[i + 1]];
-      if (a[1] > 0) mesh.triangle(at(a, k), at(b, k + 1), at(a, k + 1), ...styled(i, k));
-      if (b[1] > 0) mesh.triangle(at(a, k), at(b, k), at(b, k + 1), ...styled(i, k));
+      if (a[1] > 0) mesh.triangle(at(a, k), at(b, k + 1), at(a, k + 1), colour);
+      if (b[1] > 0) mesh.triangle(at(a, k), at(b, k), at(b, k + 1), colour);
     }
   }
 }
 
 // Numbers that look drawn, the same each time.
-function drawn(seed) {
+export function drawn(seed) {
   let state = seed;
-  return () => (state = (state * 16807) % 2147483647) / 2147483647;
+  return () => {
+    state = (state * 16807) % 2147483647;
+    return state / 2147483647;
+  };
 }

@@ -1,5 +1,15 @@
 // The race in three dimensions, drawn by WebGL.
 
+import { sized } from "../race/scene.js";
+import { cross, EYES, inner, lookAt, minus, mirrorCamera, modelOf, multiply, perspective, unit } from "./cameras.js";
+import { carModel, LIVERIES, modelNamed, shadowModel, wheelModel } from "./car_models.js";
+import { circuitPieces, meadow, UP } from "./circuit.js";
+import { dashboard, handWheel, handWheelAt } from "./cockpit.js";
+import { puffModel } from "./effects.js";
+import { standing } from "./landscape.js";
+import { compiled, noiseTexture, SCENE_FRAGMENT, SCENE_VERTEX, SKY_FRAGMENT, SKY_VERTEX } from "./shaders.js";
+import { CORNER_BYTES, LOOK, newMesh, rgb } from "./shapes.js";
+
 const MIRROR = { width: 0.3, height: 0.13 };
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
 const SEEN_M = { trees: 900, wheels: 160 };
@@ -7,13 +17,30 @@ const INSTANCE = { place: 16, paint: 20, accent: 24 }; // floats until the end o
 const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0];
 const MOST_MARKS = 24_000;
 
+/**
+ * @typedef {import("./cameras.js").Pose & { speed: number, brake: number, distance?: number, progress?: number, steering?: number }} DrawnCar
+ * @typedef {{ place: number[], size: number, colour: number[], opacity: number }} Puff
+ * @typedef {ReturnType<typeof viewBy>} View
+ * @typedef {{ buffer: WebGLBuffer, count: number }} Loaded
+ */
+
 // Which parts a livery gives a second colour: the stripe over the middle, the sills.
 const liveryOf = (name) => [...name.replace(/^\d+ /, "")].reduce((sum, letter) => (sum * 31 + letter.codePointAt(0)) % 9973, 7) % LIVERIES;
 
-// A view on a canvas; null where the browser has no WebGL.
-function newView(canvas) {
+/**
+ * A view on a canvas; null where the browser has no WebGL.
+ * @param {HTMLCanvasElement} canvas
+ */
+export function newView(canvas) {
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
-  if (!gl) return null;
+  return gl && viewBy(gl, canvas);
+}
+
+/**
+ * @param {WebGL2RenderingContext} gl
+ * @param {HTMLCanvasElement} canvas
+ */
+function viewBy(gl, canvas) {
   const program = compiled(gl, SCENE_VERTEX, SCENE_FRAGMENT);
   const heaven = compiled(gl, SKY_VERTEX, SKY_FRAGMENT);
   const spots = Object.fromEntries(["place", "facing", "colour", "model0", "model1", "model2", "model3", "paint", "accent"].map((name) => [name, gl.getAttribLocation(program, name)]));
@@ -25,17 +52,18 @@ function newView(canvas) {
   gl.enable(gl.SCISSOR_TEST);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   gl.polygonOffset(-2, -2);
+  /** @type {(data: BufferSource | number, use?: number) => WebGLBuffer} */
   const buffer = (data, use = gl.STATIC_DRAW) => {
     const made = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, made);
-    gl.bufferData(gl.ARRAY_BUFFER, data, use);
+    gl.bufferData(gl.ARRAY_BUFFER, /** @type {any} */ (data), use);
     return made;
   };
   const load = (mesh, smooth = false) => ({ buffer: buffer(mesh.data(smooth)), count: mesh.count });
   const screen = buffer(new Float32Array([-1, -1, 3, -1, -1, 3]));
   const moving = gl.createBuffer();
   const flowing = gl.createBuffer();
-  let scene = null;
+  let scene = /** @type {any} */ (null); // until `show`
 
   // Draws a mesh once for each instance: matrix, paint, accent.
   function draw({ buffer: corners, count }, instances = STILL, held = null, [first, many] = [0, instances.length / INSTANCE.accent]) {
@@ -59,7 +87,7 @@ function newView(canvas) {
   }
 
   // Things that stand along the lap, in pieces as the ground is.
-  function planted([mesh, places]) {
+  function planted({ mesh, places }) {
     const instances = new Float32Array(places.flatMap(({ matrix, tint }) => [...matrix, tint, tint, tint, 0, 0, 0, 0, 1]));
     const pieces = [];
     const size = 24;
@@ -91,10 +119,13 @@ function newView(canvas) {
     };
   }
 
-  // Marks of tyres: corners of quads. The oldest make room.
+  /**
+   * Marks of tyres. The oldest make room.
+   * @param {number[][][]} quads their corners
+   */
   function layMarks(quads) {
     const mesh = newMesh();
-    for (const quad of quads) mesh.quad(...quad, [14, 14, 16, 0.5], LOOK.unlit, UP);
+    for (const [a, b, c, d] of quads) mesh.quad(a, b, c, d, [14, 14, 16, 0.5], LOOK.unlit, UP);
     const bytes = new Uint8Array(mesh.data());
     const { marks } = scene;
     gl.bindBuffer(gl.ARRAY_BUFFER, marks.buffer);
@@ -209,14 +240,21 @@ function newView(canvas) {
   return {
     show,
     layMarks,
+    /** @returns {number[][]} */
     get wheels() {
       return scene.wheels;
     },
+    /** @returns {string} */
     get kind() {
       return scene.kind;
     },
     // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these, and
     // `marks` how many marks of tyres there are by now.
+    /**
+     * @param {{ cars: DrawnCar[], puffs?: Puff[] }} frame
+     * @param {import("./cameras.js").Camera} camera
+     * @param {{ inside?: number, mirror?: number, line?: number, marks?: number | null }} options
+     */
     render(frame, camera, { inside = -1, mirror = -1, line = -1, marks = null } = {}) {
       const [width, height] = sized(canvas);
       const from = { car: inside, mirror };
