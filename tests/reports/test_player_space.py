@@ -171,7 +171,7 @@ def test_the_closest_two_are_shown(
         watched.press(key)
         found = re.search(r": (\d) entrant ., [\d.]+ s before (\d) entrant .$", watched.told())
         assert found is not None
-        assert (int(found[1]), int(found[2])) == closest
+        assert (int(found[1]) - 1, int(found[2]) - 1) == closest
         shown = watched.page.locator(
             "#space + .labels .label:visible, .labels .label:visible"
         ).all_inner_texts()

@@ -2,7 +2,7 @@
 
 import { marksBetween, puffsOf, raisedBy, slides } from "../scene3d/effects.js";
 import { all, byId, dataOf } from "../race/element.js";
-import { openCircuit, unpacked } from "../race/recording.js";
+import { openCircuit, openRecording, unpacked } from "../race/recording.js";
 import { raceScene, sized } from "../race/scene.js";
 import { chaseCamera, cockpitCamera } from "../scene3d/cameras.js";
 import { newView } from "../scene3d/view.js";
@@ -10,6 +10,7 @@ import { momentOf, questionsDialog, showBlind } from "./blind.js";
 import { newHud, newReference } from "./hud.js";
 import { kept, newInputs } from "./inputs.js";
 import { connect, newPlayback } from "./link.js";
+import { playedAgain } from "./again.js";
 import { newMenu, pauseDialog, resultDialog } from "./menu.js";
 import { newSound } from "./sound.js";
 
@@ -70,7 +71,7 @@ function start() {
     if (words.type === "marked") driving?.hud.tell({ text: `You marked ${momentOf(words)}`, cars: [driving.own], penalty_s: 0 }, driving.own);
     if (words.type === "questions") ask(words);
     if (words.type === "refused") refused(words.why);
-    if (words.type === "result") finish(words);
+    if (words.type === "result") await finish(words);
   }
 
   function notice(text) {
@@ -157,11 +158,12 @@ function start() {
     byId("track").hidden = true;
   }
 
-  function finish(words) {
+  async function finish(words) {
     notice("");
     if (!driving) return;
     driving.finished = true;
-    resultDialog(words, { onRestart: () => link.say({ type: "restart" }), onLeave: leave, onAsk: ask });
+    const again = words.race && view ? playedAgain(await openRecording(words.race, driving.race.scene.circuit), words.car) : null;
+    if (driving) resultDialog(words, again, { onRestart: () => link.say({ type: "restart" }), onLeave: leave, onAsk: ask });
   }
 
   function send() {

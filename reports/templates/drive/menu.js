@@ -127,7 +127,7 @@ export function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids })
   if (!dialog.open) dialog.showModal();
 }
 
-export function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
+export function resultDialog({ rows, car, recording, inputs, questions, forecast }, again, { onRestart, onLeave, onAsk }) {
   const dialog = byId("result", HTMLDialogElement);
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
@@ -137,6 +137,7 @@ export function resultDialog({ rows, car, recording, inputs, questions, forecast
   dialog.replaceChildren(
     h("h2", {}, own.ending === "finished" ? `You came ${ordinal(own.place)} of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
     ...(forecast ? [h("p", { id: "forecast" }, `Forecast: place ${forecast.place.toFixed(1)} of ${forecast.cars}, likely ${forecast.low === forecast.high ? forecast.low : `${forecast.low} to ${forecast.high}`}. You came ${ordinal(own.place)}.`)] : []),
+    ...(again ? [again.node] : []),
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
     ...(questions
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
@@ -146,4 +147,5 @@ export function resultDialog({ rows, car, recording, inputs, questions, forecast
          h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave))]));
   dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); if (questions) onAsk(questions); else onLeave(); };
   dialog.showModal();
+  again?.begin();
 }

@@ -64,9 +64,11 @@ export function spaceScene(recording, state, id) {
   // The marks of tyres, in the order in which they are left.
   function skidsOf() {
     const found = [];
+    const last = race.cars.map((_, car) => drawnAt(car, 0, 0));
     for (let tick = 1; tick < recording.time.length; tick++) {
       for (let car = 0; car < cars; car++) {
-        const [before, after] = [drawnAt(car, tick - 1, 0), drawnAt(car, tick, 0)];
+        const [before, after] = [last[car], drawnAt(car, tick, 0)];
+        last[car] = after;
         if (view && slides(before, after)) found.push({ time: recording.time[tick], quads: marksBetween(before, after, view.wheels) });
       }
     }

@@ -43,23 +43,25 @@ function layRow(mesh, { circuit, line, ground, spacing }, i) {
   const n = circuit.rows;
   const j = (i + 1) % n;
   const at = (name, k, up = 0) => [line[name].x[k], line[name].y[k], line[name].z[k] + up];
+  const tone = 1 + 0.06 * Math.sin(i * 0.37) * Math.sin(i * 0.083);
+  const dim = (colour) => colour.map((part) => part * tone);
   const strip = (a, b, colour, look, up = [0, 0]) => mesh.quad(at(a, i, up[0]), at(b, i, up[1]), at(b, j, up[1]), at(a, j, up[0]), colour, look, UP);
   for (const [side, row] of [["left", 0], ["right", 1]]) {
     const [edge, kerb, wall] = [side, `kerb_${side}`, `wall_${side}`];
-    strip(wall, kerb, rgb(circuit.surfaces[ground[row][i]]), LOOK.grass);
+    strip(wall, kerb, dim(rgb(circuit.surfaces[ground[row][i]])), LOOK.grass);
     if (Math.hypot(line[edge].x[i] - line[kerb].x[i], line[edge].y[i] - line[kerb].y[i]) > 0.1) {
       const colour = rgb(circuit.kerb[Math.floor((i * spacing) / 2.4) % 2]);
       strip(kerb, edge, colour, LOOK.plain, [KERB_M, 0.005]);
-      mesh.quad(at(kerb, i), at(kerb, j), at(kerb, j, KERB_M), at(kerb, i, KERB_M), colour.map((part) => part * 0.6));
+      mesh.quad(at(kerb, i), at(kerb, j), at(kerb, j, KERB_M), at(kerb, i, KERB_M), colour.map((part) => part * 0.7), LOOK.plain, UP);
     }
     barrier(mesh, at, wall, edge, i, j, spacing);
     const out = (k) => {
       const away = toward(at(wall, k), at(edge, k), -OUTSIDE_M);
       return [away[0], away[1], line[wall].z[k] - FALL_M];
     };
-    mesh.quad(at(wall, i), at(wall, j), out(j), out(i), MEADOW, LOOK.grass, UP);
+    mesh.quad(at(wall, i), at(wall, j), out(j), out(i), dim(MEADOW), LOOK.grass, UP);
   }
-  strip("left", "right", ground[2][i] ? ZONE : rgb(circuit.road), LOOK.road);
+  strip("left", "right", dim(ground[2][i] ? ZONE : rgb(circuit.road)), LOOK.road);
   for (const [side, other] of [["left", "right"], ["right", "left"]]) {
     const [a, b] = [at(side, i, 0.015), at(side, j, 0.015)];
     mesh.quad(a, b, toward(b, at(other, j, 0.015), 0.18), toward(a, at(other, i, 0.015), 0.18), [228, 229, 224], LOOK.road, UP);
@@ -71,7 +73,9 @@ function barrier(mesh, at, wall, edge, i, j, spacing) {
   const advert = Math.floor((i * spacing) / ADVERT_M);
   const boards = Math.floor(advert / 14) % 2 === 0;
   const face = boards ? ADVERTS[(advert * 7 + 3) % ADVERTS.length] : [172, 176, 182];
-  mesh.quad(at(wall, i), at(wall, j), at(wall, j, WALL_M), at(wall, i, WALL_M), face);
+  const [foot, road] = [at(wall, i), at(edge, i)];
+  const inwards = unit([road[0] - foot[0], road[1] - foot[1], 0.6 * Math.hypot(road[0] - foot[0], road[1] - foot[1])]);
+  mesh.quad(foot, at(wall, j), at(wall, j, WALL_M), at(wall, i, WALL_M), face, LOOK.plain, inwards);
   const [a, b] = [at(wall, i, WALL_M), at(wall, j, WALL_M)];
   mesh.quad(a, b, toward(b, at(edge, j, WALL_M), -0.35), toward(a, at(edge, i, WALL_M), -0.35), [206, 208, 210], LOOK.plain, UP);
 }

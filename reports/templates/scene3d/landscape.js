@@ -4,10 +4,10 @@ import { tracksideCameras } from "../race/trackside.js";
 import { FALL_M, OUTSIDE_M, toward } from "./circuit.js";
 import { block, drawn, LOOK, newMesh } from "./shapes.js";
 
-const TREE_GAP_M = 11;
+const TREE_GAP_M = 13;
 const TREE_ROOM_M = 24; // from any road
 const STAND_M = 14;
-const STANDS_AT_START_M = 84; // on either side of the line
+const STANDS_AT_START_M = 70; // on either side of the line
 const ROAD_CELL_M = 24;
 
 function fir() {
@@ -25,7 +25,7 @@ function broadleaf() {
   const mesh = newMesh();
   const chance = drawn(5);
   block(mesh, [-0.04, -0.04, 0], [0.04, 0.04, 0.42], [92, 72, 52]);
-  for (const [x, y, z, radius] of [[0, 0, 0.64, 0.34], [0.16, 0.1, 0.5, 0.22], [-0.15, -0.1, 0.52, 0.24]]) {
+  for (const [x, y, z, radius] of [[0.03, 0, 0.64, 0.34], [-0.15, -0.1, 0.5, 0.25]]) {
     const at = (i, k) => {
       const [tilt, turn] = [(-0.5 + i / 3) * Math.PI, k * 1.0472 + i * 0.5];
       return [x + radius * Math.cos(tilt) * Math.cos(turn), y + radius * Math.cos(tilt) * Math.sin(turn), z + radius * Math.sin(tilt)];
@@ -49,12 +49,12 @@ function stand() {
   for (let step = 0; step < 7; step++) {
     const [y, z] = [-step * 0.9, 1.2 + 0.6 * step];
     block(mesh, [-half, y - 0.9, -6], [half, y, z], [158, 162, 168]);
-    for (let x = -half + 0.3; x < half - 0.3; x += 0.55) {
+    for (let x = -half + 0.3; x < half - 0.5; x += 0.75) {
       if (chance() < 0.22) continue;
       const shirt = [[200, 60, 54], [60, 96, 180], [236, 232, 224], [236, 190, 70], [70, 74, 84], [90, 150, 110]][Math.floor(chance() * 6)];
       const [left, front] = [x + 0.08 * chance(), y - 0.35];
-      mesh.quad([left, front, z], [left + 0.38, front, z], [left + 0.36, front - 0.1, z + 0.55], [left + 0.02, front - 0.1, z + 0.55], shirt, LOOK.plain, [0, 0.8, 0.6]);
-      mesh.quad([left + 0.1, front - 0.08, z + 0.55], [left + 0.28, front - 0.08, z + 0.55], [left + 0.28, front - 0.1, z + 0.78], [left + 0.1, front - 0.1, z + 0.78], [214, 172, 142], LOOK.plain, [0, 0.8, 0.6]);
+      mesh.quad([left, front, z], [left + 0.44, front, z], [left + 0.42, front - 0.1, z + 0.55], [left + 0.02, front - 0.1, z + 0.55], shirt, LOOK.plain, [0, 0.8, 0.6]);
+      mesh.triangle([left + 0.06, front - 0.1, z + 0.56], [left + 0.36, front - 0.1, z + 0.56], [left + 0.21, front - 0.1, z + 0.9], [214, 172, 142], LOOK.plain, [0, 0.8, 0.6]);
     }
   }
   for (const x of [-half + 0.2, half - 0.4]) block(mesh, [x, -6.4, 0], [x + 0.25, -6.1, 8.4], [92, 98, 108]);

@@ -5,6 +5,9 @@ import { cross, inner, minus, unit } from "./cameras.js";
 export const CORNER_BYTES = 20;
 // How a surface is lit: as it is; in the paint of an entrant, or its accent where the livery has one; brake lights; glass; with grain.
 export const LOOK = { plain: 0, paint: 1, stripe: 2, sill: 3, brake: 4, glass: 5, road: 6, grass: 7, unlit: 8 };
+// Where the sun stands, and how bright it and the sky are; the last on what looks down.
+export const SUN = [0.46, 0.34, 0.82];
+export const LIGHT = { sun: [0.72, 0.69, 0.63], sky: [0.42, 0.47, 0.55], ground: [0.3, 0.3, 0.27] };
 const CREASE = 0.55; // cosine of the angle up to which faces share normals
 
 export function rgb(css) {
@@ -22,6 +25,12 @@ function normalOf(a, b, c) {
  * @typedef {ReturnType<typeof newMesh>} Mesh
  */
 
+// How much of a colour's part (0 red, 1 green, 2 blue) light gives back from a face.
+function lightOn(normal, part) {
+  const up = 0.5 + 0.5 * normal[2];
+  return LIGHT.sun[part] * Math.max(inner(normal, SUN), 0) + LIGHT.ground[part] * (1 - up) + LIGHT.sky[part] * up;
+}
+
 // Faces with a colour (red, green, blue and, where it is not whole, opacity; or one for each corner) and a look; `data` packs them.
 export function newMesh() {
   const faces = [];
@@ -38,8 +47,9 @@ export function newMesh() {
     get count() {
       return 3 * faces.length;
     },
-    // With `smooth`, corners in one place share the normals of faces that hardly differ.
-    data(smooth = false) {
+    // With `smooth`, corners in one place share the normals of faces that hardly differ. What is `baked` has its light in its colours.
+    /** @param {{ smooth?: boolean, baked?: boolean }} how */
+    data({ smooth = false, baked = false } = {}) {
       const around = new Map();
       const key = (point) => point.map((part) => Math.round(part * 500)).join();
       if (smooth) {
@@ -54,18 +64,22 @@ export function newMesh() {
       const bytes = new ArrayBuffer(3 * faces.length * CORNER_BYTES);
       const view = new DataView(bytes);
       let at = 0;
+      const packed = (colour, facing, look) => {
+        const [red, green, blue, opacity = 1] = colour;
+        return [red, green, blue].map((part, k) => Math.min(part * (baked && look !== LOOK.unlit ? lightOn(facing, k) : 1), 255)).concat(255 * opacity);
+      };
       for (const { points, colour, look, normal, flat } of faces) {
+        const one = smooth || Array.isArray(colour[0]) ? null : packed(colour, normal, look);
         points.forEach((point, corner) => {
-          const [red, green, blue, opacity = 1] = Array.isArray(colour[0]) ? colour[corner] : colour;
-          const near = smooth && !flat ? around.get(key(point)).filter((other) => inner(other, normal) > CREASE) : [normal];
-          const shared = unit(near.reduce((sum, other) => sum.map((part, i) => part + other[i]), [0, 0, 0]));
+          const near = smooth && !flat ? around.get(key(point)).filter((other) => inner(other, normal) > CREASE) : [];
+          const facing = near.length > 1 ? unit(near.reduce((sum, other) => sum.map((part, i) => part + other[i]), [0, 0, 0])) : normal;
+          const shown = one ?? packed(Array.isArray(colour[0]) ? colour[corner] : colour, facing, look);
           for (let k = 0; k < 3; k++) {
             view.setFloat32(at + 4 * k, point[k], true);
-            view.setInt8(at + 12 + k, Math.round(shared[k] * 127));
-            view.setUint8(at + 16 + k, Math.min(Math.max([red, green, blue][k], 0), 255));
+            view.setInt8(at + 12 + k, Math.round(facing[k] * 127));
           }
           view.setInt8(at + 15, look);
-          view.setUint8(at + 19, 255 * opacity);
+          for (let k = 0; k < 4; k++) view.setUint8(at + 16 + k, shown[k]);
           at += CORNER_BYTES;
         });
       }

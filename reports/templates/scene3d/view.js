@@ -7,12 +7,13 @@ import { circuitPieces, meadow, UP } from "./circuit.js";
 import { dashboard, handWheel, handWheelAt } from "./cockpit.js";
 import { puffModel } from "./effects.js";
 import { standing } from "./landscape.js";
-import { compiled, noiseTexture, SCENE_FRAGMENT, SCENE_VERTEX, SKY_FRAGMENT, SKY_VERTEX } from "./shaders.js";
+import { CAR_VERTEX, compiled, FRAGMENT, layTextures, SCENERY_VERTEX, SKY_FRAGMENT, SKY_UNIT, SKY_VERTEX } from "./shaders.js";
 import { CORNER_BYTES, LOOK, newMesh, rgb } from "./shapes.js";
 
 const MIRROR = { width: 0.3, height: 0.13 };
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
-const SEEN_M = { trees: 900, wheels: 160 };
+const SEEN_M = { standing: 600, wheels: 120 };
+const SPOTS = ["place", "facing", "colour", "model0", "model1", "model2", "model3", "paint", "accent"];
 const INSTANCE = { place: 16, paint: 20, accent: 24 }; // floats until the end of each
 const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0];
 const MOST_MARKS = 24_000;
@@ -41,13 +42,15 @@ export function newView(canvas) {
  * @param {HTMLCanvasElement} canvas
  */
 function viewBy(gl, canvas) {
-  const program = compiled(gl, SCENE_VERTEX, SCENE_FRAGMENT);
-  const heaven = compiled(gl, SKY_VERTEX, SKY_FRAGMENT);
-  const spots = Object.fromEntries(["place", "facing", "colour", "model0", "model1", "model2", "model3", "paint", "accent"].map((name) => [name, gl.getAttribLocation(program, name)]));
-  const uniform = Object.fromEntries(["camera", "eye"].map((name) => [name, gl.getUniformLocation(program, name)]));
+  const [scenery, polished] = [SCENERY_VERTEX, CAR_VERTEX].map((vertex) => compiled(gl, vertex, FRAGMENT, SPOTS));
+  const heaven = compiled(gl, SKY_VERTEX, SKY_FRAGMENT, ["corner"]);
+  const spots = Object.fromEntries(SPOTS.map((name, spot) => [name, spot]));
+  const cameras = [scenery, polished].map((program) => gl.getUniformLocation(program, "camera"));
+  const eye = gl.getUniformLocation(polished, "eye");
   const looking = Object.fromEntries(["ahead", "across", "above"].map((name) => [name, gl.getUniformLocation(heaven, name)]));
-  const corner = gl.getAttribLocation(heaven, "corner");
-  noiseTexture(gl);
+  layTextures(gl);
+  gl.useProgram(heaven);
+  gl.uniform1i(gl.getUniformLocation(heaven, "sky"), SKY_UNIT);
   gl.enable(gl.DEPTH_TEST);
   gl.enable(gl.SCISSOR_TEST);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
@@ -59,7 +62,8 @@ function viewBy(gl, canvas) {
     gl.bufferData(gl.ARRAY_BUFFER, /** @type {any} */ (data), use);
     return made;
   };
-  const load = (mesh, smooth = false) => ({ buffer: buffer(mesh.data(smooth)), count: mesh.count });
+  /** @type {(mesh: import("./shapes.js").Mesh, how?: { smooth?: boolean, baked?: boolean }) => Loaded} */
+  const load = (mesh, how = { baked: true }) => ({ buffer: buffer(mesh.data(how)), count: mesh.count });
   const screen = buffer(new Float32Array([-1, -1, 3, -1, -1, 3]));
   const moving = gl.createBuffer();
   const flowing = gl.createBuffer();
@@ -79,7 +83,6 @@ function viewBy(gl, canvas) {
   }
 
   function prepareScene() {
-    gl.useProgram(program);
     for (const [name, spot] of Object.entries(spots)) {
       gl.enableVertexAttribArray(spot);
       gl.vertexAttribDivisor(spot, ["place", "facing", "colour"].includes(name) ? 0 : 1);
@@ -106,9 +109,9 @@ function viewBy(gl, canvas) {
       made, kind, wheels: model.wheels, radius: model.radius,
       ground: circuitPieces(made).map(({ mesh, ...piece }) => ({ ...piece, ...load(mesh) })), meadow: load(meadow(made.line)),
       planted: standing(made).map(planted),
-      body: load(model.body, true), cabin: load(model.glass, true), wheel: load(wheelModel(model.radius), true),
+      body: load(model.body, { smooth: true }), cabin: load(model.glass, { smooth: true }), wheel: load(wheelModel(model.radius), { smooth: true }),
       shadow: load(shadowModel(made.length, made.width)), puff: load(puffModel()),
-      dashboard: load(dashboard(EYES[kind])), hand: load(handWheel(), true),
+      dashboard: load(dashboard(EYES[kind]), {}), hand: load(handWheel(), { smooth: true }),
       marks: { buffer: buffer(MOST_MARKS * 6 * CORNER_BYTES, gl.DYNAMIC_DRAW), laid: 0 },
       paints: made.colours.map((colour, i) => {
         const paint = rgb(colour).map((part) => part / 255);
@@ -144,9 +147,9 @@ function viewBy(gl, canvas) {
     gl.uniform3fv(looking.above, above.map((part) => part * half));
     for (const spot of Object.values(spots)) gl.disableVertexAttribArray(spot);
     gl.bindBuffer(gl.ARRAY_BUFFER, screen);
-    gl.enableVertexAttribArray(corner);
-    gl.vertexAttribDivisor(corner, 0);
-    gl.vertexAttribPointer(corner, 2, gl.FLOAT, false, 0, 0);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribDivisor(0, 0);
+    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
     gl.disable(gl.DEPTH_TEST);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.enable(gl.DEPTH_TEST);
@@ -160,8 +163,12 @@ function viewBy(gl, canvas) {
     paintSky(camera, width / height, mirrored);
     prepareScene();
     const matrix = multiply(perspective(camera, width / height, mirrored), lookAt(camera));
-    gl.uniformMatrix4fv(uniform.camera, false, matrix);
-    gl.uniform3fv(uniform.eye, camera.eye);
+    [scenery, polished].forEach((program, k) => {
+      gl.useProgram(program);
+      gl.uniformMatrix4fv(cameras[k], false, matrix);
+    });
+    gl.uniform3fv(eye, camera.eye);
+    gl.useProgram(scenery);
     const ahead = unit(minus(camera.target, camera.eye));
     const seen = (centre, reach, most = Infinity) => {
       const to = minus(centre, camera.eye);
@@ -169,12 +176,14 @@ function viewBy(gl, canvas) {
     };
     draw(scene.meadow);
     for (const piece of scene.ground) if (seen(piece.centre, piece.reach)) draw(piece);
-    for (const { mesh, held, pieces } of scene.planted) for (const { range, centre, reach } of pieces) if (seen(centre, reach, SEEN_M.trees)) draw(mesh, [], held, range);
+    for (const { mesh, held, pieces } of scene.planted) for (const { range, centre, reach } of pieces) if (seen(centre, reach, SEEN_M.standing)) draw(mesh, [], held, range);
     const cars = frame.cars.map((car, i) => ({ car, i, model: modelOf(car) })).filter(({ car, i }) => !(mirrored && i === inside.mirror) && seen([car.x, car.y, car.z], 6));
     const painted = ({ car, i, model }) => [...model, ...scene.paints[i].paint, car.brake > 0.05 ? 1 : 0, ...scene.paints[i].accent];
+    gl.useProgram(polished);
     draw(scene.body, cars.flatMap(painted));
     draw(scene.cabin, cars.filter(({ i }) => i !== inside.car).flatMap(painted));
     draw(scene.wheel, cars.filter(({ car }) => seen([car.x, car.y, car.z], 6, SEEN_M.wheels)).flatMap(({ car, model }) => wheelsOf(car, model)));
+    gl.useProgram(scenery);
     gl.enable(gl.BLEND);
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.depthMask(false);
@@ -205,6 +214,7 @@ function viewBy(gl, canvas) {
     const look = STILL.slice(16);
     // It is nearer than all else, the own bonnet included.
     gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(polished);
     draw(scene.dashboard, [...model, ...look]);
     draw(scene.hand, [...multiply(model, handWheelAt(EYES[scene.kind], car.steering ?? 0)), ...look]);
   }
