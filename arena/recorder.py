@@ -17,9 +17,9 @@ from nathlon.arena.race_log import (
     CAR_SAMPLE,
     RESOLUTION,
     Incident,
+    NamedStretch,
     Outline,
     RaceLog,
-    Stretch,
     start_number,
 )
 from nathlon.arena.runner import Observer, run_together
@@ -263,10 +263,10 @@ def _driver_names(match: Match, race: int, names: Sequence[str]) -> list[str]:
     return drivers
 
 
-def stretches(track: Track) -> tuple[Stretch, ...]:
+def stretches(track: Track) -> tuple[NamedStretch, ...]:
     """The sections of a circuit."""
     return tuple(
-        Stretch(section.name, section.kind, section.start_m, section.end_m) for section in track.sections
+        NamedStretch(section.name, section.kind, section.start_m, section.end_m) for section in track.sections
     )
 
 

@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from nathlon.reports.es_modules import bundle
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -84,8 +84,7 @@ def script_data(value: Any) -> Markup:
 def write_page_file(html: str, path: Path) -> Path:
     """Write a page, whole or not at all, into a folder that is made if need be; return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as partial:
-        partial.write_text(html, encoding="utf-8")
+    write_whole(path, html)
     return path
 
 
