@@ -42,6 +42,8 @@ import { dataOf } from "../race/element.js";
  * @property {import("../race/recording.js").RaceData[]} recordings
  */
 
+/** @typedef {Payload["summary"]["replays"][number]} Replay */
+
 /** @type {Payload} */
 export const data = dataOf("data");
 
