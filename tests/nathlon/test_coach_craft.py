@@ -22,7 +22,7 @@ def log() -> RaceLog:
 def test_a_contact_is_told_from_the_side_of_each_car(log: RaceLog) -> None:
     [hit], [hitting] = craft_of(log, 0).contacts, craft_of(log, 1).contacts
     assert (hit.fault, hit.car) == ("other", f"2 {log.names[1]}")
-    assert (hitting.fault, hitting.car) == ("own", f"0 {log.names[0]}")
+    assert (hitting.fault, hitting.car) == ("own", f"1 {log.names[0]}")
     assert hit.at_s == hitting.at_s == pytest.approx(10.0)
     assert hit.closing_m_s == pytest.approx(4.2, abs=0.1)
     assert craft_of(log, 2).contacts == ()
@@ -44,7 +44,7 @@ def test_traffic_is_the_nearest_car_ahead(log: RaceLog) -> None:
     near = traffic(log, 1, 0.0, 1.0)
     assert near is not None
     assert near[0] == pytest.approx(9.0, abs=0.1)
-    assert near[1] == f"0 {log.names[0]}"
+    assert near[1] == f"1 {log.names[0]}"
     assert traffic(log, 0, 0.0, 1.0) is None
 
 

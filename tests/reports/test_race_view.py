@@ -80,7 +80,7 @@ def test_the_order_in_the_page_is_that_of_the_log(browser: Browser, tmp_path: Pa
     assert shown_time(opened) == 10.0
     order = np.argsort(full.logs[0].samples["place"][100]).tolist()
     names = opened.page.locator("#order tbody button").all_inner_texts()
-    assert [name.split()[0] for name in names] == [str(car) for car in order]
+    assert [name.split()[0] for name in names] == [str(car + 1) for car in order]
     opened.assert_quiet()
 
 
