@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.race_log import Incident
+from nathlon.arena.race_log import Incident, numbered
 from nathlon.sim.rules import Rules
 from nathlon.sim.state import REAR_END, SIDE_SWIPE
 from nathlon.sim.track import Track
@@ -58,7 +58,7 @@ class IncidentWatch:
             track: on which it is run.
         """
         self._race, self._rules, self._track = race, rules, track
-        self._names = [f"{car} {name}" for car, name in enumerate(names)]
+        self._names = numbered(names)
         self._before = {name: np.zeros(len(names)) for name in TALLIES}
         self._raised_s = {flag: np.full(len(names), -np.inf) for flag in FLAGS}
         self.incidents: list[Incident] = []

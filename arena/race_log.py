@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,16 @@ KINDS = ("contact", "wall", "off_course", "penalty", "served", "ending")
 """Of incidents."""
 NOTICES = ("served", "ending")
 """Kinds of incidents that are news, not offences."""
+
+
+def start_number(car: int) -> int:
+    """What is painted on a car: people count from 1, files and code from 0."""
+    return car + 1
+
+
+def numbered(names: Iterable[str]) -> list[str]:
+    """Start number and name of each car, in the order of the cars."""
+    return [f"{start_number(car)} {name}" for car, name in enumerate(names)]
 
 
 @dataclass(frozen=True)

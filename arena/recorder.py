@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from nathlon.arena.incidents import Alarm, IncidentWatch
 from nathlon.arena.match import BACKGROUND, NO_TEAM, Match
-from nathlon.arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, NamedStretch, Outline, RaceLog
+from nathlon.arena.race_log import (
+    CAR_SAMPLE,
+    RESOLUTION,
+    Incident,
+    NamedStretch,
+    Outline,
+    RaceLog,
+    start_number,
+)
 from nathlon.arena.runner import Observer, run_together
 from nathlon.arena.sight import Seen, Sight
 from nathlon.arena.team import Absent
@@ -221,7 +229,7 @@ class _Recorder:
         samples = self._samples(index, kept)
         incidents = list(self._watches[index].incidents)
         for car, (ending, seconds) in enumerate(zip(endings, driven_s, strict=True)):
-            text = f"{car} {names[car]}: {ending.replace('_', ' ')} after {seconds:.3f} s"
+            text = f"{start_number(car)} {names[car]}: {ending.replace('_', ' ')} after {seconds:.3f} s"
             added_s = float(samples["penalty_s"][-1, car]) if ending == "finished" else 0.0
             if added_s > 0.0:
                 text += f", {added_s:.3f} s of it for penalties"

@@ -115,7 +115,8 @@ BATTERY = pl.Schema(
         "points": pl.Float64,  # sum over tests
         "points_low": pl.Float64,
         "points_high": pl.Float64,
-        "rank": pl.Int64,  # 1 + entrants that are better, after Holm's correction; ties share it
+        "rank": pl.Int64,  # 1 + entrants that are better, after Holm's correction: the best that is possible
+        "worst_rank": pl.Int64,  # that is possible: ahead of those only that it is better than
         "shortlisted": pl.Boolean,  # by the committee
     }
 )
@@ -123,7 +124,8 @@ BATTERY = pl.Schema(
 RANKING = pl.Schema(
     {
         "entrant": pl.String,
-        "rank": pl.Int64,  # 1 + entrants that are better, after Holm's correction; ties share it
+        "rank": pl.Int64,  # 1 + entrants that are better, after Holm's correction: the best that is possible
+        "worst_rank": pl.Int64,  # that is possible: ahead of those only that it is better than
         "points_per_race": pl.Float64,  # of the entrant's cars, least squares on differences of units
         "points_low": pl.Float64,  # 95 % bootstrap interval over units
         "points_high": pl.Float64,

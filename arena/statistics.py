@@ -151,6 +151,10 @@ def holm(p: Floats) -> Floats:
     return adjusted
 
 
-def tied_ranks(low: Floats, high: Floats) -> NDArray[np.int64]:
-    """1 + the number of others whose `low` lies above one's `high`; NaN bounds tie with everything."""
-    return 1 + (low[None, :] > high[:, None]).sum(axis=1)
+def possible_ranks(better: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The best and the worst rank (K,) that each of K entrants may have.
+
+    `better` (K, K) says whether the first is proven better than the second. If all of these hold, so do all
+    ranges at once.
+    """
+    return 1 + better.sum(axis=0), len(better) - better.sum(axis=1)

@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from nathlon.arena.race_log import Outline, RaceLog
+from nathlon.reports.cars import labels
 
 TIMELINE = "race_time"
 TRAIL_S = 4.0
@@ -19,7 +20,7 @@ SKY = (150, 185, 215)
 
 def blueprint(log: RaceLog, followed: int) -> rrb.Blueprint:
     """The race from behind one car, the map, the stewards' list and how that car was driven."""
-    name = f"{followed} {log.names[followed]}"
+    name = labels(log)[followed]
     marks = [f"world/incidents/{incident.kind}" for incident in log.incidents]
     names, dots = (
         [f"- world/cars/{car}/{part}" for car in range(len(log.names))] for part in ("name", "dot")

@@ -65,7 +65,7 @@ def write_committee_sheet(workbook: Any, selection: Selection) -> None:
 def _how_to_read(selection: Selection) -> str:
     confidence = f"{selection.summary.confidence:.0%}"
     return (
-        "Rank: 1 + the number of entrants proven better; = marks a statistical tie. "
+        "Rank: from 1 + the number of entrants proven better to the last place before those proven worse. "
         f"Intervals: {confidence}, of one entrant. Of the round robin. Files: last sheet."
     )
 

@@ -26,7 +26,7 @@ DIVERGING = {
 class Column:
     """A column of a sheet: its name in the frame, its header with the unit, how it looks.
 
-    Values that several rows have look like `shared`, where that is given.
+    A whole number is shown as the beginning of a range up to that of the column `up_to`, and stays a number.
     """
 
     name: str
@@ -34,10 +34,10 @@ class Column:
     form: str = "General"
     width: int = 13
     scale: dict[str, Any] | None = None
-    shared: str | None = None
+    up_to: str | None = None
 
 
-RANK = Column("rank", "Rank", "0", 8, shared='0"="')
+RANK = Column("rank", "Rank", "0", 9, up_to="worst_rank")
 ENTRANT = (Column("name", "Entrant", width=28),)
 ORIGIN = (
     Column("step", "Training step", "#,##0"),
@@ -57,15 +57,26 @@ def write_sheet(
     sheet.set_row(top, 32)
     first, last = top + 1, top + frame.height
     for at, column in enumerate(columns):
-        values = frame[column.name]
-        shared = values.is_duplicated() if column.shared else [False] * len(values)
-        forms = [workbook.add_format({"num_format": form}) for form in (column.form, column.shared) if form]
+        shown = _forms(column, frame)
+        forms = {form: workbook.add_format({"num_format": form}) for form in shown}
         sheet.set_column(at, at, column.width)
-        for row, (value, twice) in enumerate(zip(values.to_list(), shared, strict=True), start=first):
-            write_cell(sheet, row, at, value, forms[twice])
+        for row, (value, form) in enumerate(
+            zip(frame[column.name].to_list(), shown, strict=True), start=first
+        ):
+            write_cell(sheet, row, at, value, forms[form])
         if column.scale and frame.height:
             sheet.conditional_format(first, at, last, at, column.scale)
     return sheet
+
+
+def _forms(column: Column, frame: pl.DataFrame) -> list[str]:
+    """The form of each cell of a column."""
+    if column.up_to is None:
+        return [column.form] * frame.height
+    return [
+        column.form if worst == best else '"from "0' if worst is None else f'0" to {worst}"'
+        for best, worst in frame.select(column.name, column.up_to).iter_rows()
+    ]
 
 
 def add_table(workbook: Any, title: str, headers: Sequence[str], rows: int, top: int = 0) -> Any:

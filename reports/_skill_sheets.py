@@ -59,7 +59,7 @@ def write_skills(workbook: Any, selection: Selection) -> SkillSheet:
     )
     columns = (
         *ENTRANT,
-        *(Column(f"points {test}", f"{test} [points]", "0", 12) for test in tests),
+        *(Column(f"points {test}", f"{test.replace('_', ' ')} [points]", "0", 12) for test in tests),
         Column("sum", "Sum [points]", "#,##0", scale=BLUES),
         Column("weighted", "Weighted sum [points]", "#,##0", scale=BLUES),
         Column("place", "Weighted place", "0", 10),

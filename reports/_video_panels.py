@@ -10,7 +10,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from nathlon.arena.race_log import NOTICES, Outline, RaceLog
+from nathlon.arena.race_log import NOTICES, Outline, RaceLog, numbered
 from nathlon.reports._motion import gaps
 from nathlon.reports.cars import car_colours
 from nathlon.sim.render.panels import clock, write
@@ -25,11 +25,11 @@ NEWS_S, NEWS_LENGTH, NAME_LENGTH = 4.0, 105, 18
 
 
 def brief(names: Sequence[str]) -> list[str]:
-    """Number and name of each car, without the words with which all names begin, cut to NAME_LENGTH."""
+    """Start number and name of each car, without the words with which all names begin, cut to NAME_LENGTH."""
     words = [re.split("(?<=[-_:/= ])", name) for name in names]
     columns = zip(*(parts[:-1] for parts in words), strict=False) if len(set(names)) > 1 else ()
     same = len(list(takewhile(lambda column: len(set(column)) == 1, columns)))
-    return [f"{car} {_cut(''.join(parts[same:]))}" for car, parts in enumerate(words)]
+    return numbered(_cut("".join(parts[same:])) for parts in words)
 
 
 def _cut(name: str) -> str:

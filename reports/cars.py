@@ -9,7 +9,7 @@ import numpy as np
 
 from nathlon.arena.foxglove_scene import TEAM_COLOURS
 from nathlon.arena.match import NO_TEAM
-from nathlon.arena.race_log import RaceLog
+from nathlon.arena.race_log import RaceLog, numbered, start_number
 from nathlon.sim.errors import InputError
 
 ENTRANT_COLOURS = (
@@ -31,26 +31,27 @@ def winner(log: RaceLog) -> int:
 
 
 def labels(log: RaceLog) -> list[str]:
-    """Number and name of each car."""
-    return [f"{car} {name}" for car, name in enumerate(log.names)]
+    """Start number and name of each car."""
+    return numbered(log.names)
 
 
 def car_index(log: RaceLog, car: str, path: Path) -> int:
-    """The car with this number or name; the best placed one of several with the same name.
+    """The car with this start number or name; the best placed one of several with the same name.
 
     Raises:
         InputError: if there is none.
     """
-    numbers = range(len(log.names))
-    if car.isdecimal() and int(car) in numbers:
-        return int(car)
-    named = [number for number in numbers if car in (log.names[number], labels(log)[number])]
+    cars = range(len(log.names))
+    found = [index for index in cars if car == str(start_number(index))]
+    if found:
+        return found[0]
+    named = [index for index in cars if car in (log.names[index], labels(log)[index])]
     if not named:
         raise InputError(
-            f"{path}: there is no car {car!r}, expected a number from 0 to {len(numbers) - 1} "
+            f"{path}: there is no car {car!r}, expected a number from 1 to {len(cars)} "
             f"or one of {', '.join(dict.fromkeys(log.names))}"
         )
-    return min(named, key=lambda number: log.samples["place"][-1, number]) if len(log.time_s) else named[0]
+    return min(named, key=lambda index: log.samples["place"][-1, index]) if len(log.time_s) else named[0]
 
 
 def car_colours(log: RaceLog) -> list[tuple[int, int, int]]:

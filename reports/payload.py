@@ -130,5 +130,5 @@ def _previous(previous: Previous | None, numbers: pl.Enum) -> dict[str, Any] | N
         "ended": previous.ended_at,
         "sent": [sent.model_dump() for sent in previous.sent],
         "known": [number for number, entrant in enumerate(shown) if entrant in known],
-        "pool": _columns(_numbered(pool.select("entrant", "rank", "points_per_race"), numbers)),
+        "pool": _columns(_numbered(pool.select("entrant", "rank", "worst_rank", "points_per_race"), numbers)),
     }

@@ -50,6 +50,7 @@ def race_data(log: RaceLog) -> dict[str, Any]:
             {"name": name, "team": team, "colour": _css(colour)}
             for name, team, colour in zip(labels(log), log.teams, car_colours(log), strict=True)
         ],
+        "kind": log.car,
         "length": log.car_length_m,
         "width": log.car_width_m,
         "origin": round(origin(log), 1),

@@ -27,7 +27,7 @@ from nathlon.reports._sheets import (
 from nathlon.reports._skill_sheets import write_skills, write_weighted
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
-from nathlon.results.words import stage_called
+from nathlon.results.words import STAGES, stage_called
 from nathlon.sim.whole_file import whole_file
 
 CREATED = datetime(2020, 1, 1)  # a constant, so that the same selection gives the same bytes
@@ -139,10 +139,15 @@ def _write(selection: Selection, path: Path) -> None:
         races = selection.results.join(names, on="entrant", how="left", maintain_order="left").with_columns(
             name=pl.coalesce("name", "entrant"),  # a fixed opponent is no entrant
             match=pl.col("match").str.head(MATCH_DIGITS),
+            car=pl.col("car") + 1,  # start numbers
         )
         latest = ["race", "tournament", "battery", "pareto"]
         races = races.sort(pl.col("stage").replace_strict(latest, range(4), default=4), maintain_order=True)
-        shown = races.head(ROW_LIMIT).fill_nan(None)
+        shown = (
+            races.head(ROW_LIMIT)
+            .fill_nan(None)
+            .with_columns(pl.col("stage").replace(STAGES), pl.col("test", "ending").str.replace_all("_", " "))
+        )
         write_sheet(workbook, "Races", _filled(selection, RACES, races), shown)
         _run(workbook, selection, left_out=max(0, races.height - ROW_LIMIT))
         write_sheet(workbook, "Files", (*ENTRANT, *ORIGIN), selection.tables["entrants"])

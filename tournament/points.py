@@ -9,7 +9,7 @@ import polars as pl
 
 from nathlon.arena.results import MATCHUPS, POLICY_FAULTS, RANKING
 from nathlon.arena.rounding import levelled
-from nathlon.arena.statistics import holm
+from nathlon.arena.statistics import holm, possible_ranks
 from nathlon.tournament.conduct import Gate, rates
 from nathlon.tournament.evidence import MATCHUP, ORDER, UNIT, Cells, Evidence, appearances, differences
 
@@ -154,14 +154,19 @@ def _together(evidence: Evidence, weights: Mapping[str, float]) -> pl.DataFrame:
 
 def _scores(evidence: Evidence, rng: np.random.Generator, resamples: int, confidence: float) -> pl.DataFrame:
     """The fitted points, their interval and the rank of every entrant that met another."""
-    names = ("entrant", "points_per_race", "points_low", "points_high", "rank")
+    names = ("entrant", "points_per_race", "points_low", "points_high", "rank", "worst_rank")
     if evidence.seen.is_empty():
         return evidence.seen.select("entrant", *(pl.lit(None).alias(name) for name in names[1:]))
     mean = evidence.mean_points
     scores = evidence.estimates(evidence.solution)
     low, high = evidence.intervals(evidence.solution, rng, resamples, confidence)
-    ranks = 1 + better(evidence, 1 - confidence).sum(axis=0)
-    columns = (evidence.entrants, levelled(scores + mean), low + mean, high + mean, ranks)
+    columns = (
+        evidence.entrants,
+        levelled(scores + mean),
+        low + mean,
+        high + mean,
+        *possible_ranks(better(evidence, 1 - confidence)),
+    )
     return pl.DataFrame(dict(zip(names, columns, strict=True))).with_columns(
         pl.col(pl.Float64).fill_nan(None)
     )

@@ -15,7 +15,7 @@ import polars as pl
 from scipy.special import gammaincinv, stdtrit
 
 from nathlon.arena.results import POLICY_FAULTS, POOL_CELLS, POOL_TOTALS, RANKING
-from nathlon.arena.statistics import Floats
+from nathlon.arena.statistics import Floats, possible_ranks
 from nathlon.tournament.evidence import ENOUGH, MATCHUP, Cells, appearances, differences
 from nathlon.tournament.points import EQUAL, better
 
@@ -26,6 +26,7 @@ SCORED = {
     "points_low": pl.Float64,
     "points_high": pl.Float64,
     "rank": pl.Int64,
+    "worst_rank": pl.Int64,
 }
 ALIKE = 1e-9
 """Points: units that differ by less do not differ."""
@@ -199,8 +200,8 @@ def _scores(cells: pl.DataFrame, confidence: float) -> pl.DataFrame:
     scores = tallied.solution @ tallied.means + tallied.mean_points
     error, freedom = tallied.errors(tallied.solution)
     half = stdtrit(freedom, (1 + confidence) / 2) * error
-    ranks = 1 + better(tallied, 1 - confidence).sum(axis=0)
-    columns = (tallied.entrants, scores, scores - half, scores + half, ranks)
+    ranks = possible_ranks(better(tallied, 1 - confidence))
+    columns = (tallied.entrants, scores, scores - half, scores + half, *ranks)
     return pl.DataFrame(dict(zip(SCORED, columns, strict=True)))
 
 

@@ -86,7 +86,7 @@ def coach(
 
     Args:
         recording: of the race (.mcap).
-        car: number or name of the car, of whose laps the best is coached.
+        car: start number, from 1, or name of the car, of whose laps the best is coached.
         against: `champion`, `limit`, or the recording of another race.
         out: folder for what it leaves.
         phrase: whether a language model is to phrase the sentences: the one that the environment names by

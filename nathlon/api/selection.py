@@ -19,7 +19,7 @@ from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources.finding import Found
 from nathlon.reports.picture import ranking_picture
 from nathlon.reports.verdict import Verdict, verdict
-from nathlon.results.ranks import written_ranks
+from nathlon.results.ranks import written_rank
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config, SectionT, read_config
@@ -138,7 +138,8 @@ class SelectionResult:
         heading = self.summary.a_mean if means else f"Points {self.summary.an_episode}"
         picture = base64.b64encode(ranking_picture(self.ranking, heading)).decode()
         points = ("mean", "mean_low", "mean_high", "won", "drawn", "lost") if means else POINTS
-        ranks = pl.Series("rank", written_ranks(self.ranking["rank"]), dtype=pl.String)
+        ranges = self.ranking.select("rank", "worst_rank").iter_rows()
+        ranks = pl.Series("rank", [written_rank(*both) for both in ranges], dtype=pl.String)
         shown = self.ranking.select(ranks, "name", *points, "contacts_per_km", "races")
         return (
             f"<h3>{escape(told.headline)}</h3>"

@@ -88,7 +88,7 @@ def twin(
     Args:
         recording: of the race (.mcap).
         other: recording of another race from the same start, instead of `policy`.
-        car: number or name of the car.
+        car: start number, from 1, or name of the car.
         policy: who drives it in the twin: a checkpoint, `driver:pace=0.95`, `plugin:NAME` or an object.
         at_s: from when, s since the start.
         out: folder for what it leaves.

@@ -12,7 +12,7 @@ from nathlon.commands.options import AsJson, ConfigPath, ConfigSeed, Out, Worker
 from nathlon.commands.selection import say_set_aside, stoppable
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given, find
-from nathlon.results.ranks import written_ranks
+from nathlon.results.ranks import written_rank
 from nathlon.results.words import figure
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
@@ -93,9 +93,9 @@ def _as_json(answer: BatteryAnswer, names: dict[str, str]) -> dict[str, Any]:
 def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
     ranking = new_table("N-athlon with 95 % intervals", ("Rank", "Entrant", "Points"))
     ranked = _named(answer.tables["battery"], names)
-    for row, rank in zip(ranked, written_ranks(row["rank"] for row in ranked), strict=True):
+    for row in ranked:
         points = figure(row["points"], row["points_low"], row["points_high"], ".0f")
-        ranking.add_row(rank, row["name"], points)
+        ranking.add_row(written_rank(row["rank"], row["worst_rank"]), row["name"], points)
     print_table(ranking)
 
     heads = ("Test", "500 points", "1,000 points", "Best", "Mean", "Points")

@@ -14,7 +14,7 @@ from nathlon.terminal import print_json, say, warn
 
 def coach(
     recording: Recording,
-    car: Annotated[str, typer.Option(help="Number or name of the car to coach.")],
+    car: Annotated[str, typer.Option(help="Start number or name of the car to coach.")],
     against: Annotated[
         str, typer.Option(help="Lap to compare with: champion, limit, or RACE.mcap.")
     ] = "champion",

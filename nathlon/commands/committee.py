@@ -254,7 +254,7 @@ def _standings(decision: CommitteeDecision) -> Table:
             "*" if standing.chosen else "",
             row["name"],
             figure(row["points"], row["low"], row["high"], ".4g"),
-            written_rank(row["rank"], row.get("tied", False)),
+            written_rank(row["rank"], row.get("worst_rank")),
             figure(row["contacts_per_km"]),
             figure(row["at_fault_per_km"]),
             figure(row["off_course_share"], form=".1%"),

@@ -16,7 +16,7 @@ from nathlon.terminal import say, tell
 def incident(
     recording: Recording,
     at_s: Annotated[float, typer.Option("--at", help="Time of the incident, s since the start, within 2 s.")],
-    car: Annotated[int, typer.Option(min=0, help="Number of the car to be tested.")],
+    car: Annotated[str, typer.Option(help="Start number or name of the car to be tested.")],
     name: Annotated[str, typer.Option(help="Name of the test.")],
     out: Annotated[Path, typer.Option(help="Folder of the incidents.")] = Path("incidents"),
     store: Annotated[
@@ -41,6 +41,7 @@ def incident(
     What counts as passed stands in the file that is written and may be changed there.
     """
     from nathlon.arena.recording import read_recording
+    from nathlon.reports.cars import car_index
     from nathlon.selection.incident.drivers import sources_of
     from nathlon.selection.incident.folder import add_incident
     from nathlon.selection.incident.freeze import freeze
@@ -49,7 +50,7 @@ def incident(
     log = read_recording(recording)
     beside = recording.resolve().parent.parent / "store.sqlite"
     known = store or (str(beside) if beside.exists() else None)
-    frozen = freeze(log, at_s, car, _file_name(name), before_s, after_s, runs)
+    frozen = freeze(log, at_s, car_index(log, car, recording), _file_name(name), before_s, after_s, runs)
     path = add_incident(
         out, frozen, sources_of(log, known, dict(named_policy(each, "--policy") for each in policy or ()))
     )

@@ -26,7 +26,7 @@ def replay(
         typer.Argument(help="Race of the store to run again, as KEY:RACE; the key's first digits suffice."),
     ] = None,
     car: Annotated[
-        str | None, typer.Option(help="Name or number of the car to follow; the winner by default.")
+        str | None, typer.Option(help="Start number or name of the car to follow; the winner by default.")
     ] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the viewer.")] = True,
     web: Annotated[

@@ -26,7 +26,6 @@ from nathlon.commands.options import (
 )
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
-from nathlon.results.ranks import written_ranks
 from nathlon.results.words import figure
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
@@ -269,8 +268,8 @@ def _print_ranking(summary: Summary) -> None:
     heads += ["Contacts per km"] if touches else []
     heads += [summary.episodes.capitalize()] if met else []
     table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals", heads)
-    for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
-        cells = [rank, row.name]
+    for row in ranking:
+        cells = [row.written_rank, row.name]
         if means:
             shares = (row.won, row.drawn, row.lost)
             cells.append(figure(row.mean, row.mean_low, row.mean_high))

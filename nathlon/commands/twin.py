@@ -16,7 +16,7 @@ from nathlon.terminal import print_json, say
 
 def twin(
     recording: Recording,
-    car: Annotated[str, typer.Option(help="Number or name of the car to compare.")],
+    car: Annotated[str, typer.Option(help="Start number or name of the car to compare.")],
     other: Annotated[
         Path | None,
         typer.Argument(help="Recording of another race from the same start, instead of --policy."),

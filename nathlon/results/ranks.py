@@ -1,22 +1,19 @@
-"""How a rank is written: with = after it where several share it."""
+"""How a rank is written: as the range of those that are possible."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable
+from typing import Final
 
-ABSENT = "–"
-
-
-def written_ranks(ranks: Iterable[int | None]) -> list[str]:
-    """The ranks of one table as texts, such as 1=, 1=, 3; a dash for who has none."""
-    all_ranks = list(ranks)
-    holders = Counter(all_ranks)
-    return [written_rank(rank, holders[rank] > 1) for rank in all_ranks]
+ABSENT: Final = "–"
 
 
-def written_rank(rank: int | None, shared: bool) -> str:
-    """A rank as text, given whether somebody else has it too; a dash for none."""
-    if rank is None:
+def written_rank(best: int | None, worst: int | None) -> str:
+    """The ranks that are possible as text, such as 1 to 3, or 2; a dash for who has none.
+
+    Runs of older versions did not keep the worst one.
+    """
+    if best is None:
         return ABSENT
-    return f"{rank}=" if shared else str(rank)
+    if worst is None:
+        return f"from {best}"
+    return str(best) if worst == best else f"{best} to {worst}"

@@ -51,7 +51,7 @@ class Selection:
 
     Attributes:
         title: of the report.
-        store: where the run is kept, as one names it to a command.
+        store: where the run is kept, as one names it to a command in the folder above the report.
         under_way: how far the run has come, in words; None if it has ended with a selection.
         logs: of the races to look at that are recorded.
         incident_history: schema INCIDENT_HISTORY, of the runs before.

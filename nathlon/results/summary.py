@@ -16,6 +16,7 @@ from nathlon.arena.voids import NotJudged
 from nathlon.arena.world_finding import RACING
 from nathlon.results.forecast import Forecast
 from nathlon.results.part import ResultModel
+from nathlon.results.ranks import written_rank
 from nathlon.results.words import STAGES, an_episode, episodes
 from nathlon.sim.errors import InputError
 from nathlon.sim.validation import read_json
@@ -82,6 +83,12 @@ class Ranked(ResultModel):
     won: float | None = None
     drawn: float | None = None
     lost: float | None = None
+    worst_rank: int | None = None
+
+    @property
+    def written_rank(self) -> str:
+        """Every rank that is possible, as text."""
+        return written_rank(self.rank, self.worst_rank)
 
 
 class Sent(ResultModel):

@@ -194,7 +194,7 @@ def leaders(entrants: Sequence[Entrant], ranking: pl.DataFrame) -> list[Entrant]
 def ranked_by_tests(battery: pl.DataFrame, entrants: Sequence[Entrant]) -> pl.DataFrame:
     """RANKING of some entrants by the points of BATTERY, where they cannot meet."""
     chosen = battery.filter(pl.col("entrant").is_in([entrant.id for entrant in entrants])).select(
-        "entrant", "rank", "points_low", "points_high", points_per_race="points"
+        "entrant", "rank", "worst_rank", "points_low", "points_high", points_per_race="points"
     )
     missing = {name: dtype for name, dtype in RANKING.items() if name not in chosen.columns}
     counts = {"pairs": 0, "races": 0, "faults": 0, "barred": False}

@@ -1,16 +1,9 @@
-// A rank as it is written everywhere: with = after it where several share it.
+// A rank as it is written everywhere: the range of those that are possible. Runs of older versions did not keep the worst.
 
-/** @type {(rank: number | null | undefined, shared?: boolean) => string} */
-export const rankText = (rank, shared) => (rank === null || rank === undefined ? "–" : `${rank}${shared ? "=" : ""}`);
-
-/**
- * What writes the rank of an entrant of a table.
- * @param {{ rank: number | null }[]} rows
- * @returns {(rank: number | null | undefined) => string}
- */
-export const rankIn = (rows) => {
-  /** @type {Map<number | null | undefined, number>} */
-  const holders = new Map();
-  for (const { rank } of rows) holders.set(rank, (holders.get(rank) ?? 0) + 1);
-  return (rank) => rankText(rank, (holders.get(rank) ?? 0) > 1);
+/** @param {{ rank?: number | null, worst_rank?: number | null } | undefined} row */
+export const rankText = (row) => {
+  const { rank: best = null, worst_rank: worst = null } = row ?? {};
+  if (best === null) return "–";
+  if (worst === null) return `from ${best}`;
+  return worst === best ? `${best}` : `${best} to ${worst}`;
 };

@@ -38,11 +38,11 @@ def watch(world: World) -> IncidentWatch:
 @pytest.mark.parametrize(
     ("geometry", "fault", "sections", "penalty_s", "text"),
     [
-        (REAR_END, 1, (6, 6), 3.0, "1 bob runs into the rear of 0 ann at 4.2 m/s in Haarnadel: 3 s penalty"),
-        (REAR_END, -1, (6, 6), 0.0, "1 bob touches the rear of 0 ann at 4.2 m/s in Haarnadel"),
-        (SIDE_SWIPE, 0, (5, 6), 1.5, f"0 ann moves across into 1 bob at 4.2 m/s {BETWEEN}: 1.5 s penalty"),
-        (SIDE_SWIPE, -1, (-1, 6), 0.0, "1 bob and 0 ann touch side by side at 4.2 m/s in Haarnadel"),
-        (OTHER, -1, (-1, -1), 0.0, "1 bob and 0 ann collide at 4.2 m/s at 2000 m"),
+        (REAR_END, 1, (6, 6), 3.0, "2 bob runs into the rear of 1 ann at 4.2 m/s in Haarnadel: 3 s penalty"),
+        (REAR_END, -1, (6, 6), 0.0, "2 bob touches the rear of 1 ann at 4.2 m/s in Haarnadel"),
+        (SIDE_SWIPE, 0, (5, 6), 1.5, f"1 ann moves across into 2 bob at 4.2 m/s {BETWEEN}: 1.5 s penalty"),
+        (SIDE_SWIPE, -1, (-1, 6), 0.0, "2 bob and 1 ann touch side by side at 4.2 m/s in Haarnadel"),
+        (OTHER, -1, (-1, -1), 0.0, "2 bob and 1 ann collide at 4.2 m/s at 2000 m"),
     ],
 )
 def test_contacts(
@@ -77,16 +77,16 @@ def test_penalties_for_leaving_the_course(world: World, watch: IncidentWatch) ->
         ann["warnings"], ann["penalties"], ann["penalty_s"] = warnings, penalties, penalties
         watch.see(world)
     assert [incident.text for incident in watch.incidents] == [
-        "0 ann has left the course 4 times, now in Haarnadel: 1 s penalty",
-        "0 ann cuts the course in Haarnadel: 2 s penalty",
-        "0 ann has left the course 6 times, now in Haarnadel: 1 s penalty",
+        "1 ann has left the course 4 times, now in Haarnadel: 1 s penalty",
+        "1 ann cuts the course in Haarnadel: 2 s penalty",
+        "1 ann has left the course 6 times, now in Haarnadel: 1 s penalty",
     ]
     assert {incident.kind for incident in watch.incidents} == {"penalty"}
     assert [incident.penalty_s for incident in watch.incidents] == [1.0, 2.0, 1.0]
     ann["penalty_s"] = 0.0
     watch.see(world)
     watch.see(world)
-    assert [incident.text for incident in watch.incidents[3:]] == ["0 ann has served its penalties"]
+    assert [incident.text for incident in watch.incidents[3:]] == ["1 ann has served its penalties"]
 
 
 def test_a_long_excursion_is_told_once_and_a_later_one_again(world: World, watch: IncidentWatch) -> None:
@@ -98,8 +98,8 @@ def test_a_long_excursion_is_told_once_and_a_later_one_again(world: World, watch
         world.ticks[0] += 1
         watch.see(world)
     assert [(incident.time_s, incident.text) for incident in watch.incidents] == [
-        (1.0, "1 bob leaves the course in Haarnadel"),
-        (5.0, "1 bob leaves the course in Haarnadel"),
+        (1.0, "2 bob leaves the course in Haarnadel"),
+        (5.0, "2 bob leaves the course in Haarnadel"),
     ]
 
 
@@ -114,5 +114,5 @@ def test_what_is_seen_of_a_drive_is_what_happened() -> None:
         watch.see(world)
     first, second = watch.incidents[:2]
     assert (first.kind, second.kind) == ("off_course", "wall")
-    assert second.text == "0 ann hits the wall in Haarnadel"
+    assert second.text == "1 ann hits the wall in Haarnadel"
     assert world.state[0, 0]["wall_s"] > 0.0

@@ -139,7 +139,7 @@ def test_at_any_rate_of_actions_it_samples_often_enough_and_misses_nothing(
     assert log.time_s[-1] == pytest.approx(5.0, abs=0.1)
     (contact,) = (incident for incident in log.incidents if incident.kind == "contact")
     assert contact.cars == (1, 0)
-    assert contact.text.startswith("1 quick runs into the rear of 0 slow at ")
+    assert contact.text.startswith("2 quick runs into the rear of 1 slow at ")
     assert contact.text.endswith(" m/s in Lange Gerade: 6 s penalty")
     touching = log.time_s[log.samples["car_contact"].any(axis=1)][0]
     assert 0.0 <= touching - contact.time_s < sample_s + 1e-9
@@ -159,7 +159,7 @@ def test_a_finish_is_told_when_the_line_is_crossed_whatever_the_penalties(tmp_pa
     results = run_match(match, policies).sort("car")
     (told,) = (incident for incident in log.incidents if incident.kind == "ending" and incident.cars == (1,))
     assert (
-        told.text == f"1 quick: finished after {results['race_time_s'][1]:.3f} s, 6.000 s of it for penalties"
+        told.text == f"2 quick: finished after {results['race_time_s'][1]:.3f} s, 6.000 s of it for penalties"
     )
     last_driven = log.time_s[log.samples["driving"][:, 1]][-1]
     assert last_driven < told.time_s <= last_driven + 0.1

@@ -135,7 +135,7 @@ def test_the_files_say_what_the_result_does(result: CoachResult) -> None:
 
 
 def test_against_itself_nothing_is_lost(early: tuple[Path, float], tmp_path: Path) -> None:
-    done = command("coach", early[0], "--car", "0", "--against", early[0], "--out", "same", cwd=tmp_path)
+    done = command("coach", early[0], "--car", "1", "--against", early[0], "--out", "same", cwd=tmp_path)
     assert done.returncode == 0
     assert "The best lap of driver:early=30 on lindenring takes" in done.stdout
     facts = CoachFacts.model_validate_json((tmp_path / "same" / "coach.json").read_text())
@@ -151,7 +151,7 @@ def test_what_cannot_be_coached_is_refused(early: tuple[Path, float], tmp_path: 
     write_recording(oval, oval_race(2))
     refused(command("coach", early[0], "--car", "nobody", cwd=tmp_path), "no car 'nobody'")
     refused(
-        command("coach", early[0], "--car", "0", "--against", oval, cwd=tmp_path),
+        command("coach", early[0], "--car", "1", "--against", oval, cwd=tmp_path),
         f"{oval}: circuit is 'oval', expected 'lindenring'",
     )
     assert not (tmp_path / "runs").exists()

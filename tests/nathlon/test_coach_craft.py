@@ -21,8 +21,8 @@ def log() -> RaceLog:
 
 def test_a_contact_is_told_from_the_side_of_each_car(log: RaceLog) -> None:
     [hit], [hitting] = craft_of(log, 0).contacts, craft_of(log, 1).contacts
-    assert (hit.fault, hit.car) == ("other", f"1 {log.names[1]}")
-    assert (hitting.fault, hitting.car) == ("own", f"0 {log.names[0]}")
+    assert (hit.fault, hit.car) == ("other", f"2 {log.names[1]}")
+    assert (hitting.fault, hitting.car) == ("own", f"1 {log.names[0]}")
     assert hit.at_s == hitting.at_s == pytest.approx(10.0)
     assert hit.closing_m_s == pytest.approx(4.2, abs=0.1)
     assert craft_of(log, 2).contacts == ()
@@ -31,7 +31,7 @@ def test_a_contact_is_told_from_the_side_of_each_car(log: RaceLog) -> None:
 def test_who_is_close_behind_for_long_presses(log: RaceLog) -> None:
     # The cars start 9 m apart, and each is slower than the one before it.
     pressed = craft_of(log, 0).defences
-    assert [one.car for one in pressed] == [f"1 {log.names[1]}"]
+    assert [one.car for one in pressed] == [f"2 {log.names[1]}"]
     [one] = pressed
     assert one.held
     assert one.closest_m == pytest.approx(9.0, abs=0.1)
@@ -44,7 +44,7 @@ def test_traffic_is_the_nearest_car_ahead(log: RaceLog) -> None:
     near = traffic(log, 1, 0.0, 1.0)
     assert near is not None
     assert near[0] == pytest.approx(9.0, abs=0.1)
-    assert near[1] == f"0 {log.names[0]}"
+    assert near[1] == f"1 {log.names[0]}"
     assert traffic(log, 0, 0.0, 1.0) is None
 
 

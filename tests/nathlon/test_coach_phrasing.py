@@ -139,7 +139,7 @@ def test_advice_does_not_depend_on_a_model(tmp_path: Path, monkeypatch: pytest.M
     result = CoachResult(tmp_path, FACTS, NOTES, phrased)
     monkeypatch.setattr("nathlon.coach", lambda *_, **__: result)
     monkeypatch.setattr("nathlon.arena.workers.start_server", lambda: None)
-    done = nathlon("coach", "race.mcap", "--car", "0", "--phrase", "--json", cwd=tmp_path)
+    done = nathlon("coach", "race.mcap", "--car", "1", "--phrase", "--json", cwd=tmp_path)
     assert done.returncode == 0
     assert json.loads(done.stdout) == json.loads(FACTS.model_dump_json())
     assert done.stderr == f"The words are the coach's own: {phrased.unasked}\n"

@@ -190,7 +190,7 @@ def test_a_page_that_goes_away_finds_the_race_where_it_was(drive: tuple[DriveSer
     server, room = drive
     with enter(server) as connection:
         say(connection, type="race", choice=choice().model_dump(mode="json"))
-        assert [car["name"] for car in hear(connection, "race")["cars"]][1] == "1 human:Ada"
+        assert [car["name"] for car in hear(connection, "race")["cars"]][1] == "2 human:Ada"
         say(connection, type="ready")
         while see(connection)["tick"] < 30:
             pass

@@ -215,7 +215,7 @@ def test_a_replay_shows_names_as_they_are(tmp_path: Path) -> None:
         if token.type not in ("text", "text_special")
     ] == []
     shown = {cell.content and "".join(token.content for token in cell.children or ()) for cell in cells}
-    assert {f"{car} {name}" for car, name in enumerate(log.names)} <= shown
+    assert {f"{car} {name}" for car, name in enumerate(log.names, 1)} <= shown
     assert log.circuit in shown
 
 

@@ -271,9 +271,9 @@ def test_a_stored_race_becomes_a_page_a_video_and_a_replay(
 
 def test_a_car_is_known_by_number_or_name() -> None:
     log = oval_race(cars=4, duration_s=5.0)
-    assert [car_index(log, car, Path()) for car in ("3", "entrant b", "2 entrant a")] == [3, 1, 2]
-    with pytest.raises(InputError, match=r"race\.mcap: there is no car '4', expected a number from 0 to 3"):
-        car_index(log, "4", Path("race.mcap"))
+    assert [car_index(log, car, Path()) for car in ("3", "entrant b", "3 entrant a")] == [2, 1, 2]
+    with pytest.raises(InputError, match=r"race\.mcap: there is no car '0', expected a number from 1 to 4"):
+        car_index(log, "0", Path("race.mcap"))
 
 
 def test_a_recording_that_was_cut_short_is_saved_beside_it(

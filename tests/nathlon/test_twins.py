@@ -34,6 +34,7 @@ from tests.support.opened_page import faults, overhear, picture, shown
 from tests.support.race_logs import oval_race
 
 AT_S, CAR = 3.0, 2
+NUMBER = CAR + 1
 RACER = next(path for path in BUNDLED if path.stem == "lindenring-again-056k")
 ELSEWHERE = sorted((RACER.parent.parent / "porto-sereno").glob("*.safetensors"))[0]
 SCENARIO = """
@@ -67,7 +68,7 @@ def result(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> TwinRes
     out = tmp_path_factory.mktemp("twin")
     known = {RACER.stem: RACER}
     return nathlon.twin(
-        recording, car=CAR, policy="driver:pace=0.6", at_s=AT_S, out=out, entrants=known, progress=False
+        recording, car=NUMBER, policy="driver:pace=0.6", at_s=AT_S, out=out, entrants=known, progress=False
     )
 
 
@@ -97,7 +98,7 @@ def test_both_races_are_the_same_until_the_other_policy_drives(
 
 def test_the_same_policy_from_the_start_drives_the_same_race(recording: Path, tmp_path: Path) -> None:
     done = command(
-        "twin", recording, "--car", str(CAR), "--policy", RACER, "--out", tmp_path / "out",
+        "twin", recording, "--car", str(NUMBER), "--policy", RACER, "--out", tmp_path / "out",
         "--entrant", f"{RACER.stem}={RACER}", "--json", cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -117,7 +118,7 @@ def test_a_race_of_a_store_is_run_again_from_it(scenario: Path, tmp_path: Path) 
         store.add_match(match.key, "tournament", match.spec(), run_match(match, match_policies(match)))
         path = record_stored_race(store, f"{match.key}:1", tmp_path / "races")
     result = nathlon.twin(
-        path, car="0", policy="driver:pace=0.5", at_s=2.0, out=tmp_path / "out", progress=False
+        path, car="1", policy="driver:pace=0.5", at_s=2.0, out=tmp_path / "out", progress=False
     )
     assert result.original.read_bytes() == path.read_bytes()
     assert result.parted_s == pytest.approx(2.0)
@@ -132,7 +133,7 @@ def test_two_recordings_from_one_start_are_shown_together(scenario: Path, tmp_pa
     ]
     assert paths[0] is not None
     assert paths[1] is not None
-    result = nathlon.twin(paths[0], paths[1], car=0, out=tmp_path / "out", progress=False)
+    result = nathlon.twin(paths[0], paths[1], car=1, out=tmp_path / "out", progress=False)
     assert 0.0 <= (result.parted_s or 0.0) < 5.0
     assert "It is not known" not in result.page.read_text()
     assert result.twin.read_bytes() == paths[1].read_bytes()
@@ -141,7 +142,7 @@ def test_two_recordings_from_one_start_are_shown_together(scenario: Path, tmp_pa
 def test_races_that_cannot_be_run_again_are_shown_without_what_was_seen(
     result: TwinResult, tmp_path: Path
 ) -> None:
-    again = nathlon.twin(result.original, result.twin, car=CAR, out=tmp_path / "out", progress=False)
+    again = nathlon.twin(result.original, result.twin, car=NUMBER, out=tmp_path / "out", progress=False)
     assert f"It is not known: car 0 is &#39;{RACER.stem}&#39;: expected" in again.page.read_text()
     assert again.parted_s == result.parted_s
     assert again.twin.read_bytes() == result.twin.read_bytes()
@@ -265,21 +266,21 @@ def test_wrong_input_is_one_sentence(recording: Path, scenario: Path, tmp_path: 
         refused(command("twin", recording, *arguments, "--out", "out", cwd=tmp_path), *said)
 
     driver = ("--policy", "driver")
-    wrong("--car", "4", *driver, said=("there is no car '4'", "from 0 to 3"))
-    wrong("--car", "2", *driver, "--at", "60", said=("at is 60 s", "car 2 drives, 0 to 8.9 s"))
-    wrong("--car", "2", *driver, "--at", "-1", said=("at is -1 s",))
-    wrong("--car", "2", *driver, "--at", "nan", said=("at is nan s",))
-    wrong("--car", "2", said=("either a policy in the car's place or another recording",))
-    wrong("--car", "2", "--policy", ELSEWHERE, said=("circuit is 'porto-sereno', expected 'lindenring'",))
-    wrong("--car", "2", "--policy", "gone.onnx", said=("gone.onnx: no such file",))
-    wrong("--car", "2", "--policy", RACER.parent, said=("expected one policy",))
-    wrong("--car", "2", *driver, said=(f"expected --entrant {RACER.stem}=FILE",))
-    wrong("--car", "2", *driver, "--entrant", str(RACER), said=("--entrant is", "expected NAME=FILE"))
+    wrong("--car", "5", *driver, said=("there is no car '5'", "from 1 to 4"))
+    wrong("--car", "3", *driver, "--at", "60", said=("at is 60 s", "car 3 drives, 0 to 8.9 s"))
+    wrong("--car", "3", *driver, "--at", "-1", said=("at is -1 s",))
+    wrong("--car", "3", *driver, "--at", "nan", said=("at is nan s",))
+    wrong("--car", "3", said=("either a policy in the car's place or another recording",))
+    wrong("--car", "3", "--policy", ELSEWHERE, said=("circuit is 'porto-sereno', expected 'lindenring'",))
+    wrong("--car", "3", "--policy", "gone.onnx", said=("gone.onnx: no such file",))
+    wrong("--car", "3", "--policy", RACER.parent, said=("expected one policy",))
+    wrong("--car", "3", *driver, said=(f"expected --entrant {RACER.stem}=FILE",))
+    wrong("--car", "3", *driver, "--entrant", str(RACER), said=("--entrant is", "expected NAME=FILE"))
     other = next(path for path in BUNDLED if path != RACER)
-    wrong("--car", "2", *driver, "--entrant", f"{RACER.stem}={other}", said=("cannot be raced again",))
+    wrong("--car", "3", *driver, "--entrant", f"{RACER.stem}={other}", said=("cannot be raced again",))
     (tmp_path / "full").write_text("")
     refused(
-        command("twin", recording, "--car", "2", *driver, *known, "--out", "full/out", cwd=tmp_path),
+        command("twin", recording, "--car", "3", *driver, *known, "--out", "full/out", cwd=tmp_path),
         "full/out: cannot be written",
     )
     assert not (tmp_path / "out").exists(), "nothing half-written"

@@ -56,7 +56,7 @@ def followed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 def test_my_checkpoint_is_ranked(followed: tuple[Path, str]) -> None:
     _, printed = followed
     ranking = printed.partition("N-athlon")[2].partition("Tests")[0]
-    rows = re.findall(r"│\s+(\d+)=? *│ (\S+)\s+│\s+(-?\d+) \(", ranking)
+    rows = re.findall(r"│\s+(\d+)(?: to \d+)? *│ (\S+)\s+│\s+(-?\d+) \(", ranking)
     assert sorted(name for _, name, _ in rows) == [
         "lindenring-mend-059k",
         "lindenring-s1-020k",

@@ -93,7 +93,7 @@ def test_the_order_is_that_of_the_log(opened: Opened, log: RaceLog) -> None:
     order = np.argsort(last["place"]).tolist()
     rows = opened.page.locator("#order tbody tr")
     assert [name.split()[0] for name in rows.locator("button").all_inner_texts()] == [
-        str(car) for car in order
+        str(car + 1) for car in order
     ]
     speeds = rows.locator("td:nth-child(4)").all_inner_texts()
     expected = [

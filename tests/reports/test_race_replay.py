@@ -217,7 +217,7 @@ def test_the_race_sheet_lists_cars_by_place(log: RaceLog) -> None:
     last = log.samples.copy()
     last["place"][-1] = [2, 1, 3]
     rows = [line for line in race_sheet(replace(log, samples=last)).splitlines() if "entrant" in line]
-    assert [row.split(" | ")[1] for row in rows] == ["1 entrant b", "0 entrant a", "2 entrant a"]
+    assert [row.split(" | ")[1] for row in rows] == ["2 entrant b", "1 entrant a", "3 entrant a"]
 
 
 def test_cars_of_a_team_differ_in_shade_only(log: RaceLog) -> None:

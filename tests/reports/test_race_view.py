@@ -80,7 +80,7 @@ def test_the_order_in_the_page_is_that_of_the_log(browser: Browser, tmp_path: Pa
     assert shown_time(opened) == 10.0
     order = np.argsort(full.logs[0].samples["place"][100]).tolist()
     names = opened.page.locator("#order tbody button").all_inner_texts()
-    assert [name.split()[0] for name in names] == [str(car) for car in order]
+    assert [name.split()[0] for name in names] == [str(car + 1) for car in order]
     opened.assert_quiet()
 
 
@@ -88,12 +88,12 @@ def test_incidents_have_their_verdicts_and_lead_to_the_player(
     browser: Browser, tmp_path: Path, full: Selection
 ) -> None:
     log = full.logs[0]
-    free = Incident(40.0, "contact", (2, 3), "2 a touches the rear of 3 b", closing_m_s=0.8)
+    free = Incident(40.0, "contact", (2, 3), "3 a touches the rear of 4 b", closing_m_s=0.8)
     opened = open_race(
         browser, tmp_path, replace(full, logs=(replace(log, incidents=(*log.incidents, free)),))
     )
     verdicts = opened.column("incidents", 5)
-    assert verdicts == ["1 entrant b at fault, 3.0 s", "nobody at fault"]
+    assert verdicts == ["2 entrant b at fault, 3.0 s", "nobody at fault"]
     assert opened.column("incidents", 4) == ["4.2", "0.8"]
     opened.page.locator("#incidents button", has_text="0:40.0").click()
     assert shown_time(opened) == 37.0
@@ -164,7 +164,7 @@ def test_the_command_of_a_twin_names_the_moment_and_the_car(
     opened.page.get_by_role("button", name="race it again").click()
     asked = opened.page.get_by_role("status").locator("pre").inner_text()
     assert asked.startswith("nathlon twin ")
-    assert "--car 2 --policy FILE --at 5.0 --out twin" in asked
+    assert "--car 3 --policy FILE --at 5.0 --out twin" in asked
     opened.assert_quiet()
 
 

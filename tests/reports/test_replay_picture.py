@@ -59,7 +59,7 @@ def test_no_view_complains(viewer: ViewerClient) -> None:
 
 
 def test_the_race_is_seen_from_behind_the_car(viewer: ViewerClient) -> None:
-    scene = picture(viewer, "3D Behind 1 entrant b")
+    scene = picture(viewer, "3D Behind 2 entrant b")
     height, width, _ = scene.shape
     assert share(scene[: height // 10], SKY) > 0.9
     assert share(scene, ROAD) > 0.15

@@ -90,7 +90,7 @@ def test_sums_and_places_are_formulas_with_their_values(selection: Selection, tm
     first = _rows(path, "Skills", formulas=True)[0]
     assert first["Sum [points]"] == "=SUM(B3:G3)"
     assert first["Weighted sum [points]"] == "=SUMPRODUCT($B$1:$G$1,B3:G3)"
-    assert list(first)[1:7] == [f"{test} [points]" for test in TESTS]
+    assert list(first)[1:7] == [f"{test.replace('_', ' ')} [points]" for test in TESTS]
 
 
 @pytest.mark.parametrize("weights", [(1, 1, 1, 1, 1, 1), (0, 0, 3, 0.5, 0, 1)])
@@ -197,12 +197,17 @@ def test_tables_are_written_for_other_programs(selection: Selection, tmp_path: P
         assert text.equals(table)
 
 
-def test_a_shared_rank_stays_a_number_and_has_its_mark(selection: Selection, tmp_path: Path) -> None:
+def test_a_rank_stays_a_number_and_shows_how_far_it_may_be(selection: Selection, tmp_path: Path) -> None:
     sheet = openpyxl.load_workbook(write_spreadsheet(selection, tmp_path / "ranking.xlsx"))["Ranking"]
-    ranks = selection.named("ranking").sort("rank")["rank"]
+    ranks = selection.named("ranking").sort("rank")
     cells = [row[0] for row in sheet.iter_rows(min_row=2)]
-    assert [cell.value for cell in cells] == ranks.to_list()
-    assert [cell.number_format == '0"="' for cell in cells] == ranks.is_duplicated().to_list()
+    assert [cell.value for cell in cells] == ranks["rank"].to_list()
+    forms = [
+        "0" if best == worst else f'0" to {worst}"'
+        for best, worst in ranks.select("rank", "worst_rank").rows()
+    ]
+    assert sorted(cell.number_format for cell in cells) == sorted(forms)
+    assert any("to" in form for form in forms)
 
 
 def test_a_committee_finds_the_verdict_and_the_finalists_on_the_first_sheet(

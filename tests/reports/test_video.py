@@ -69,12 +69,12 @@ def test_the_map_shows_where_the_cars_are(log: RaceLog) -> None:
 
 
 def test_names_leave_out_how_all_of_them_begin() -> None:
-    assert brief(["lindenring-s1-020k", "lindenring-s1-024k"]) == ["0 020k", "1 024k"]
-    assert brief(["driver:pace=0.95", "driver:pace=0.9", "driver:pace=1"]) == ["0 0.95", "1 0.9", "2 1"]
-    assert brief(["a-b", "a-b"]) == ["0 a-b", "1 a-b"]
-    assert brief(["a-b", "a-b-c", ""]) == ["0 a-b", "1 a-b-c", "2 "]
+    assert brief(["lindenring-s1-020k", "lindenring-s1-024k"]) == ["1 020k", "2 024k"]
+    assert brief(["driver:pace=0.95", "driver:pace=0.9", "driver:pace=1"]) == ["1 0.95", "2 0.9", "3 1"]
+    assert brief(["a-b", "a-b"]) == ["1 a-b", "2 a-b"]
+    assert brief(["a-b", "a-b-c", ""]) == ["1 a-b", "2 a-b-c", "3 "]
     [long, _] = brief(["a-very-long-name-of-a-checkpoint-040k", "driver"])
-    assert long == "0 a-very-l…oint-040k"
+    assert long == "1 a-very-l…oint-040k"
 
 
 def test_there_is_no_clip_of_nothing(tmp_path: Path, log: RaceLog) -> None:

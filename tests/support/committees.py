@@ -46,6 +46,7 @@ def battery(names: Sequence[str] = NAMES) -> pl.DataFrame:
             "points_low": [p - 700 for p in points],
             "points_high": [p + 700 for p in points],
             "rank": [1] * len(names),
+            "worst_rank": [len(names)] * len(names),
             "shortlisted": [False] * len(names),
         },
         schema=BATTERY,

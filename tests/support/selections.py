@@ -166,7 +166,7 @@ def night_before(selection: Selection) -> Previous:
         "night-0001",
         "2031-05-03T03:21:00.000000+00:00",
         selection.tables["entrants"].filter(pl.col("entrant") != newcomer),
-        pool.with_columns(rank=pl.col("rank").reverse()),
+        pool.with_columns(pl.col("rank", "worst_rank").reverse()),
         (Sent(name="coast-old", entrant=pool["entrant"][0]),),
     )
 
@@ -192,6 +192,7 @@ def ranked(
     return {
         "entrant": entrant,
         "rank": rank,
+        "worst_rank": rank,
         "points_per_race": points,
         "points_low": None if points is None else points - half_width,
         "points_high": None if points is None else points + half_width,
@@ -281,6 +282,7 @@ def _battery(ids: list[str], skills: list[dict[str, Any]], finalists: int) -> li
             "points_low": points - half,
             "points_high": points + half,
             "rank": 1 + sum(other - half > points + half for other in sums.values()),
+            "worst_rank": sum(other + half >= points - half for other in sums.values()),
             "shortlisted": entrant in ids[:finalists],
         }
         for entrant, points in sums.items()
@@ -294,8 +296,9 @@ def _ranking(final: list[str], strength: dict[str, float], rng: np.random.Genera
     for entrant, value in points.items():
         rate = float(rng.uniform(0.05, 0.6))
         rank = 1 + sum(other - half > value + half for other in points.values())
+        worst = sum(other + half >= value - half for other in points.values())
         rows.append(
-            ranked(entrant, rank, value, half, faults=int(rng.random() < 0.2) * 3)
+            ranked(entrant, rank, value, half, worst_rank=worst, faults=int(rng.random() < 0.2) * 3)
             | {"contacts_per_km": rate, "contacts_low": rate * 0.8, "contacts_high": rate * 1.25}
         )
     return rows

@@ -12,7 +12,15 @@ from scipy.stats import ttest_1samp
 
 from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.results import MATCHUPS, RANKING, RESULTS
-from nathlon.arena.statistics import holm, interval, p_values, precision, spread, standard_error, tied_ranks
+from nathlon.arena.statistics import (
+    holm,
+    interval,
+    p_values,
+    possible_ranks,
+    precision,
+    spread,
+    standard_error,
+)
 from nathlon.tournament.conduct import Gate, rates
 from nathlon.tournament.evidence import Cells, Evidence, appearances
 from nathlon.tournament.points import EQUAL, better, matchups, pair_correlation, rank
@@ -373,6 +381,8 @@ def test_a_car_that_never_moved_has_no_contact_rate() -> None:
     assert matchups(results, seeded())["contacts_per_km"].to_list() == [0.0, None]
 
 
-def test_ranks_count_only_those_clearly_above() -> None:
-    low, high = np.array([5.0, 4.0, 1.0, 0.0]), np.array([7.0, 6.0, 4.5, 0.5])
-    assert tied_ranks(low, high).tolist() == [1, 1, 2, 4]
+def test_ranks_reach_from_those_proven_better_to_those_proven_worse() -> None:
+    better = np.zeros((4, 4), np.bool_)
+    better[0, 2:] = better[1:3, 3] = True
+    best, worst = possible_ranks(better)
+    assert list(zip(best.tolist(), worst.tolist(), strict=True)) == [(1, 2), (1, 3), (2, 3), (4, 4)]

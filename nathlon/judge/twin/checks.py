@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nathlon.arena.race_log import RaceLog
+from nathlon.arena.race_log import RaceLog, start_number
 from nathlon.sim.errors import InputError
 
 
@@ -16,7 +16,8 @@ def check_moment(log: RaceLog, recording: Path, car: int, at_s: float) -> None:
     end_s = float(log.time_s[driving[-1]]) if len(driving) else 0.0
     if not 0.0 <= at_s <= end_s or not len(driving):
         raise InputError(
-            f"{recording}: at is {at_s:g} s, expected a moment at which car {car} drives, 0 to {end_s:.1f} s"
+            f"{recording}: at is {at_s:g} s, expected a moment at which car {start_number(car)} drives, "
+            f"0 to {end_s:.1f} s"
         )
 
 

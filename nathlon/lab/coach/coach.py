@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from nathlon.arena.race_log import RaceLog
+from nathlon.arena.race_log import RaceLog, start_number
 from nathlon.lab.coach.craft import craft_of, traffic
 from nathlon.lab.coach.diagnosis import MIN_LOSS_S, ComparedParts, causes_of
 from nathlon.lab.coach.driving import HANDS, DrivenTrial, Jolt, Rider, TrialPlan
@@ -100,7 +100,7 @@ class Coach:
         self._log, self._car, self._reference = log, car, reference
         self._laps = laps_of(log, car)
         if not self._laps:
-            raise InputError(f"car {car} completes no lap of the race, expected one that does")
+            raise InputError(f"car {start_number(car)} completes no lap of the race, expected one that does")
         self._lap = min(self._laps, key=lambda lap: lap.lap_s)
         self._length_m = (len(self._lap.time_s) - 1) * STEP_M
         self._parts = parts_of(log.sections, (self._lap, reference.lap))

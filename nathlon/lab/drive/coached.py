@@ -7,6 +7,7 @@ import threading
 import webbrowser
 from pathlib import Path
 
+from nathlon.arena.race_log import start_number
 from nathlon.lab.drive.keeping import Kept
 from nathlon.sim.process import command_of
 from nathlon.terminal import warn
@@ -39,7 +40,7 @@ class CoachAfterwards:
     def _work(self, recording: Path, car: int) -> None:
         out = self._folder / recording.stem
         # The next race may be under way, which must not wait for this one's numbers.
-        command = command_of("nathlon.cli", "coach", recording, "--car", car, "--out", out)
+        command = command_of("nathlon.cli", "coach", recording, "--car", start_number(car), "--out", out)
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode == 0:
             webbrowser.open((out / "index.html").absolute().as_uri())

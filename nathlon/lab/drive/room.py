@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from nathlon.arena.race_log import Incident
+from nathlon.arena.race_log import Incident, numbered
 from nathlon.lab.drive.aids import Aids
 from nathlon.lab.drive.blind import BlindTest
 from nathlon.lab.drive.choice import MOST_LAPS, Choice, DrivePlan, Offer, check_place, plan
@@ -22,6 +22,7 @@ from nathlon.lab.drive.input_buffer import InputBuffer
 from nathlon.lab.drive.keeping import Kept, keep, nearest
 from nathlon.lab.drive.mark import Mark
 from nathlon.lab.drive.scenery import scenery
+from nathlon.reports.race_data import race_data
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario_start import MOST_CARS
@@ -230,15 +231,17 @@ class Room:
     def _on_end(self, driven: DrivenHeat | None) -> None:
         """On the race's thread: it has ended."""
         kept: Kept | None = None
+        played: Words | None = None
         fault = "The race has failed; the terminal says why."
         if driven is not None:
             try:
                 kept = keep(driven, self._output)
+                played = race_data(driven.log)
             except InputError as error:
                 fault = str(error)
-        self._on_loop(partial(self._close, driven), (kept, fault))
+        self._on_loop(partial(self._close, driven, played), (kept, fault))
 
-    def _close(self, driven: DrivenHeat | None, end: tuple[Kept | None, str]) -> None:
+    def _close(self, driven: DrivenHeat | None, played: Words | None, end: tuple[Kept | None, str]) -> None:
         kept, fault = end
         heat, self.heat = self.heat, None
         if kept is not None and driven is not None:
@@ -247,7 +250,7 @@ class Room:
                 self._blind.ended(driven, kept)
             elif self._on_kept is not None:
                 self._on_kept(kept, driven.plan.choice.seat - 1)
-            self._tell({"type": "result", **self._result(driven, kept)})
+            self._tell({"type": "result", **self._result(driven, kept, played)})
         elif heat is not None:
             self._tell({"type": "refused", "why": fault})
 
@@ -257,7 +260,7 @@ class Room:
         if self._letters is not None:
             self._letters.say(words)
 
-    def _result(self, driven: DrivenHeat, kept: Kept) -> Words:
+    def _result(self, driven: DrivenHeat, kept: Kept, played: Words | None) -> Words:
         result = {"rows": _rows(driven, kept), "car": driven.plan.choice.seat - 1}
         if self._blind is not None:
             return result | {"questions": self._blind.questions}
@@ -265,6 +268,7 @@ class Room:
         return result | {
             "recording": str(kept.recording),
             "inputs": str(kept.inputs),
+            "race": played,
             "forecast": expected and expected._asdict(),
         }
 
@@ -303,8 +307,7 @@ def _race(made: DrivePlan) -> Words:
     return {
         "choice": choice.model_dump(mode="json"),
         "cars": [
-            {"name": f"{place} {name}", "colour": colour}
-            for place, (name, colour) in enumerate(zip(made.grid, shades, strict=True))
+            {"name": name, "colour": colour} for name, colour in zip(numbered(made.grid), shades, strict=True)
         ],
         "countdown_s": COUNTDOWN_S,
         "field": made.field and made.field.words,

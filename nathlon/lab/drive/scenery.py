@@ -25,6 +25,7 @@ def scenery(circuit: str, car: str) -> dict[str, Any]:
         "name": circuit,
         "circuit": data,
         "lap_m": track.length,
+        "kind": car,
         "length": body.length_m,
         "width": body.width_m,
         "full_lock": load_car(car).steering.full_lock_rad,

@@ -6,7 +6,7 @@ from nathlon.lab.sinks.bulletin import Bulletin
 
 ENTRANT = ("points_per_race", "points_low", "points_high", "contacts_per_km", "at_fault_per_km")
 """What is said of one entrant."""
-COLUMNS = ("rank", "name", "entrant", *ENTRANT, "barred", "pairs", "races")
+COLUMNS = ("rank", "worst_rank", "name", "entrant", *ENTRANT, "barred", "pairs", "races")
 """Of the ranking, in tables."""
 
 

@@ -75,11 +75,10 @@ def teams(bulletin: Bulletin) -> dict[str, Any]:
 
 
 def _row(row: Ranked) -> str:
-    rank = "–" if row.rank is None else f"{row.rank}."
     points = "–" if row.points_per_race is None else f"{row.points_per_race:.2f}"
     if row.points_low is not None and row.points_high is not None:
         points += f" ({row.points_low:.2f} to {row.points_high:.2f})"
-    return f"{rank:<3} {row.name}  {points}"
+    return f"{row.written_rank}: {row.name}  {points}"
 
 
 def _cut(said: str, most: int) -> str:

@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from nathlon.arena.results import BATTERY, SKILLS
 from nathlon.arena.rounding import levelled
-from nathlon.arena.statistics import Floats, Precision, holm, interval, p_values, spread, standard_error
+from nathlon.arena.statistics import (
+    Floats,
+    Precision,
+    holm,
+    interval,
+    p_values,
+    possible_ranks,
+    spread,
+    standard_error,
+)
 
 MARKS = pl.Schema(
     {
@@ -65,9 +74,10 @@ def rank_battery(
     points = levelled(member @ means["points"].to_numpy())
     variation = spread(runs["points"].to_numpy(), means["runs"].to_numpy(), resamples, rng)
     low, high = interval(points, member, variation, confidence)
+    best, worst = possible_ranks(_better(points, member, variation, 1 - confidence))
     return (
         pl.DataFrame({"entrant": entrants, "points": points, "points_low": low, "points_high": high})
-        .with_columns(rank=1 + _better(points, member, variation, 1 - confidence).sum(axis=0))
+        .with_columns(rank=best, worst_rank=worst)
         .sort("points", "entrant", descending=[True, False])
         .with_columns(pl.col("points_low", "points_high").fill_nan(None), shortlisted=pl.lit(False))
         .select(BATTERY.names())

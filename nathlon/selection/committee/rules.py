@@ -128,8 +128,8 @@ class CommitteeEvidence(Section):
     """What the members are shown.
 
     Attributes:
-        rows: of each candidate its `entrant`, `name`, `points` with `low` and `high` ends, `rank`, whether it
-            is `tied` there, whether it is `barred` from the ranking, and its CONDUCT; those with most points
+        rows: of each candidate its `entrant`, `name`, `points` with `low` and `high` ends, `rank` and
+            `worst_rank`, whether it is `barred` from the ranking, and its CONDUCT; those with most points
             first.
         tables: SHA-256 of the report's tables that lie behind, by name.
     """
@@ -168,7 +168,7 @@ def gather(
         pl.col("points_low").alias("low"),
         pl.col("points_high").alias("high"),
         "rank",
-        pl.col("rank").is_duplicated().alias("tied"),
+        "worst_rank",
         pl.col("barred") if source == "ranking" else pl.lit(False).alias("barred"),
     )
     rows = (
@@ -176,7 +176,7 @@ def gather(
         .join(conduct(results), on="entrant", how="left", maintain_order="left")
         .with_columns(
             pl.col("faults").fill_null(0),
-            pl.col("tied", "barred").fill_null(False),
+            pl.col("barred").fill_null(False),
             pl.col(pl.Float64).fill_nan(None),
         )
         .sort("points", descending=True, nulls_last=True, maintain_order=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from nathlon.arena.race_log import RaceLog
+from nathlon.arena.race_log import RaceLog, start_number
 from nathlon.arena.store import Store
 from nathlon.policies.sources import DRIVER, PLUGIN
 from nathlon.sim.errors import InputError
@@ -36,7 +36,9 @@ def sources_of(
         elif name.partition(":")[0] in (DRIVER, PLUGIN):
             found[car] = name
         else:
-            raise InputError(f"car {car} is {name!r}: expected {option} {name}=FILE, or --store with its run")
+            raise InputError(
+                f"car {start_number(car)} is {name!r}: expected {option} {name}=FILE, or --store with its run"
+            )
     return found
 
 

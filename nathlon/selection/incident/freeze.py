@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.race_log import Incident, RaceLog, origin, progress
+from nathlon.arena.race_log import Incident, RaceLog, origin, progress, start_number
 from nathlon.selection.battery.skill import Gains, Passed, Skill
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import Scenario, load_scenario
@@ -68,7 +68,8 @@ def freeze(
     sample = log.samples[begin]
     if not sample["driving"][car]:
         raise InputError(
-            f"car {car} does not drive {before_s:g} s before the incident, expected one that does"
+            f"car {start_number(car)} does not drive {before_s:g} s before the incident, "
+            f"expected one that does"
         )
     driving = np.flatnonzero(sample["driving"]).tolist()
     places = _places(log, begin)
@@ -107,15 +108,13 @@ def freeze(
 
 def _incident(log: RaceLog, at_s: float, car: int) -> Incident:
     """The incident of a car that is nearest to a moment."""
-    if not 0 <= car < len(log.names):
-        raise InputError(f"car is {car}: expected a number from 0 to {len(log.names) - 1}")
     own = [one for one in log.incidents if car in one.cars and one.kind in MEASURES]
     near = [one for one in own if abs(one.time_s - at_s) <= NEAR_S]
     if not near:
         known = ", ".join(f"{one.time_s:.1f}" for one in own) or "none"
         raise InputError(
-            f"nothing happened to car {car} within {NEAR_S:g} s of {at_s:g} s, expected one of its "
-            f"contacts or excursions, at {known}"
+            f"nothing happened to car {start_number(car)} within {NEAR_S:g} s of {at_s:g} s, "
+            f"expected one of its contacts or excursions, at {known}"
         )
     # Of several at one time, one that is laid to the car tells more than one that is not.
     return min(near, key=lambda one: (abs(one.time_s - at_s), one.fault != car))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from nathlon.arena.passes import Pass, passes
-from nathlon.arena.race_log import Incident, RaceLog
+from nathlon.arena.race_log import Incident, RaceLog, numbered
 
 BEFORE_S, AFTER_S = 6.0, 4.0
 """A clip begins so long before its moment and ends so long after it."""
@@ -39,8 +39,8 @@ def _decisive(log: RaceLog) -> list[Clip]:
         return []
     last = min(lasting, key=lambda one: (one.place, -one.time_s))
     where = f" in {log.sections[last.section].name}" if last.section >= 0 else ""
-    cars = [f"{car} {log.names[car]}" for car in (last.car, last.passed)]
-    what = f"the pass for place {last.place}: {cars[0]} goes by {cars[1]}{where}"
+    names = numbered(log.names)
+    what = f"the pass for place {last.place}: {names[last.car]} goes by {names[last.passed]}{where}"
     return [_clip(log, last.time_s, last.car, what)]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,6 +45,10 @@ class OutputFolder:
                 pass
         except OSError as error:
             raise InputError(f"{root}: output folder cannot be written: {error.strerror}") from None
+
+    def named(self, store: str) -> str:
+        """A store as commands are told of it that are typed in this folder: a URL, or a path from here."""
+        return store if "://" in store else os.path.relpath(store, self.root)
 
     @contextmanager
     def filling(self) -> Iterator[None]:

@@ -37,6 +37,7 @@ def publish(store: Store, run: str, output: OutputFolder, pool: Pool, on_match: 
         keep_laps(store, run, pool)
         keep_curves(store, run)
     selection = gather(store, run)
+    selection = replace(selection, store=output.named(selection.store))
     facts: dict[str, Any] = {"report": f"{REPORT}/{PAGE}"}
     with suppress(InputError):  # of a run that ended long ago the files may be gone
         facts["sent"] = keep_sent(store, run, output)

@@ -1,12 +1,13 @@
 // All there is to know about one entrant.
 
+import { rankText } from "../rank.js";
 import { ABSENT, capital, count, number, percent, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { barScale, chart, extent, PLAIN_AXIS, profile, tip } from "./charts.js";
 import { QUESTIONS } from "./committee.js";
 import {
-  batteryOf, batteryRank, blames, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, known, lapped, measured,
-  MEETINGS, met, nameOf, objectivesOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, rankWritten, skillsOf,
+  batteryOf, blames, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, known, lapped, measured,
+  MEETINGS, met, nameOf, objectivesOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, skillsOf,
   stageName, summary, tables, touches,
 } from "./data.js";
 import { chip, chips, empty, facts, gained, interval, link, missing, note, plain, raceHref, section, to } from "./dom.js";
@@ -51,8 +52,8 @@ function wayThrough(index) {
   return h("ol", { class: "funnel" },
     box("pareto", "Filter", filter, filter?.survives ? "survives" : "left out",
       (objectivesOf.get(index) ?? []).map((row) => `${objectiveTitle(row.objective)} ${number(row.value, 3)} ${measuredIn(row.objective)}, `), `non-dominated in ${percent(filter?.nondominated_probability)}\u00a0% of the draws`),
-    box("n-athlon", "n-athlon", battery, [`rank ${batteryRank(battery?.rank)}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
-    met && box("leaderboard", MEETINGS, ranking, [`rank ${rankWritten(ranking?.rank)}`], `${number(ranking?.[POINTS[0]], RANK_DIGITS)} ${summary.brings} ${EACH} (${between(ranking?.[POINTS[1]], ranking?.[POINTS[2]], RANK_DIGITS)}), `,
+    box("n-athlon", "n-athlon", battery, [`rank ${rankText(battery)}`], `${number(battery?.points)} points (${between(battery?.points_low, battery?.points_high, 0)}), `, battery?.shortlisted ? "shortlisted" : "not shortlisted"),
+    met && box("leaderboard", MEETINGS, ranking, [`rank ${rankText(ranking)}`], `${number(ranking?.[POINTS[0]], RANK_DIGITS)} ${summary.brings} ${EACH} (${between(ranking?.[POINTS[1]], ranking?.[POINTS[2]], RANK_DIGITS)}), `,
       touches && `${number(ranking?.contacts_per_km, 2)} contacts per km, `, blames && `${number(ranking?.at_fault_per_km, 2)} at fault, `, `${count(ranking?.faults ?? 0, "fault")}`));
 }
 

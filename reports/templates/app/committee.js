@@ -12,7 +12,7 @@ export const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLow
 // What members are shown of a candidate, as far as the world measures it.
 /** @type {[string, (one: any) => string][]} */
 const SHOWN = /** @type {any[]} */ ([
-  ["Rank", (one) => rankText(one.rank, one.tied)],
+  ["Rank", rankText],
   ["Points", (one) => number(one.points, 1)],
   touches && ["Contacts per km", (one) => number(one.contacts_per_km, 2)],
   touches && blames && ["At fault per km", (one) => number(one.at_fault_per_km, 2)],

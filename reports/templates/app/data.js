@@ -2,7 +2,6 @@
 
 import { capital } from "../numbers.js";
 import { dataOf } from "../race/element.js";
-import { rankIn } from "../rank.js";
 
 /**
  * @typedef {import("page-types/page").Tables} Tables
@@ -92,9 +91,6 @@ export const nameOf = (number) => entrants[number].name;
  */
 export const byEntrant = (rows) => new Map(rows.map((row) => [row.entrant, row]));
 export const rankingOf = byEntrant(tables.ranking);
-export const rankWritten = rankIn(tables.ranking);
-export const poolRank = rankIn(tables.pool.length ? tables.pool : tables.ranking);
-export const batteryRank = rankIn(tables.battery);
 export const batteryOf = byEntrant(tables.battery);
 export const paretoOf = byEntrant(tables.pareto);
 /**

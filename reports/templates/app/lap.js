@@ -79,7 +79,7 @@ function lapCommand(index) {
   if (!best) return empty("It completed no lap of its time trials.");
   return [
     facts([["Best time trial", [number(best.best_lap_s, 3), " s"]], ...limitFacts(best.best_lap_s)]),
-    h("p", {}, "The report holds the laps of the shortlist and of the finalists. This command shows any other:"),
+    h("p", {}, "The report holds the laps of the shortlist and of the finalists. This command shows any other, from the folder above this page:"),
     command(["nathlon", "replay", data.store, `${best.race.key.slice(0, 12)}:${best.race.race}`]),
   ];
 }

@@ -1,18 +1,19 @@
 // The meetings: points and contacts with their intervals, and two entrants side by side.
 
+import { rankText } from "../rank.js";
 import { ABSENT, capital, count, number, percent, signed } from "../numbers.js";
 import { h } from "../race/element.js";
 import { barScale, profile } from "./charts.js";
 import {
-  batteryOf, batteryRank, blames, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD, RANK_DIGITS,
-  rankingOf, rankWritten, skillsOf, summary, tables, tests, touches,
+  batteryOf, blames, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD, RANK_DIGITS,
+  rankingOf, skillsOf, summary, tables, tests, touches,
 } from "./data.js";
 import { empty, entrantLink, here, interval, keep, link, missing, note, plain, scroll, section, to } from "./dom.js";
 import { limitColumn, limitNote } from "./lap.js";
 import { d3 } from "./libraries.js";
 import { asked } from "./n_athlon.js";
 import { measuredIn, objectiveTitle, objectiveUnit, objectiveValue } from "./pareto.js";
-import { dataTable, entrantColumn, rankColumn } from "./table.js";
+import { dataTable, entrantColumn, rankColumn, RANKS } from "./table.js";
 
 /** @typedef {import("./data.js").Figure} Figure */
 
@@ -32,11 +33,11 @@ export function leaderboard() {
   return [
     title,
     !met && note(`The entrants did not meet: ${summary.stages_set_aside.tournament}.`),
-    note(`Rank: 1 + the number of entrants proven better, after Holm's correction. = marks a statistical tie. Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
+    note(`${RANKS} Each ${percent(summary.confidence)}\u00a0% interval is of one entrant: two may overlap although one is proven better.${limitNote()}`),
     comparison(),
     dataTable("leaderboard", [
       { key: "pick", head: "", unseen: "Compare", kind: "pick", cell: (row) => picker(row.entrant) },
-      rankColumn(rows),
+      rankColumn,
       entrantColumn(),
       figure("points", POINTS_HEAD, RANK_DIGITS, POINTS),
       { key: "points-drawn", head: "", unseen: "Points, drawn", kind: "drawn", cell: points },
@@ -95,6 +96,7 @@ export function compare([first, second]) {
     const row = table.get(index);
     return { value: row?.[name] ?? null, low: row?.[low] ?? null, high: row?.[high] ?? null, digits };
   });
+  const rankOf = (table) => numbers.map((index) => ({ value: table.get(index)?.rank ?? null, low: null, high: null, digits: 0, text: rankText(table.get(index)) }));
   const skill = (test) => numbers.map((index) => {
     const own = (skillsOf.get(index) ?? []).find((one) => one.test === test);
     return { value: own?.points ?? null, low: own?.points_low ?? null, high: own?.points_high ?? null, digits: 0 };
@@ -104,14 +106,14 @@ export function compare([first, second]) {
   /** @type {[string | null, (Pair | false)[]][]} */
   const groups = [
     [met ? MEETINGS : null, [
-      { label: "Rank", two: shown(rankingOf, "rank", 0), written: rankWritten },
+      { label: "Rank", title: RANKS, two: rankOf(rankingOf) },
       { label: POINTS_HEAD, two: shown(rankingOf, POINTS[0], RANK_DIGITS, POINTS[1], POINTS[2]), goal: "max", sure: both && [both.difference_low, both.difference_high] },
       touches && { label: "Contacts per km", two: shown(rankingOf, "contacts_per_km", 2, "contacts_low", "contacts_high"), goal: "min" },
       blames && { label: "At fault per km", two: shown(rankingOf, "at_fault_per_km", 2, "at_fault_low", "at_fault_high"), goal: "min" },
       { label: "Faults", two: shown(rankingOf, "faults", 0), goal: "min" },
     ]],
     ["n-athlon", [
-      { label: "Rank", two: shown(batteryOf, "rank", 0), written: batteryRank },
+      { label: "Rank", title: RANKS, two: rankOf(batteryOf) },
       { label: "Sum", two: shown(batteryOf, "points", 0, "points_low", "points_high"), goal: "max", apart: true },
       ...tests.map((test) => ({ label: plain(test), title: asked(test), two: skill(test), goal: "max", apart: true })),
     ]],
@@ -136,7 +138,7 @@ export function compare([first, second]) {
   ];
 }
 
-/** @typedef {{ value: number | null, low: number | null, high: number | null, digits: number }} Estimate */
+/** @typedef {{ value: number | null, low: number | null, high: number | null, digits: number, text?: string }} Estimate */
 
 /**
  * Of two estimates that know nothing of each other: Zou and Donner's interval of their difference.
@@ -155,7 +157,6 @@ const apartBy = (a, b) => {
  * @property {string} label
  * @property {string} [title]
  * @property {Estimate[]} two
- * @property {(rank: number | null) => string} [written] of a rank
  * @property {string} [goal] "max" or "min"
  * @property {boolean} [apart] whether the two know nothing of each other
  * @property {[number, number]} [sure] what their difference lies within, where something else tells it
@@ -166,7 +167,7 @@ const apartBy = (a, b) => {
  * @param {Pair} pair
  * @param {string[]} names
  */
-function sideBySide({ label, title, two: [a, b], written, goal, apart = false, sure }, names) {
+function sideBySide({ label, title, two: [a, b], goal, apart = false, sure }, names) {
   const difference = a.value === null || b.value === null ? null : a.value - b.value;
   const [low, high] = difference !== null && apart ? apartBy(a, b) : [null, null];
   const [least, most] = sure ?? [low, high];
@@ -174,7 +175,7 @@ function sideBySide({ label, title, two: [a, b], written, goal, apart = false, s
   const first = difference !== null && (goal === "min" ? difference < 0 : difference > 0);
   const told = !goal || difference === null ? "" : difference === 0 ? "alike" : overlap || (least !== null && most !== null && least <= 0 && most >= 0) ? "not told apart" : names[first ? 0 : 1];
   return h("tr", {}, h("th", { scope: "row", class: "name", title }, label),
-    [a, b].map(({ value, low: least, high: most, digits }) => h("td", { class: "number" }, h("strong", {}, written ? written(value) : number(value, digits)), " ", interval(least, most, digits))),
-    h("td", { class: "number" }, written || difference === null ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),
+    [a, b].map(({ value, low: least, high: most, digits, text }) => h("td", { class: "number" }, h("strong", {}, text ?? number(value, digits)), " ", interval(least, most, digits))),
+    h("td", { class: "number" }, a.text || difference === null ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),
     h("td", { class: "text" }, told));
 }

@@ -6,7 +6,7 @@ import { BLUES, LINES, measuredAs, profile, shade, shadeKey } from "./charts.js"
 import { data, entrantByKey, entrants, groups, nameOf, onCircuit, rowsOf, sent, skillsOf, summary, tables, tests } from "./data.js";
 import { chip, empty, entrantLink, here, interval, keep, note, plain, scroll, section } from "./dom.js";
 import { d3 } from "./libraries.js";
-import { dataTable, entrantColumn, rankColumn } from "./table.js";
+import { dataTable, entrantColumn, rankColumn, RANKS } from "./table.js";
 
 export function nAthlon() {
   const title = h("h1", {}, "n-athlon");
@@ -34,10 +34,10 @@ export function nAthlon() {
   });
   return [
     title,
-    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: better by the gain that the test sets. Rank: 1 + the number of entrants proven better; = marks a statistical tie.`, shadeKey(BLUES, "0", number(largest))),
+    note(`500 points: ${onCircuit ? "the built-in driver's" : "the baseline's"} mark. 1,000: better by the gain that the test sets. ${RANKS}`, shadeKey(BLUES, "0", number(largest))),
     dataTable("n-athlon", [
       { key: "pick", head: "", unseen: "Profile", kind: "pick", cell: box },
-      rankColumn(rows),
+      rankColumn,
       entrantColumn((row) => (row.shortlisted ? chip("", "shortlisted") : null)),
       { key: "sum", head: "Sum", value: (row) => row.points, cell: (row) => [h("strong", {}, number(row.points)), " ", interval(row.points_low, row.points_high, 0)] },
       ...tests.map((test) => ({ key: test, head: plain(test), kind: "test", title: asked(test), value: (row) => row.skills.get(test)?.points ?? null, cell: (row) => shaded(row, test) })),

@@ -4,7 +4,7 @@ import { capital, clock, number } from "../numbers.js";
 import { h, shown } from "../race/element.js";
 import { orderTable } from "../race/order.js";
 import { keepMoment, keyHints, momentOf, racePlayer } from "../race/player.js";
-import { openRecording } from "../race/recording.js";
+import { openRecording, startNumber } from "../race/recording.js";
 import { blames, carsOf, data, EPISODE, groups, lapped, measured, onCircuit, POINT_DIGITS, raceByKey, stageName, sum, summary } from "./data.js";
 import { command, empty, entrantLink, facts, fileHref, gained, here, keep, missing, note, plain, section } from "./dom.js";
 import { raceCharts, speedCharts } from "./race_charts.js";
@@ -92,7 +92,7 @@ async function playerOf(race) {
 const fileOf = (shown) => shown?.recording?.replace("../", "") ?? "";
 
 // What commands are told of a store that is not found beside the recording.
-const storeAsked = () => (/(^|\/)store\.sqlite$/.test(data.store) ? [] : ["--store", data.store]);
+const storeAsked = () => (data.store === "store.sqlite" ? [] : ["--store", data.store]);
 
 /**
  * How to race it again with another policy at the wheel of the followed car, from the player's moment on.
@@ -107,7 +107,7 @@ function twinOf({ state, recording }, shown) {
     const car = state.followed >= 0 ? state.followed : recording.order(recording.tickAt(state.now))[0];
     asked.replaceChildren(
       h("p", {}, `Both races side by side, with FILE at the wheel of ${recording.race.cars[car].name} from ${clock(state.now)} on. From the folder above this page:`),
-      command(["nathlon", "twin", file, "--car", String(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
+      command(["nathlon", "twin", file, "--car", startNumber(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
   };
   return [h("p", {}, h("button", { type: "button", class: "moment", onclick: show }, "race it again with another policy from this moment")), asked];
 }
@@ -127,7 +127,7 @@ function incidents(player, shown) {
   const asked = h("div", { role: "status" });
   const file = fileOf(shown);
   const frozenBy = (row) => [
-    "nathlon", "incident", file, "--at", row.time.toFixed(1), "--car", String(row.fault >= 0 ? row.fault : row.cars[0]), "--name", "NAME",
+    "nathlon", "incident", file, "--at", row.time.toFixed(1), "--car", startNumber(row.fault >= 0 ? row.fault : row.cars[0]), "--name", "NAME",
     ...storeAsked(),
   ];
   const ask = (row) => h("button", {
@@ -176,6 +176,6 @@ function watched(race, shown) {
     shown && h("p", {}, replay(shown)),
     file && [h("p", {}, "Open the recording in Rerun, from the folder above this page:"), command(["nathlon", "replay", file])],
     shown?.notes.map((text) => h("p", {}, text)),
-    h("p", {}, file ? `Run the ${EPISODE} again and show it:` : `Run the ${EPISODE} again, record it and show it in Rerun:`),
+    h("p", {}, file ? `Run the ${EPISODE} again and show it, from there:` : `Run the ${EPISODE} again, record it and show it in Rerun, from the folder above this page:`),
     command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`]));
 }

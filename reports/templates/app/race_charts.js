@@ -1,5 +1,6 @@
 // Charts of a recorded race by distance, with a line where the player stands.
 
+import { startNumber } from "../race/recording.js";
 import { clock, number } from "../numbers.js";
 import { h } from "../race/element.js";
 import { chart, LINES, PLAIN_AXIS, scaleOf, tip } from "./charts.js";
@@ -67,7 +68,7 @@ export function raceCharts(player) {
   const lines = (y) => Plot.line(rows, { x: "lap", y, z: "car", stroke: (row) => teamStroke(recording, row.car), strokeWidth: 1.8, strokeLinejoin: "round" });
   const about = (row) => `${race.cars[row.car].name}\nplace ${row.place}, ${number(row.gap, 1)} s behind the leader\n${clock(row.time)} after the start`;
   const pointed = (y) => Plot.tip(rows, Plot.pointer({ ...tip, x: "lap", y, title: about }));
-  const named = (row, width) => (width < 500 || row.lap < end - 0.2 ? String(row.car) : race.cars[row.car].name);
+  const named = (row, width) => (width < 500 || row.lap < end - 0.2 ? startNumber(row.car) : race.cars[row.car].name);
   return h("div", { class: "charts" },
     playedChart(player, "Places", (width) => Plot.plot({
       width, height: 270, marginRight: width < 500 ? 24 : 158, marginLeft: 34, marginBottom: 38, ariaLabel: "Place of every car along the race",
@@ -79,7 +80,7 @@ export function raceCharts(player) {
       width, height: 270, marginRight: 24, marginLeft: 34, marginBottom: 38, ariaLabel: "Gap of every car to the leader along the race",
       x: along, y: { domain: [d3.max(rows, ({ gap }) => gap) || 1, 0], label: null, grid: true },
       marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("gap"),
-        Plot.text(last, { x: "lap", y: "gap", text: (row) => String(row.car), textAnchor: "start", dx: 5, fill: "currentColor" }), pointed("gap")],
+        Plot.text(last, { x: "lap", y: "gap", text: (row) => startNumber(row.car), textAnchor: "start", dx: 5, fill: "currentColor" }), pointed("gap")],
     }), place, when));
 }
 

@@ -2,7 +2,7 @@
 
 import { ABSENT, number } from "../numbers.js";
 import { h } from "../race/element.js";
-import { rankIn } from "../rank.js";
+import { rankText } from "../rank.js";
 import { measured, nameOf, onCircuit, ownNames } from "./data.js";
 import { chips, entrantLink, here, keep, plain, scroll } from "./dom.js";
 
@@ -128,13 +128,10 @@ export const entrantColumn = (extra = () => null) => ({
   value: (row) => nameOf(row.entrant),
   cell: (row) => [entrantLink(row.entrant), " ", chips(row.entrant), extra(row)],
 });
-/** @param {any[]} rows */
-export const rankColumn = (rows) => {
-  const written = rankIn(rows);
-  return {
-    key: "rank", head: "Rank", kind: "rank", first: "ascending",
-    title: "1 + the number of entrants proven better, after Holm's correction; = marks a statistical tie",
-    value: (row) => row.rank,
-    cell: (row) => written(row.rank),
-  };
+export const RANKS = "Ranks that are possible: the best is 1 + the number of entrants proven better, the worst lies ahead of those only that are proven worse, after Holm's correction.";
+/** @type {Column} */
+export const rankColumn = {
+  key: "rank", head: "Rank", kind: "rank", first: "ascending", title: RANKS,
+  value: (row) => row.rank,
+  cell: rankText,
 };

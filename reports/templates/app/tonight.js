@@ -2,9 +2,9 @@
 
 import { ABSENT, capital, count, number } from "../numbers.js";
 import { h } from "../race/element.js";
-import { rankIn } from "../rank.js";
+import { rankText } from "../rank.js";
 import {
-  byEntrant, data, decisions, EACH, entrantOf, entrants, EPISODE, EPISODES, known, met, onCircuit, paretoOf, poolRank, rowsOf, stageName,
+  byEntrant, data, decisions, EACH, entrantOf, entrants, EPISODE, EPISODES, known, met, onCircuit, paretoOf, rowsOf, stageName,
   summary, tables,
 } from "./data.js";
 import { chip, duration, empty, entrantLink, facts, fileHref, link, note, plain, scroll, section, to } from "./dom.js";
@@ -106,11 +106,11 @@ function changes() {
   if (!before) return empty("There is no earlier run in this store to compare with.");
   const fresh = entrants.filter((one) => one.number < data.listed && !known.has(one.number));
   const pooled = rowsOf(before.pool);
-  const [places, rankBefore] = [byEntrant(pooled), rankIn(pooled)];
+  const places = byEntrant(pooled);
   const pool = tables.pool.length ? tables.pool : tables.ranking;
   const moved = pool
-    .map((row) => ({ ...row, before: places.get(row.entrant)?.rank ?? row.rank }))
-    .filter((row) => row.before !== row.rank)
+    .map((row) => ({ ...row, before: places.get(row.entrant) ?? row }))
+    .filter((row) => row.before.rank !== row.rank)
     .sort((a, b) => a.rank - b.rank);
   const arrived = pool.filter((row) => !places.has(row.entrant)).sort((a, b) => a.rank - b.rank);
   const survive = fresh.filter((one) => paretoOf.get(one.number)?.survives).length;
@@ -121,11 +121,11 @@ function changes() {
       ["Sent now", names(summary.sent)],
       ["Newcomers", `${number(fresh.length)}, ${number(survive)} through the filter`],
     ]),
-    arrived.length > 0 && h("p", {}, "New in the pool: ", arrived.slice(0, 8).map((row, i) => [i > 0 && ", ", entrantLink(row.entrant), ` (rank ${poolRank(row.rank)})`]),
+    arrived.length > 0 && h("p", {}, "New in the pool: ", arrived.slice(0, 8).map((row, i) => [i > 0 && ", ", entrantLink(row.entrant), ` (rank ${rankText(row)})`]),
       arrived.length > 8 && `, and ${number(arrived.length - 8)} more`, "."),
     !pool.length ? null : moved.length > 0
       ? h("ul", { class: "moves" }, moved.slice(0, 10).map((row) => h("li", {},
-          h("span", { class: row.rank < row.before ? "gain" : "loss" }, row.rank < row.before ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${rankBefore(row.before)} → ${poolRank(row.rank)}`)))
+          h("span", { class: row.rank < row.before.rank ? "gain" : "loss" }, row.rank < row.before.rank ? "▲" : "▼"), " ", entrantLink(row.entrant), ` ${rankText(row.before)} → ${rankText(row)}`)))
       : h("p", {}, "No rank in the pool has changed."),
     note(`Ranks in the pool of all nights. Newcomers can push others down; more ${EPISODES} can break ties.`),
   ];

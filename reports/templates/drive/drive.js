@@ -1,14 +1,16 @@
 // The page: connection, inputs and drawing, put together.
 
+import { marksBetween, puffsOf, raisedBy, slides } from "../scene3d/effects.js";
 import { all, byId, dataOf } from "../race/element.js";
-import { openCircuit, unpacked } from "../race/recording.js";
-import { raceScene } from "../race/scene.js";
+import { openCircuit, openRecording, unpacked } from "../race/recording.js";
+import { raceScene, sized } from "../race/scene.js";
 import { chaseCamera, cockpitCamera } from "../scene3d/cameras.js";
 import { newView } from "../scene3d/view.js";
 import { momentOf, questionsDialog, showBlind } from "./blind.js";
 import { newHud, newReference } from "./hud.js";
 import { kept, newInputs } from "./inputs.js";
 import { connect, newPlayback } from "./link.js";
+import { playedAgain } from "./again.js";
 import { newMenu, pauseDialog, resultDialog } from "./menu.js";
 import { newSound } from "./sound.js";
 
@@ -24,6 +26,8 @@ const VIEWS = ["chase", "cockpit", "map"];
  * @property {ReturnType<typeof newReference>} reference
  * @property {ReturnType<typeof newHud>} hud
  * @property {ReturnType<typeof newMap>} map
+ * @property {ReturnType<typeof newMinimap>} small
+ * @property {ReturnType<typeof newTrails>} [trails]
  * @property {Record<string, boolean>} aids
  * @property {boolean} paused
  * @property {boolean} started
@@ -37,8 +41,9 @@ function start() {
   const playback = newPlayback();
   const sound = newSound();
   const view = newView(byId("scene", HTMLCanvasElement));
-  let seen = newSight();
-  const settings = { kind: view ? "chase" : "map", mirror: true, line: true, sound: true, ...kept.read("view", {}) };
+  /** @type {ReturnType<typeof newSight>} */
+  let seen = newSight("gt3");
+  const settings = { kind: view ? "chase" : "map", mirror: true, line: true, minimap: true, sound: true, ...kept.read("view", {}) };
   if (!view) settings.kind = "map";
   /** @type {Driving | null} the race */
   let driving = null;
@@ -66,7 +71,7 @@ function start() {
     if (words.type === "marked") driving?.hud.tell({ text: `You marked ${momentOf(words)}`, cars: [driving.own], penalty_s: 0 }, driving.own);
     if (words.type === "questions") ask(words);
     if (words.type === "refused") refused(words.why);
-    if (words.type === "result") finish(words);
+    if (words.type === "result") await finish(words);
   }
 
   function notice(text) {
@@ -98,17 +103,17 @@ function start() {
   }
 
   async function begin(words) {
-    const made = await prepare(words.scene, words.cars.map(({ colour }) => colour));
+    const made = await prepare(words.scene, words.cars);
     playback.clear();
     for (const id of ["pause", "result"]) byId(id, HTMLDialogElement).close();
     const reference = newReference(made.reference, made.lap);
     driving = {
       race: words, own: words.choice.seat - 1, made, reference, paused: false, started: false, aids: { ...words.choice.aids },
-      hud: newHud({ race: words, scene: made, reference }), map: newMap(made, words.cars),
+      hud: newHud({ race: words, scene: made, reference }), map: newMap(made, words.cars), small: newMinimap(made, words.cars),
       drawn: 0, begins: Infinity,
     };
     view?.show(made);
-    seen = newSight();
+    if (view) [seen, driving.trails] = [newSight(view.kind), newTrails(made, view)];
     byId("menu").hidden = true;
     /** @type {HTMLElement | null} */ (document.activeElement)?.blur(); // a button that is hidden would keep the keys until the next picture
     byId("track").hidden = false;
@@ -153,11 +158,12 @@ function start() {
     byId("track").hidden = true;
   }
 
-  function finish(words) {
+  async function finish(words) {
     notice("");
     if (!driving) return;
     driving.finished = true;
-    resultDialog(words, { onRestart: () => link.say({ type: "restart" }), onLeave: leave, onAsk: ask });
+    const again = words.race && view ? playedAgain(await openRecording(words.race, driving.race.scene.circuit), words.car) : null;
+    if (driving) resultDialog(words, again, { onRestart: () => link.say({ type: "restart" }), onLeave: leave, onAsk: ask });
   }
 
   function send() {
@@ -171,6 +177,7 @@ function start() {
     KeyM: () => link.say({ type: "mark" }),
     KeyN: () => (settings.mirror = !settings.mirror),
     KeyL: () => (settings.line = !settings.line),
+    KeyG: () => (settings.minimap = !settings.minimap),
     KeyV: () => (settings.sound = !settings.sound),
     KeyB: () => driving?.reference.turn(),
     KeyP: () => link.say({ type: "pause" }),
@@ -200,7 +207,12 @@ function start() {
     byId("scene").hidden = map;
     byId("map").hidden = !map;
     if (map) driving.map(frame, driving.own);
-    else view?.render(frame, ...seen(frame, driving.own, settings));
+    else {
+      frame.cars[driving.own].steering = frame.steering;
+      view?.render({ ...frame, puffs: driving.trails?.(frame) }, ...seen(frame, driving.own, settings));
+    }
+    if (!map && settings.minimap) driving.small(frame, driving.own);
+    byId("small").hidden = map || !settings.minimap;
     driving.hud.draw(frame, driving.own, performance.now());
     sound.play(frame, driving.own, settings.sound && !driving.paused);
     driving.drawn += 1;
@@ -210,7 +222,8 @@ function start() {
 }
 
 // What the driver looks through, and what of it is drawn: arguments of the view.
-function newSight() {
+/** @param {string} model */
+function newSight(model) {
   /** @type {number | null} */
   let heading = null;
   /**
@@ -225,19 +238,39 @@ function newSight() {
     // The camera behind the car turns after it.
     const turn = heading === null ? 0 : Math.atan2(Math.sin(car.yaw - heading), Math.cos(car.yaw - heading));
     heading = heading === null ? car.yaw : heading + turn * 0.12;
-    return [inside ? cockpitCamera(car) : chaseCamera(car, heading), { inside: inside ? own : -1, mirror: mirror ? own : -1, line: line ? own : -1 }];
+    return [inside ? cockpitCamera(car, model) : chaseCamera(car, heading), { inside: inside ? own : -1, mirror: mirror ? own : -1, line: line ? own : -1 }];
+  };
+}
+
+// What tyres leave and raise as the race goes on: has marks laid on the road, and tells the puffs of a frame.
+function newTrails(made, view) {
+  const TRAIL = { apart_s: 0.1, kept: 12 };
+  /** @type {[number, import("./link.js").Frame["cars"]][]} */
+  let past = []; // with the time of each, the latest last
+  return ({ time, cars }) => {
+    if (time < (past.at(-1)?.[0] ?? 0)) past = [];
+    const before = past.at(-1);
+    if (!before || time - before[0] >= TRAIL.apart_s) {
+      if (before) view.layMarks(cars.flatMap((car, i) => (slides(before[1][i], car) ? marksBetween(before[1][i], car, view.wheels) : [])));
+      past.push([time, cars]);
+      past.splice(0, past.length - TRAIL.kept);
+    }
+    return cars.flatMap((_, i) => puffsOf((age) => {
+      const at = past.findLastIndex(([then]) => then <= time - age);
+      return at < 1 ? null : raisedBy(made, past[at - 1][1][i], past[at][1][i], past[at][1][i].progress);
+    }));
   };
 }
 
 // The circuit and the reference lap, unpacked.
-async function prepare(scene, colours) {
+async function prepare(scene, cars) {
   const { circuit, reference } = scene;
   const [lines, points, [speed], [time]] = await Promise.all([
     openCircuit(circuit), unpacked(reference.points, circuit.rows), unpacked(reference.speed, circuit.rows), unpacked(reference.time, circuit.rows),
   ]);
   const metres = (row) => Float64Array.from(row, (v) => v * circuit.step);
   return {
-    ...scene, ...lines, colours, lap: scene.lap_m,
+    ...scene, ...lines, colours: cars.map(({ colour }) => colour), names: cars.map(({ name }) => name), lap: scene.lap_m,
     reference: {
       x: metres(points[0]), y: metres(points[1]), z: metres(points[2]),
       speed: Float64Array.from(speed, (v) => v * reference.speed_step), time: Float64Array.from(time, (v) => v / 1000),
@@ -247,6 +280,41 @@ async function prepare(scene, colours) {
 
 const TRAIL_EVERY = 6; // ticks between two points of a trail
 const TRAIL_POINTS = 40;
+
+// The whole circuit in small, with a dot for every car.
+function newMinimap({ line, circuit }, cars) {
+  const canvas = byId("small", HTMLCanvasElement);
+  const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  const middle = (part) => Array.from(line.left[part], (value, i) => (value + line.right[part][i]) / 2);
+  const [xs, ys] = [middle("x"), middle("y")];
+  const [[west, east], [south, north]] = [xs, ys].map((values) => [Math.min(...values), Math.max(...values)]);
+  return (frame, own) => {
+    const [width, height, ratio] = sized(canvas);
+    const room = 10 * ratio;
+    const scale = Math.min((width - 2 * room) / (east - west), (height - 2 * room) / (north - south));
+    const at = (x, y) => [width / 2 + (x - (west + east) / 2) * scale, height / 2 - (y - (south + north) / 2) * scale];
+    pen.clearRect(0, 0, width, height);
+    pen.lineJoin = "round";
+    for (const [colour, wide] of /** @type {[string, number][]} */ ([["#12151acc", 7], ["#e6e8eb", 3]])) {
+      pen.beginPath();
+      for (let i = 0; i <= circuit.rows; i++) {
+        const [x, y] = at(xs[i % circuit.rows], ys[i % circuit.rows]);
+        pen.lineTo(x, y);
+      }
+      [pen.strokeStyle, pen.lineWidth] = [colour, wide * ratio];
+      pen.stroke();
+    }
+    const others = [...frame.cars.keys()].filter((car) => car !== own);
+    for (const car of [...others, own]) {
+      pen.beginPath();
+      const [x, y] = at(frame.cars[car].x, frame.cars[car].y);
+      pen.arc(x, y, (car === own ? 6 : 4) * ratio, 0, 7);
+      [pen.fillStyle, pen.strokeStyle, pen.lineWidth] = [cars[car].colour, car === own ? "#fff" : "#12151a", 1.5 * ratio];
+      pen.fill();
+      pen.stroke();
+    }
+  };
+}
 
 // The map, drawn by the scene of recorded races, which is given the present and a short past.
 function newMap(made, cars) {

@@ -1,12 +1,13 @@
 // Choosing a drive, calibrating a wheel, and the dialogs.
 
+import { startNumber } from "../race/recording.js";
 import { typed } from "../command.js";
 import { byId, h } from "../race/element.js";
 import { kept, newCalibration, pads } from "./inputs.js";
 import { called, lapTime, ordinal, percent, titled } from "./words.js";
 
 const AIDS = [["steering", "Steering aid: never turns the front wheels beyond their grip"], ["pedals", "Pedal aid: eases throttle and brake while the tyres turn"]];
-const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
+const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, G circuit in small, V sound, B reference lap, P or Escape pause, R restart.";
 
 const DIFFICULTIES = { chosen: "As ticked below", beginner: "Beginner", intermediate: "Intermediate", expert: "Expert", match: "Match me" };
 const TEMPERS = { calm: "Calm", fair: "Fair", aggressive: "Aggressive" };
@@ -126,7 +127,7 @@ export function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids })
   if (!dialog.open) dialog.showModal();
 }
 
-export function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
+export function resultDialog({ rows, car, recording, inputs, questions, forecast }, again, { onRestart, onLeave, onAsk }) {
   const dialog = byId("result", HTMLDialogElement);
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
@@ -136,13 +137,15 @@ export function resultDialog({ rows, car, recording, inputs, questions, forecast
   dialog.replaceChildren(
     h("h2", {}, own.ending === "finished" ? `You came ${ordinal(own.place)} of ${rows.length}` : `Your race ended: ${own.ending.replace("_", " ")}`),
     ...(forecast ? [h("p", { id: "forecast" }, `Forecast: place ${forecast.place.toFixed(1)} of ${forecast.cars}, likely ${forecast.low === forecast.high ? forecast.low : `${forecast.low} to ${forecast.high}`}. You came ${ordinal(own.place)}.`)] : []),
+    ...(again ? [again.node] : []),
     h("table", {}, h("thead", {}, head), h("tbody", {}, body)),
     ...(questions
       ? [h("div", { class: "buttons" }, button("Answer", () => onAsk(questions), "first"))]
       : [h("p", { class: "keys" }, "Look at it again: ", h("code", {}, typed(["nathlon", "replay", recording]))),
          h("p", { class: "keys" }, "What you did: ", h("code", {}, inputs)),
-         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", String(car)]))),
+         h("p", { class: "keys" }, "Where you lose time: ", h("code", {}, typed(["nathlon", "coach", recording, "--car", startNumber(car)]))),
          h("div", { class: "buttons" }, button("Again", onRestart, "first"), button("Another race", onLeave))]));
   dialog.oncancel = (event) => { event.preventDefault(); dialog.close(); if (questions) onAsk(questions); else onLeave(); };
   dialog.showModal();
+  again?.begin();
 }

@@ -9,7 +9,7 @@ import { absent, chip, elsewhere, empty, fileOf, head, list, note, percent, scro
 const ASKED_FOR = { shortlist: "Who is shortlisted?", selection: "Who is sent?" };
 /** @type {[string, (one: any) => import("../race/element.js").Child][]} */
 const EVIDENCE = [
-  ["Rank", (one) => rankText(one.rank, one.tied)],
+  ["Rank", rankText],
   ["Points", (one) => [number(one.points, 1), absent(one.low) ? null : h("small", {}, `${number(one.low, 1)} to ${number(one.high, 1)}`)]],
   ["Contacts a km", (one) => number(one.contacts_per_km, 2)],
   ["At fault a km", (one) => number(one.at_fault_per_km, 2)],

@@ -39,6 +39,7 @@
  * @property {string} match
  * @property {number} race
  * @property {{ name: string, team: number, colour: string }[]} cars
+ * @property {string} kind of its cars
  * @property {number} length of a car, m
  * @property {number} width
  * @property {number} origin where distances begin along the lap, m
@@ -187,3 +188,9 @@ export async function openRecording(race, circuit) {
     order: (tick) => [...Array(cars).keys()].sort((a, b) => samples.place[a][tick] - samples.place[b][tick]),
   };
 }
+
+/**
+ * What is painted on a car: people count from 1.
+ * @param {number} car
+ */
+export const startNumber = (car) => String(car + 1);

@@ -1,5 +1,7 @@
 // A race from above, drawn on a canvas.
 
+import { startNumber } from "./recording.js";
+
 /** @typedef {import("./recording.js").Line} Line */
 
 const TRAIL_S = 3;
@@ -269,7 +271,7 @@ export function raceScene(recording, scene, state) {
     }
     view.restore();
     view.globalAlpha = 1;
-    label(near && car === state.followed ? race.cars[car].name : String(car), x, y, near ? 14 : 11, ratio, driving ? "#fff" : QUIET);
+    label(near && car === state.followed ? race.cars[car].name : startNumber(car), x, y, near ? 14 : 11, ratio, driving ? "#fff" : QUIET);
   }
 
   /** @type {(near: boolean, ratio: number) => void} */

@@ -1,9 +1,11 @@
 // A race in three dimensions, in the place of the map.
 
 import { besideCar, chaseCamera, cockpitCamera, projected } from "../scene3d/cameras.js";
+import { marksBetween, puffsOf, raisedBy, slides } from "../scene3d/effects.js";
 import { newView } from "../scene3d/view.js";
 import { watchedCar } from "./battle.js";
 import { h } from "./element.js";
+import { startNumber } from "./recording.js";
 import { aimed, SHOT, shotsOf, tracksideCameras } from "./trackside.js";
 
 /** @typedef {"trackside" | "chase" | "cockpit"} CameraKind */
@@ -12,8 +14,8 @@ import { aimed, SHOT, shotsOf, tracksideCameras } from "./trackside.js";
 export const CAMERAS = { trackside: "trackside", chase: "from behind", cockpit: "from the cockpit" };
 const LAG_S = 0.15; // by which the camera behind a car turns later than the car
 const LABEL_M = 1.7;
-/** @type {("x" | "y" | "z" | "yaw" | "pitch" | "roll" | "speed")[]} */
-const DRAWN = ["x", "y", "z", "yaw", "pitch", "roll", "speed"];
+/** @type {("x" | "y" | "z" | "yaw" | "pitch" | "roll" | "speed" | "distance" | "steering" | "brake")[]} */
+const DRAWN = ["x", "y", "z", "yaw", "pitch", "roll", "speed", "distance", "steering", "brake"];
 
 export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -26,7 +28,7 @@ export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches
 export function spaceScene(recording, state, id) {
   const { race, circuit, line, ground, cars } = recording;
   const canvas = h("canvas", { id, class: "scene", role: "img", "aria-label": "The race in three dimensions" });
-  const labels = race.cars.map(({ name }, car) => h("span", { class: "label", title: name }, String(car)));
+  const labels = race.cars.map(({ name }, car) => h("span", { class: "label", title: name }, startNumber(car)));
   const told = h("p", { class: "shot" });
   const node = h("div", { class: "space", hidden: true }, canvas, h("div", { class: "labels", "aria-hidden": "true" }, labels), told);
   const cameras = tracksideCameras(recording);
@@ -35,19 +37,50 @@ export function spaceScene(recording, state, id) {
   let view = null;
   /** @type {import("./trackside.js").Shot & { followed: number, before?: import("./trackside.js").Shot } | null} */
   let held = null; // the shot while nothing may cut
+  /** @type {{ time: number, quads: number[][][] }[] | null} */
+  let skids = null;
 
   function open() {
     view ??= newView(canvas);
-    view?.show({ circuit, line, ground, length: race.length, width: race.width, colours: race.cars.map(({ colour }) => colour) });
+    if (view && !skids) {
+      view.show({ circuit, line, ground, kind: race.kind, length: race.length, width: race.width, colours: race.cars.map(({ colour }) => colour), names: race.cars.map(({ name }) => name) });
+      skids = skidsOf();
+      view.layMarks(skids.flatMap(({ quads }) => quads));
+    }
     return view !== null;
   }
 
   /** @param {number} seconds */
   function frameAt(seconds) {
     const [tick, part] = recording.moment(seconds);
-    /** @type {(car: number) => import("../scene3d/view.js").DrawnCar} */
-    const drawn = (car) => /** @type {any} */ (Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)])));
-    return { cars: race.cars.map((_, car) => drawn(car)) };
+    return { puffs: puffsAt(seconds), cars: race.cars.map((_, car) => drawnAt(car, tick, part)) };
+  }
+
+  /** @type {(car: number, tick: number, part: number) => import("../scene3d/view.js").DrawnCar} */
+  function drawnAt(car, tick, part) {
+    return /** @type {any} */ (Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)])));
+  }
+
+  // The marks of tyres, in the order in which they are left.
+  function skidsOf() {
+    const found = [];
+    const last = race.cars.map((_, car) => drawnAt(car, 0, 0));
+    for (let tick = 1; tick < recording.time.length; tick++) {
+      for (let car = 0; car < cars; car++) {
+        const [before, after] = [last[car], drawnAt(car, tick, 0)];
+        last[car] = after;
+        if (view && slides(before, after)) found.push({ time: recording.time[tick], quads: marksBetween(before, after, view.wheels) });
+      }
+    }
+    return found;
+  }
+
+  // Dust of cars beside the road, and smoke of those that slide.
+  function puffsAt(seconds) {
+    return race.cars.flatMap((_, car) => puffsOf((age) => {
+      const [now, before] = [seconds - age, seconds - age - 0.1].map((t) => drawnAt(car, ...recording.moment(Math.max(t, 0))));
+      return raisedBy(recording, before, now, (now.distance ?? 0) + race.origin);
+    }));
   }
 
   function shotNow() {
@@ -91,6 +124,8 @@ export function spaceScene(recording, state, id) {
     return `Camera ${shot.camera + 1} of ${cameras.length}: ${who}`;
   }
 
+  const marksBy = (seconds) => (skids ?? []).reduce((sum, { time, quads }) => sum + (time <= seconds ? quads.length : 0), 0);
+
   function draw() {
     if (!view) return;
     const tick = recording.tickAt(state.now);
@@ -100,9 +135,9 @@ export function spaceScene(recording, state, id) {
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     const shot = state.camera === "trackside" ? shotNow() : null;
     const camera = shot ? tracksideCamera(shot, frame, watched, width / height)
-      : state.camera === "cockpit" ? cockpitCamera(own)
+      : state.camera === "cockpit" ? cockpitCamera(own, view.kind)
         : chaseCamera(own, recording.value("yaw", watched, ...recording.moment(state.now - LAG_S)));
-    const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1 });
+    const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1, marks: marksBy(state.now) });
     const seen = labels.map(() => false);
     for (let car = 0; car < cars; car++) {
       const [x, y, ahead] = projected(matrix, besideCar(frame.cars[car], 0, LABEL_M));

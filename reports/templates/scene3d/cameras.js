@@ -7,12 +7,15 @@
  */
 
 const CHASE = { back: 6.4, up: 2.3, look: 7, fov: 0.95 };
-const COCKPIT = { forward: 0.35, up: 1.16, fov: 1.1 };
+const COCKPIT_FOV = 1.1;
+// Where the driver's eyes are, m ahead of the middle and above the road, by the car's model.
+/** @type {Record<string, { ahead: number, up: number }>} */
+export const EYES = { gt3: { ahead: 0.0, up: 1.06 }, coupe: { ahead: 0.05, up: 1.14 }, prototype: { ahead: 0.15, up: 0.9 } };
 const MIRROR_FOV = 0.5;
 
 /**
- * @param {Float32Array} a
- * @param {Float32Array} b
+ * @param {ArrayLike<number>} a
+ * @param {ArrayLike<number>} b
  */
 export function multiply(a, b) {
   const out = new Float32Array(16);
@@ -33,11 +36,11 @@ export function perspective({ fov, near = 0.2 }, aspect, mirrored) {
 /** @type {(a: Place, b: Place) => Place} */
 export const minus = (a, b) => a.map((part, i) => part - b[i]);
 /** @type {(a: Place, b: Place) => Place} */
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 /** @type {(a: Place, b: Place) => number} */
-const inner = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const inner = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 /** @type {(a: Place) => Place} */
-const unit = (a) => a.map((part) => part / (Math.hypot(...a) || 1));
+export const unit = (a) => a.map((part) => part / (Math.hypot(...a) || 1));
 
 /** @param {Camera} camera */
 export function lookAt({ eye, target, up }) {
@@ -100,10 +103,12 @@ export function chaseCamera(car, heading) {
 
 /**
  * @param {Pose} car
+ * @param {string} kind of its model
  * @returns {Camera}
  */
-export function cockpitCamera(car) {
-  return { eye: besideCar(car, COCKPIT.forward, COCKPIT.up), target: besideCar(car, 30, COCKPIT.up - 0.2), up: axes(car)[2], fov: COCKPIT.fov };
+export function cockpitCamera(car, kind) {
+  const { ahead, up } = EYES[kind];
+  return { eye: besideCar(car, ahead, up), target: besideCar(car, 30, up - 1.4), up: axes(car)[2], fov: COCKPIT_FOV, near: 0.08 };
 }
 
 /**

@@ -1,151 +1,237 @@
 // The race in three dimensions, drawn by WebGL.
 
 import { sized } from "../race/scene.js";
-import { lookAt, mirrorCamera, modelOf, multiply, perspective } from "./cameras.js";
-import { carMesh, circuitMesh, CORNER_BYTES, newMesh, rgb } from "./mesh.js";
+import { cross, EYES, inner, lookAt, minus, mirrorCamera, modelOf, multiply, perspective, unit } from "./cameras.js";
+import { carModel, LIVERIES, modelNamed, shadowModel, wheelModel } from "./car_models.js";
+import { circuitPieces, meadow, UP } from "./circuit.js";
+import { dashboard, handWheel, handWheelAt } from "./cockpit.js";
+import { puffModel } from "./effects.js";
+import { standing } from "./landscape.js";
+import { CAR_VERTEX, compiled, FRAGMENT, layTextures, SCENERY_VERTEX, SKY_FRAGMENT, SKY_UNIT, SKY_VERTEX } from "./shaders.js";
+import { CORNER_BYTES, LOOK, newMesh, rgb } from "./shapes.js";
 
-const SKY = [0.55, 0.7, 0.84];
 const MIRROR = { width: 0.3, height: 0.13 };
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
-const VERTEX = `
-attribute vec3 place; attribute vec4 colour;
-uniform mat4 model, camera; uniform vec3 tint;
-varying vec3 shade; varying float far;
-void main() {
-  gl_Position = camera * model * vec4(place, 1.0);
-  shade = mix(colour.rgb, colour.rgb * tint, colour.a);
-  far = gl_Position.w;
-}`;
-const FRAGMENT = `
-precision mediump float;
-uniform vec3 sky; uniform float alpha;
-varying vec3 shade; varying float far;
-void main() { gl_FragColor = vec4(mix(sky, shade, exp(-far / 900.0)), alpha); }`;
+const SEEN_M = { standing: 600, wheels: 120 };
+const SPOTS = ["place", "facing", "colour", "model0", "model1", "model2", "model3", "paint", "accent"];
+const INSTANCE = { place: 16, paint: 20, accent: 24 }; // floats until the end of each
+const STILL = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0];
+const MOST_MARKS = 24_000;
 
 /**
+ * @typedef {import("./cameras.js").Pose & { speed: number, brake: number, distance?: number, progress?: number, steering?: number }} DrawnCar
+ * @typedef {{ place: number[], size: number, colour: number[], opacity: number }} Puff
  * @typedef {ReturnType<typeof viewBy>} View
- * @typedef {import("./cameras.js").Camera} Camera
- * @typedef {import("./cameras.js").Pose & { progress?: number, speed: number }} DrawnCar
+ * @typedef {{ buffer: WebGLBuffer, count: number }} Loaded
  */
 
-/**
- * What is drawn: the circuit as it was unpacked, the size of cars and their colours; for the driver's line also that line.
- * @typedef {object} Made
- * @property {import("../race/recording.js").CircuitData} circuit
- * @property {Record<import("../race/recording.js").LineName, import("../race/recording.js").Line>} line
- * @property {Int32Array[]} ground
- * @property {number} length m
- * @property {number} width
- * @property {string[]} colours
- * @property {number} [lap] m
- * @property {import("../race/recording.js").Line & { speed: Float64Array }} [reference]
- */
+// Which parts a livery gives a second colour: the stripe over the middle, the sills.
+const liveryOf = (name) => [...name.replace(/^\d+ /, "")].reduce((sum, letter) => (sum * 31 + letter.codePointAt(0)) % 9973, 7) % LIVERIES;
 
 /**
  * A view on a canvas; null where the browser has no WebGL.
  * @param {HTMLCanvasElement} canvas
  */
 export function newView(canvas) {
-  const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
+  const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
   return gl && viewBy(gl, canvas);
 }
 
 /**
- * @param {WebGLRenderingContext} gl
+ * @param {WebGL2RenderingContext} gl
  * @param {HTMLCanvasElement} canvas
  */
 function viewBy(gl, canvas) {
-  const program = gl.createProgram();
-  for (const [kind, source] of /** @type {[number, string][]} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]])) {
-    const shader = gl.createShader(kind);
-    if (!shader) continue; // The context is lost, and nothing is drawn.
-    gl.shaderSource(shader, source);
-    gl.compileShader(shader);
-    gl.attachShader(program, shader);
-  }
-  gl.linkProgram(program);
-  gl.useProgram(program);
-  const [place, colour] = ["place", "colour"].map((name) => gl.getAttribLocation(program, name));
-  const uniform = Object.fromEntries(["model", "camera", "tint", "sky", "alpha"].map((name) => [name, gl.getUniformLocation(program, name)]));
-  const still = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+  const [scenery, polished] = [SCENERY_VERTEX, CAR_VERTEX].map((vertex) => compiled(gl, vertex, FRAGMENT, SPOTS));
+  const heaven = compiled(gl, SKY_VERTEX, SKY_FRAGMENT, ["corner"]);
+  const spots = Object.fromEntries(SPOTS.map((name, spot) => [name, spot]));
+  const cameras = [scenery, polished].map((program) => gl.getUniformLocation(program, "camera"));
+  const eye = gl.getUniformLocation(polished, "eye");
+  const looking = Object.fromEntries(["ahead", "across", "above"].map((name) => [name, gl.getUniformLocation(heaven, name)]));
+  layTextures(gl);
+  gl.useProgram(heaven);
+  gl.uniform1i(gl.getUniformLocation(heaven, "sky"), SKY_UNIT);
   gl.enable(gl.DEPTH_TEST);
   gl.enable(gl.SCISSOR_TEST);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-  gl.uniform3fv(uniform.sky, SKY);
-  /** @type {(data: ArrayBuffer, use?: number) => WebGLBuffer} */
-  const load = (data, use = gl.STATIC_DRAW) => {
-    const buffer = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, data, use);
-    return buffer;
+  gl.polygonOffset(-2, -2);
+  /** @type {(data: BufferSource | number, use?: number) => WebGLBuffer} */
+  const buffer = (data, use = gl.STATIC_DRAW) => {
+    const made = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, made);
+    gl.bufferData(gl.ARRAY_BUFFER, /** @type {any} */ (data), use);
+    return made;
   };
-  /** @type {(buffer: WebGLBuffer, model: Float32Array, tint: number[], first: number, count: number) => void} */
-  const draw = (buffer, model, tint, first, count) => {
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.enableVertexAttribArray(place);
-    gl.enableVertexAttribArray(colour);
-    gl.vertexAttribPointer(place, 3, gl.FLOAT, false, CORNER_BYTES, 0);
-    gl.vertexAttribPointer(colour, 4, gl.UNSIGNED_BYTE, true, CORNER_BYTES, 12);
-    gl.uniformMatrix4fv(uniform.model, false, model);
-    gl.uniform3fv(uniform.tint, tint);
-    gl.drawArrays(gl.TRIANGLES, first, count);
-  };
-  /**
-   * @typedef {{ made: Made, ground: WebGLBuffer, corners: number, car: WebGLBuffer, cabin: number, all: number, shadow: WebGLBuffer, line: WebGLBuffer }} Scene
-   */
-  let scene = /** @type {Scene} */ (/** @type {unknown} */ (null)); // until `show`
+  /** @type {(mesh: import("./shapes.js").Mesh, how?: { smooth?: boolean, baked?: boolean }) => Loaded} */
+  const load = (mesh, how = { baked: true }) => ({ buffer: buffer(mesh.data(how)), count: mesh.count });
+  const screen = buffer(new Float32Array([-1, -1, 3, -1, -1, 3]));
+  const moving = gl.createBuffer();
+  const flowing = gl.createBuffer();
+  let scene = /** @type {any} */ (null); // until `show`
 
-  /** @param {Made} made */
+  // Draws a mesh once for each instance: matrix, paint, accent.
+  function draw({ buffer: corners, count }, instances = STILL, held = null, [first, many] = [0, instances.length / INSTANCE.accent]) {
+    if (!many || !count) return;
+    gl.bindBuffer(gl.ARRAY_BUFFER, corners);
+    gl.vertexAttribPointer(spots.place, 3, gl.FLOAT, false, CORNER_BYTES, 0);
+    gl.vertexAttribPointer(spots.facing, 4, gl.BYTE, false, CORNER_BYTES, 12);
+    gl.vertexAttribPointer(spots.colour, 4, gl.UNSIGNED_BYTE, true, CORNER_BYTES, 16);
+    gl.bindBuffer(gl.ARRAY_BUFFER, held ?? moving);
+    if (!held) gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(instances), gl.STREAM_DRAW);
+    [spots.model0, spots.model1, spots.model2, spots.model3, spots.paint, spots.accent].forEach((spot, k) => gl.vertexAttribPointer(spot, 4, gl.FLOAT, false, 4 * INSTANCE.accent, 4 * (INSTANCE.accent * first + 4 * k)));
+    gl.drawArraysInstanced(gl.TRIANGLES, 0, count, many);
+  }
+
+  function prepareScene() {
+    for (const [name, spot] of Object.entries(spots)) {
+      gl.enableVertexAttribArray(spot);
+      gl.vertexAttribDivisor(spot, ["place", "facing", "colour"].includes(name) ? 0 : 1);
+    }
+  }
+
+  // Things that stand along the lap, in pieces as the ground is.
+  function planted({ mesh, places }) {
+    const instances = new Float32Array(places.flatMap(({ matrix, tint }) => [...matrix, tint, tint, tint, 0, 0, 0, 0, 1]));
+    const pieces = [];
+    const size = 24;
+    for (let first = 0; first < places.length; first += size) {
+      const part = places.slice(first, first + size);
+      const centre = [0, 1, 2].map((k) => part.reduce((sum, { at }) => sum + at[k] / part.length, 0));
+      pieces.push({ range: [first, part.length], centre, reach: 15 + Math.max(...part.map(({ at }) => Math.hypot(...minus(at, centre)))) });
+    }
+    return { mesh: load(mesh), held: buffer(instances), pieces };
+  }
+
   function show(made) {
-    const [ground, car] = [circuitMesh(made), carMesh(made.length, made.width)];
-    const shadow = newMesh();
-    const [x, y] = [made.length / 2 + 0.15, made.width / 2 + 0.15];
-    shadow.quad([-x, -y, 0.05], [x, -y, 0.05], [x, y, 0.05], [-x, y, 0.05], [16, 18, 20]);
+    const kind = modelNamed(made.kind ?? "", made.length, made.width);
+    const model = carModel(kind, made.length, made.width);
     scene = {
-      made, ground: load(ground.data), corners: ground.count,
-      car: load(car.mesh.data), cabin: car.cabin, all: car.mesh.count,
-      shadow: load(shadow.data), line: gl.createBuffer(),
+      made, kind, wheels: model.wheels, radius: model.radius,
+      ground: circuitPieces(made).map(({ mesh, ...piece }) => ({ ...piece, ...load(mesh) })), meadow: load(meadow(made.line)),
+      planted: standing(made).map(planted),
+      body: load(model.body, { smooth: true }), cabin: load(model.glass, { smooth: true }), wheel: load(wheelModel(model.radius), { smooth: true }),
+      shadow: load(shadowModel(made.length, made.width)), puff: load(puffModel()),
+      dashboard: load(dashboard(EYES[kind]), {}), hand: load(handWheel(), { smooth: true }),
+      marks: { buffer: buffer(MOST_MARKS * 6 * CORNER_BYTES, gl.DYNAMIC_DRAW), laid: 0 },
+      paints: made.colours.map((colour, i) => {
+        const paint = rgb(colour).map((part) => part / 255);
+        const livery = liveryOf(made.names?.[i] ?? "");
+        const bright = paint[0] * 0.3 + paint[1] * 0.6 + paint[2] * 0.1 > 0.62;
+        return { paint, accent: [livery & 1, livery >> 1, bright ? 0.1 : 0.95, 0] };
+      }),
     };
   }
 
   /**
-   * Draws what a camera sees and returns its matrix. Of the own car a mirror shows nothing, and a camera within no cabin.
-   * @param {[number, number, number, number]} box of the canvas
-   * @param {Camera} camera
-   * @param {{ cars: DrawnCar[] }} frame
-   * @param {number} own
+   * Marks of tyres. The oldest make room.
+   * @param {number[][][]} quads their corners
    */
-  function paint([x, y, width, height], camera, frame, own, mirrored = false) {
+  function layMarks(quads) {
+    const mesh = newMesh();
+    for (const [a, b, c, d] of quads) mesh.quad(a, b, c, d, [14, 14, 16, 0.5], LOOK.unlit, UP);
+    const bytes = new Uint8Array(mesh.data());
+    const { marks } = scene;
+    gl.bindBuffer(gl.ARRAY_BUFFER, marks.buffer);
+    quads.forEach((_, k) => gl.bufferSubData(gl.ARRAY_BUFFER, ((marks.laid + k) % MOST_MARKS) * 6 * CORNER_BYTES, bytes, k * 6 * CORNER_BYTES, 6 * CORNER_BYTES));
+    marks.laid += quads.length;
+  }
+
+  function paintSky({ eye, target, up, fov }, aspect, mirrored) {
+    gl.useProgram(heaven);
+    const ahead = unit(minus(target, eye));
+    const across = unit(cross(ahead, up));
+    const above = cross(across, ahead);
+    const half = Math.tan(fov / 2);
+    gl.uniform3fv(looking.ahead, ahead);
+    gl.uniform3fv(looking.across, across.map((part) => part * half * aspect * (mirrored ? -1 : 1)));
+    gl.uniform3fv(looking.above, above.map((part) => part * half));
+    for (const spot of Object.values(spots)) gl.disableVertexAttribArray(spot);
+    gl.bindBuffer(gl.ARRAY_BUFFER, screen);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribDivisor(0, 0);
+    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    gl.disable(gl.DEPTH_TEST);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  // Draws what a camera sees and returns its matrix. Of the own car a mirror shows nothing, and a camera within no cabin.
+  function paint([x, y, width, height], camera, frame, { inside, mirrored = false, marks, line = -1 }) {
     gl.viewport(x, y, width, height);
     gl.scissor(x, y, width, height);
-    gl.clearColor(SKY[0], SKY[1], SKY[2], 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    paintSky(camera, width / height, mirrored);
+    prepareScene();
     const matrix = multiply(perspective(camera, width / height, mirrored), lookAt(camera));
-    gl.uniformMatrix4fv(uniform.camera, false, matrix);
-    gl.uniform1f(uniform.alpha, 1);
-    draw(scene.ground, still, [1, 1, 1], 0, scene.corners);
-    frame.cars.forEach((car, i) => {
-      if (mirrored && i === own) return;
-      const model = modelOf(car);
-      gl.enable(gl.BLEND);
-      gl.uniform1f(uniform.alpha, 0.45);
-      draw(scene.shadow, model, [1, 1, 1], 0, 6);
-      gl.disable(gl.BLEND);
-      gl.uniform1f(uniform.alpha, 1);
-      draw(scene.car, model, rgb(scene.made.colours[i]).map((part) => part / 255), 0, i === own ? scene.cabin : scene.all);
+    [scenery, polished].forEach((program, k) => {
+      gl.useProgram(program);
+      gl.uniformMatrix4fv(cameras[k], false, matrix);
     });
+    gl.uniform3fv(eye, camera.eye);
+    gl.useProgram(scenery);
+    const ahead = unit(minus(camera.target, camera.eye));
+    const seen = (centre, reach, most = Infinity) => {
+      const to = minus(centre, camera.eye);
+      return inner(to, ahead) > -reach && Math.hypot(...to) - reach < most;
+    };
+    draw(scene.meadow);
+    for (const piece of scene.ground) if (seen(piece.centre, piece.reach)) draw(piece);
+    for (const { mesh, held, pieces } of scene.planted) for (const { range, centre, reach } of pieces) if (seen(centre, reach, SEEN_M.standing)) draw(mesh, [], held, range);
+    const cars = frame.cars.map((car, i) => ({ car, i, model: modelOf(car) })).filter(({ car, i }) => !(mirrored && i === inside.mirror) && seen([car.x, car.y, car.z], 6));
+    const painted = ({ car, i, model }) => [...model, ...scene.paints[i].paint, car.brake > 0.05 ? 1 : 0, ...scene.paints[i].accent];
+    gl.useProgram(polished);
+    draw(scene.body, cars.flatMap(painted));
+    draw(scene.cabin, cars.filter(({ i }) => i !== inside.car).flatMap(painted));
+    draw(scene.wheel, cars.filter(({ car }) => seen([car.x, car.y, car.z], 6, SEEN_M.wheels)).flatMap(({ car, model }) => wheelsOf(car, model)));
+    gl.useProgram(scenery);
+    gl.enable(gl.BLEND);
+    gl.enable(gl.POLYGON_OFFSET_FILL);
+    gl.depthMask(false);
+    draw({ buffer: scene.marks.buffer, count: 6 * Math.min(marks ?? scene.marks.laid, scene.marks.laid, MOST_MARKS) });
+    draw(scene.shadow, cars.flatMap(({ model }) => [...model, ...STILL.slice(16)]));
+    if (line >= 0) paintLine(frame.cars[line]);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
+    paintPuffs(frame.puffs ?? [], camera);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
+    if (inside.car >= 0 && !mirrored) paintCockpit(frame.cars[inside.car]);
     return matrix;
   }
 
-  /**
-   * The driver's line ahead, red where one is too fast for it.
-   * @param {DrawnCar} car
-   */
+  // The wheels of a car: those in front steer, all roll, and those on the right are turned round.
+  function wheelsOf(car, model) {
+    const roll = -(car.distance ?? car.progress ?? 0) / scene.radius;
+    return scene.wheels.flatMap(([x, y, z], k) => {
+      const steer = (k < 2 ? (car.steering ?? 0) * (scene.made.full_lock ?? 0.35) : 0) + (y < 0 ? Math.PI : 0);
+      const turn = y < 0 ? -roll : roll;
+      const [c, s, p, q] = [Math.cos(steer), Math.sin(steer), Math.cos(turn), Math.sin(turn)];
+      return [...multiply(model, [c * p, s * p, q, 0, -s, c, 0, 0, -c * q, -s * q, p, 0, x, y, z, 1]), ...STILL.slice(16)];
+    });
+  }
+
+  function paintCockpit(car) {
+    const model = modelOf(car);
+    const look = STILL.slice(16);
+    // It is nearer than all else, the own bonnet included.
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.useProgram(polished);
+    draw(scene.dashboard, [...model, ...look]);
+    draw(scene.hand, [...multiply(model, handWheelAt(EYES[scene.kind], car.steering ?? 0)), ...look]);
+  }
+
+  function paintPuffs(puffs, camera) {
+    const back = unit(minus(camera.eye, camera.target));
+    const right = unit(cross(camera.up, back));
+    const top = cross(back, right);
+    draw(scene.puff, puffs.flatMap(({ place, size, colour, opacity }) => [
+      ...right.map((part) => part * size), 0, ...top.map((part) => part * size), 0, ...back, 0, ...place, 1, ...colour.map((part) => part / 255), opacity, 0, 0, 0, 1]));
+  }
+
+  // The driver's line ahead, red where one is too fast for it.
   function paintLine(car) {
-    const { reference, lap = 1 } = scene.made;
-    if (!reference) return;
+    const { reference, lap } = scene.made;
     const [n, mesh] = [reference.x.length, newMesh()];
-    const first = Math.floor(((((car.progress ?? 0) + LINE_M[0]) % lap) + lap) % lap / lap * n);
+    const first = Math.floor((((car.progress + LINE_M[0]) % lap) + lap) % lap / lap * n);
     const rows = Math.floor(((LINE_M[1] - LINE_M[0]) / lap) * n);
     const [step, point] = [2, (i) => [reference.x[i % n], reference.y[i % n], reference.z[i % n] + 0.04]];
     for (let k = first; k < first + rows; k += 2 * step) {
@@ -154,33 +240,39 @@ function viewBy(gl, canvas) {
       const side = [(-(b[1] - a[1]) / far) * 0.28, ((b[0] - a[0]) / far) * 0.28, 0];
       const over = car.speed ** 2 - reference.speed[k % n] ** 2 - 2 * 11 * (((k - first) / n) * lap);
       const paint = over > 0 ? [240, 70, 60] : over > -250 ? [242, 190, 60] : [90, 205, 120];
-      mesh.quad(a.map((p, i) => p - side[i]), b.map((p, i) => p - side[i]), b.map((p, i) => p + side[i]), a.map((p, i) => p + side[i]), paint);
+      mesh.quad(a.map((p, i) => p - side[i]), b.map((p, i) => p - side[i]), b.map((p, i) => p + side[i]), a.map((p, i) => p + side[i]), [...paint, 0.75], LOOK.unlit, UP);
     }
-    gl.bindBuffer(gl.ARRAY_BUFFER, scene.line);
-    gl.bufferData(gl.ARRAY_BUFFER, mesh.data, gl.DYNAMIC_DRAW);
-    gl.enable(gl.BLEND);
-    gl.uniform1f(uniform.alpha, 0.75);
-    draw(scene.line, still, [1, 1, 1], 0, mesh.count);
-    gl.disable(gl.BLEND);
-    gl.uniform1f(uniform.alpha, 1);
+    gl.bindBuffer(gl.ARRAY_BUFFER, flowing);
+    gl.bufferData(gl.ARRAY_BUFFER, mesh.data(), gl.DYNAMIC_DRAW);
+    draw({ buffer: flowing, count: mesh.count });
   }
 
   return {
     show,
+    layMarks,
+    /** @returns {number[][]} */
+    get wheels() {
+      return scene.wheels;
+    },
+    /** @returns {string} */
+    get kind() {
+      return scene.kind;
+    },
+    // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these, and
+    // `marks` how many marks of tyres there are by now.
     /**
-     * The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these.
-     * @param {{ cars: DrawnCar[] }} frame
-     * @param {Camera} camera
-     * @param {{ inside?: number, mirror?: number, line?: number }} [cars]
+     * @param {{ cars: DrawnCar[], puffs?: Puff[] }} frame
+     * @param {import("./cameras.js").Camera} camera
+     * @param {{ inside?: number, mirror?: number, line?: number, marks?: number | null }} options
      */
-    render(frame, camera, { inside = -1, mirror = -1, line = -1 } = {}) {
+    render(frame, camera, { inside = -1, mirror = -1, line = -1, marks = null } = {}) {
       const [width, height] = sized(canvas);
-      const matrix = paint([0, 0, width, height], camera, frame, inside);
-      if (line >= 0) paintLine(frame.cars[line]);
+      const from = { car: inside, mirror };
+      const matrix = paint([0, 0, width, height], camera, frame, { inside: from, marks, line });
       if (mirror >= 0) {
         const [w, h] = [Math.round(width * MIRROR.width), Math.round(height * MIRROR.height)];
         const behind = mirrorCamera(frame.cars[mirror], scene.made.length);
-        paint([Math.round((width - w) / 2), height - h - Math.round(height * 0.02), w, h], behind, frame, mirror, true);
+        paint([Math.round((width - w) / 2), height - h - Math.round(height * 0.02), w, h], behind, frame, { inside: from, marks, mirrored: true });
       }
       return matrix;
     },
