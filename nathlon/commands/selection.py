@@ -274,7 +274,9 @@ def _print_ranking(summary: Summary) -> None:
     points = f"Points {summary.an_episode}" if met else "n-athlon points"
     heads = ["Rank", "Entrant", *([f"{summary.a_mean} played", *RESULTS] if means else [points])]
     heads += ["Contacts per km"] if touches else []
-    for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
+    times = {one.entrant: one for one in summary.action_times}
+    tail = [summary.episodes.capitalize()] if met else []
+    for column in [*heads, *tail, *(["Action, ms", "Memory, MB"] if times else [])]:
         table.add_column(column, justify="left" if column == "Entrant" else "right")
     for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
         cells = [rank, row.name]
@@ -286,8 +288,15 @@ def _print_ranking(summary: Summary) -> None:
             cells.append(_interval(row.points_per_race, row.points_low, row.points_high))
         if touches:
             cells.append(_interval(row.contacts_per_km, row.contacts_low, row.contacts_high))
-        table.add_row(*cells, *([str(row.races)] if met else []))
+        cells += [str(row.races)] if met else []
+        if times:
+            time = times.get(row.entrant)
+            cells.append("–" if time is None else time.written)
+            cells.append("–" if time is None or time.memory_mb is None else f"{time.memory_mb:.1f}")
+        table.add_row(*cells)
     print_table(table)
+    if times:
+        say(f"Action       {summary.timed_on}")
 
 
 def _interval(value: float | None, low: float | None, high: float | None) -> str:

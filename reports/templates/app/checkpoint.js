@@ -14,6 +14,7 @@ function checkpoint([key]) {
     facts([
       card.algorithm && ["Algorithm", card.algorithm], card.step !== null && ["Training step", number(card.step)],
       card.seed !== null && ["Training seed", String(card.seed)], card.circuit && ["Circuit", card.circuit], card.car && ["Car", card.car],
+      rankingOf.get(index)?.action_ms != null && ["Action", h("span", { title: data.timedOn }, `${number(rankingOf.get(index).action_ms, 3)} ms, 99 % within ${number(rankingOf.get(index).action_p99_ms, 3)} ms`)],
       card.source && ["Source", h("code", {}, card.source)], ["Id", h("code", { class: "id" }, card.entrant)],
     ]),
     wayThrough(index),

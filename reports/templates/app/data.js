@@ -54,6 +54,7 @@ const raceByKey = new Map(races.map((race) => [`${race.key.slice(0, 12)}/${race.
 const measured = (name) => data.cars[name]?.some((value) => value !== null) ?? false;
 const ranks = (name) => tables.ranking.some((row) => row[name] !== null);
 const [lapped, touches, blames] = [measured("best_lap_s"), ranks("contacts_per_km") || (measured("contacts") && measured("distance_m")), ranks("at_fault_per_km") || measured("contacts_at_fault")];
+const timed = ranks("action_ms");
 const EPISODE = summary.episode;
 const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISODE}s`;
 const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;

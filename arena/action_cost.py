@@ -1,0 +1,202 @@
+"""What an action costs where a policy is deployed: time and memory, measured by themselves.
+
+Not in matches: there a policy answers for many cars at once, beside other work. Here it acts for one seat, on
+one thread of a process of its own. And not on recorded observations: it sees what it brings about itself, so
+that policies with a memory and planners do what they do at work.
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from nathlon.arena.entrant import Entrant
+from nathlon.arena.job import Opening
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.arena.processor import processor
+from nathlon.arena.watch import Watch
+from nathlon.arena.world import World
+from nathlon.arena.world_registry import load_world
+from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.memory_limit import data_bytes
+from nathlon.policies.planning import decide
+from nathlon.policies.policy import Policy, has_reverse
+from nathlon.policies.sources import MPPI, PLUGIN, is_path
+from nathlon.policies.sources.identity import policy_id
+from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.reaction import Perception
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+
+ALONE = "time_trial"
+"""Scenario in which cars are timed."""
+SEED = 20_260_807
+WARM = 20
+"""Answers that are not counted: the first ones load and compile."""
+COUNTED = 1000
+"""That are."""
+MOST_S = 10.0
+"""Of the processor with the simulator's work, or of the policy's answers alone; slow planners give fewer."""
+MS = 1000.0
+OWN = 0, 0
+"""Who is timed, as a `Watch` knows it: match and entrant."""
+
+
+@dataclass(frozen=True)
+class ActionCost:
+    """What an action of one seat costs.
+
+    Attributes:
+        median_ms, p99_ms: time from observation to action, ms: median and 99th percentile. Time in which the
+            process waited for a processor is not in it.
+        actions: that were timed.
+        memory_bytes: that the process took from before the policy was loaded to the last action, libraries of
+            its own included; None where the system does not tell.
+    """
+
+    median_ms: float
+    p99_ms: float
+    actions: int
+    memory_bytes: int | None
+
+
+class Place(NamedTuple):
+    """Circuit and car; empty in worlds that have none."""
+
+    circuit: str
+    car: str
+
+
+TimedEntrant = tuple[Entrant, ActionCost | InputError]
+
+
+def machine() -> str:
+    """This machine, as one tells it from others: its name and its kind of processor."""
+    return f"{platform.node()} ({processor()})"
+
+
+def costed(entrant: Entrant) -> bool:
+    """Whether an entrant's actions are timed.
+
+    Those of built-in drivers, of people and of objects that were handed over are not: the first two are not
+    deployed, and asking an object would change it.
+    """
+    return is_path(entrant.source) or entrant.source.partition(":")[0] in (MPPI, PLUGIN)
+
+
+def action_costs(pool: Pool, entrants: Iterable[Entrant]) -> Iterator[TimedEntrant]:
+    """What an action of each entrant costs, or why that is not known, one after the other."""
+    for entrant in entrants:
+        where = (entrant.source, entrant.world, entrant.circuit, entrant.car)
+        [answer] = pool.open([Opening(entrant.source, measure, where, alone=True)])
+        yield entrant, answer
+
+
+def measure(source: str, world: str, circuit: str, car: str) -> ActionCost:
+    """What an action of a policy costs in this process.
+
+    Raises:
+        InputError: if it cannot be loaded, fails, or the world breaks down before it has been timed.
+    """
+    here = load_world(world, circuit, car)
+    stopwatch = _Stopwatch()
+    timed = _drive if here.circuits else _play
+    had = timed(here, source, Place(circuit, car), stopwatch)
+    took = np.array(stopwatch.took_s)
+    if not len(took):
+        raise InputError(f"{source}: gave no action that could be timed, expected one for every observation")
+    median, high = (round(float(ms), 4) for ms in np.quantile(took, [0.5, 0.99], method="higher") * MS)
+    return ActionCost(median, high, len(took), data_bytes() - had if had else None)
+
+
+class _EnoughError(BaseException):
+    """All answers have been timed: no fault of anybody, so no handler of faults may stop it."""
+
+
+class _Stopwatch(Watch):
+    """Notes how long answers take."""
+
+    def __init__(self) -> None:
+        self.took_s: list[float] = []
+        self._left, self._began_s = WARM, 0.0
+        super().__init__(match_s=math.inf)
+
+    def ask(self, match: int, entrant: int, first: bool) -> None:
+        """As of `Watch`, where an episode's first answer is one like others."""
+        super().ask(match, entrant, False)
+
+    def _tell(self, match: int, entrant: int, limit_s: float) -> None:
+        before_s = self._spent_s[OWN]
+        super()._tell(match, entrant, limit_s)
+        took_s = self._spent_s[OWN] - before_s
+        if took_s > 0.0 and self._left:
+            self._left -= 1
+            self._began_s = time.process_time()
+        elif took_s > 0.0:
+            self.took_s.append(took_s)
+            spent_s = max(time.process_time() - self._began_s, sum(self.took_s))
+            if len(self.took_s) == COUNTED or spent_s > MOST_S:
+                raise _EnoughError
+
+
+def _drive(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> int:
+    """Ask a policy for one car alone on the road; the memory that the process had before, bytes."""
+    scenario, track = load_scenario(ALONE), load_track(place.circuit)
+    world = scenario.world(track, load_car(place.car), 1)
+    world.reset(0, scenario.place(track, np.random.default_rng(SEED)))
+    only = np.zeros(1, np.int64)
+    # What the simulator compiles is not the policy's.
+    world.observe(ObservationSpec(), only, only)
+    world.step(np.zeros((1, 1, 2), np.float32), scenario.reaction.tick)
+    had = data_bytes()
+    policy: Policy = here.policy(source)
+    show_plan(world, policy.observation_spec)
+    world.state["has_reverse"] = has_reverse(policy)
+    perception = Perception(policy.observation_spec, only, only, scenario.reaction)
+    memory: Any = None
+    try:
+        while True:
+            seen = perception.see(world)
+            stopwatch.ask(*OWN, memory is None)
+            if memory is None:
+                memory = policy.initial_memory(1)
+            actions, memory = decide(policy, world, only, only, seen, memory)
+            stopwatch.work()
+            world.step(np.asarray(actions, np.float32).reshape(1, 1, 2), scenario.reaction.tick)
+    except _EnoughError:
+        return had
+
+
+def _play(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> int:
+    """Ask a policy in the first side's seats of a world, among others of its kind; as `_drive`."""
+    scenario = here.scenarios[0]
+    setup = here.setup(scenario)
+    baseline = here.baseline if setup.free else source
+    sources = (source, source, baseline)
+    seats = {seat: Seat(2) for seat in setup.free}
+    for number, side in enumerate(setup.sides):
+        seats |= dict.fromkeys(side, Seat(min(number, 1)))
+    ordered = tuple(seats[seat] for seat in range(len(seats)))
+    had = data_bytes()
+    policy, other = here.policy(source), here.policy(baseline)
+    ids = tuple(map(policy_id, sources))
+    for seed in range(SEED, SEED + COUNTED):
+        races = (Race(seed, ordered),)
+        match = Match("cost", scenario, scenario, *place, ids, sources, races, here.name)
+        try:
+            for _ in here.run({0: (match, (policy, policy, other))}, stopwatch):
+                pass
+        except _EnoughError:
+            break
+        if not stopwatch.took_s and seed > SEED + WARM:
+            break
+    return had
