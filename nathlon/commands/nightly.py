@@ -143,7 +143,9 @@ def status(
         )
     print_table(table)
     for one in workers:
-        say(f"At work      {one.host}, process {one.process}, with {one.processes}")
+        pace = "" if one.matches_per_minute is None else f", {one.matches_per_minute:g} matches a minute"
+        seen = "" if one.seen_at is None else f", last seen {one.seen_at[11:19]} UTC"
+        say(f"At work      {one.host}, process {one.process}, with {one.processes}{pace}{seen}")
     for fault in faults:
         say(fault)
 

@@ -50,7 +50,7 @@ def test_what_answers_with_nothing_has_no_time(tmp_path: Path) -> None:
     name = world_of(tmp_path, f"PettingZooWorld({{'duel': envs['duel']}}, load={{'.bad': {RAISER}}})")
     bad = tmp_path / "policy.bad"
     bad.write_text("weights")
-    with pytest.raises(InputError, match="policy.bad"):
+    with pytest.raises(InputError, match=r"policy\.bad"):
         measure(str(bad), name, "", "")
 
 

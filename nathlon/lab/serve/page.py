@@ -6,7 +6,7 @@ from nathlon.lab.serve.wishes import LONGEST_REASON
 from nathlon.lab.web.address import Address
 from nathlon.reports.self_contained import render_page, script_data, template_text
 
-PARTS = ("link", "figures", "ballot", "decision", "races", "room")
+PARTS = ("link", "figures", "ballot", "decision", "races", "work", "room")
 
 
 def room_page(address: Address, store: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Sequence
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ from nathlon.selection.field import Exclusion, Field
 from nathlon.selection.nightly.incumbents import incumbents, located
 from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.pool import best_first, rank_nights
+from nathlon.selection.nightly.retention import thin_out
 from nathlon.selection.nightly.watching import Watched, watch
 from nathlon.selection.pipeline import select
 from nathlon.selection.publish.output import POLICY_LOG, OutputFolder
@@ -100,6 +102,8 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
     with Store(config.store) as store, Pool(workers) as pool:
         check_world(pool, config.world)
         config = config.suited
+        if (days := config.nightly.keep_days) is not None:
+            thin_out(store, _nights(store), Path(config.out), days, datetime.now(UTC))
         untold = _untold(store)
         if untold:
             name, outcome = untold

@@ -1,8 +1,8 @@
 // The room: what comes from the server, and the views of it.
 
 const el = (id) => document.getElementById(id);
-const VIEWS = ["questions", "report", "races", "log"];
-const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again." };
+const VIEWS = ["questions", "report", "races", "log", "work", "history"];
+const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again.", steer: "Every machine heeds it from now on." };
 const STAGES = { pareto: "filter", battery: "n-athlon", tournament: "round robin" };
 const TOLD_MS = 6000;
 
@@ -36,6 +36,11 @@ function start() {
       else if (words.type === "state") show(words);
     },
   });
+  const ask = async (path) => {
+    const answer = await fetch(`/api/${path}`, { headers: { Authorization: `Bearer ${token}` } });
+    if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
+    return answer.json();
+  };
   const speak = (words) => say(words) || tell("refused", "The server is gone, so this was not sent.");
 
   // With the token in a header the browser gets a pass for files, which links and frames can send.
@@ -104,7 +109,18 @@ function start() {
       else link.removeAttribute("aria-current");
     }
     if (chosen === "report" && el("report").dataset.stale) renew(true);
+    renewWork();
   }
+
+  const work = workView(ask, speak), history = historyView(ask);
+  el("work").replaceChildren(work.node);
+  el("history").replaceChildren(history.node);
+  // What changes by the second is asked for while somebody looks; the history whenever somebody goes there.
+  function renewWork() {
+    if (!el("work").hidden) work.renew();
+    if (!el("history").hidden) history.renew();
+  }
+  setInterval(() => el("work").hidden || document.hidden || work.renew(), WORK_MS);
 
   el("run").addEventListener("change", () => {
     const latest = room.runs.at(-1).name;
