@@ -113,7 +113,7 @@ class Claimant:
         ran: matches that it has run so far.
     """
 
-    def __init__(self, store: Store, executor: Executor, lease_s: float) -> None:
+    def __init__(self, store: Store, executor: Executor, lease_s: float = LEASE_S) -> None:
         self.owner, self.lease_s = owner_name(), lease_s
         self.ran = 0
         self._store, self._executor = store, executor

@@ -37,7 +37,7 @@ from nathlon.arena.watch import Watch
 from nathlon.arena.world import LineUp, Measure, Setup
 from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.config import Config
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.forecasting import forecast, habits_of
 from nathlon.selection.nightly.night import NIGHT, nightly
 from nathlon.selection.pareto.filter import run_filter
@@ -150,7 +150,7 @@ def night_begun(folder: Path, count: int, matches: int) -> dict[str, Any]:
     target, files = str(folder / "large.sqlite"), folder / "watched"
     sources = write_checkpoints(files, count)
     large_store.fill(target, matches, 1)
-    field = Field(tuple(world.enter(source) for source in sources))
+    field = EntryList(tuple(world.enter(source) for source in sources))
     with Store(target) as store:
         store.begin_run(f"{NIGHT}0001", {"world": {}, "field": asdict(field)})
         store.end_run(f"{NIGHT}0001", "done")

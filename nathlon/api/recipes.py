@@ -32,7 +32,7 @@ class RecipesResult:
         folder: of all that it has left: page, picture, `recipes.csv`, `scores.csv` and the store.
         recipes: one row a recipe: `nathlon.results.recipes.RECIPES`.
         scores: one row a checkpoint and task: `nathlon.results.recipes.SCORES`.
-        remarks: sentences on what did not count: void pairs, and files with the same contents.
+        remarks: sentences on what did not count or come again: void pairs, episodes, equal files.
     """
 
     def __init__(
@@ -81,9 +81,7 @@ def recipes(
     """
     given = [folders] if isinstance(folders, str | Path) else folders
     found = recipe_folders(map(str, given))
-    settings = configured(config, seed, pairs=pairs, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, pairs=pairs, workers=workers, world=world)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         files = checkpoints_of(found, endings_of(pool, settings.world))
@@ -101,7 +99,8 @@ def recipes(
             scores = score(run, runs, references, settings)
         table = summarise(scores, np.random.default_rng([settings.seed, SEED]))
         place = ", ".join(filter(None, where[:2])) or settings.world
-        remarks = [*filter(None, [void_units(table, scores)]), *same_files(runs, files, references)]
+        said = filter(None, [void_units(table, scores), run.otherwise])
+        remarks = [*said, *same_files(runs, files, references)]
         with output.filling():
             write_recipes(table, scores, output.root)
             names = [one.name for one in references]

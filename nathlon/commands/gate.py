@@ -18,6 +18,8 @@ from nathlon.terminal import new_table, print_json, print_table, say, warn
 if TYPE_CHECKING:
     from nathlon.results.gate import GateReport
 
+HEADS = ("Measure", "Decision", "Difference", "Bounds", "May be", "Units")
+
 
 def gate(
     checkpoints: Checkpoints,
@@ -58,9 +60,8 @@ def gate(
         print_json(result.report.model_dump(mode="json"))
     else:
         for candidate in result.report.candidates:
-            table = new_table(f"{candidate.name} against {result.report.champion}", lean=True)
-            for column in ("Measure", "Decision", "Difference", "Bounds", "May be", "Units"):
-                table.add_column(column, justify="left" if column in ("Measure", "Decision") else "right")
+            title = f"{candidate.name} against {result.report.champion}"
+            table = new_table(title, HEADS, HEADS[:2], lean=True)
             for finding in candidate.findings:
                 table.add_row(*cells(finding))
             print_table(table)

@@ -66,15 +66,14 @@ def _print(report: MatrixReport, out: Path) -> None:
 
     worst = [cell for cell in report.ordered() if cell.verdict == "worse"][:SHOWN]
     if worst:
-        table = new_table("What got worse first", lean=True)
-        table.add_column("Cell")
-        table.add_column("Worse by")
+        heads = ("Cell", "Worse by")
+        table = new_table("What got worse first", heads, words=heads, lean=True)
         for cell in worst:
             table.add_row(cell.label, "; ".join(text for text, _ in differences(report, cell)))
         print_table(table)
     for sentence in report.set_aside:
         say(f"Not driven: {sentence}")
-    for sentence in filter(None, (report.completion, report.void_runs)):
+    for sentence in filter(None, (report.completion, report.void_runs, report.otherwise)):
         say(sentence)
     say(report.headline)
     say(f"Page         {out / 'index.html'}")

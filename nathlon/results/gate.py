@@ -115,6 +115,7 @@ class GateReport(ResultModel):
         void: races that count for nobody.
         champion_faults, champion_runs: runs of the champion's cars that ended by its own fault, and all.
         champion_also: candidates that were left out, as they are the champion's own file.
+        otherwise: that an episode came out otherwise when it was played again, in a sentence.
         wall_s: how long it took.
     """
 
@@ -134,6 +135,7 @@ class GateReport(ResultModel):
     champion_faults: int = 0
     champion_runs: int = 0
     champion_also: tuple[str, ...] = ()
+    otherwise: str = ""
     version: int = VERSION
 
     @property
@@ -186,4 +188,4 @@ class GateReport(ResultModel):
         if self.champion_also:
             left = ", ".join(map(printable, self.champion_also))
             told.append(f"Same file as the champion {self.champion}, left out: {left}.")
-        return told
+        return [*told, self.otherwise] if self.otherwise else told

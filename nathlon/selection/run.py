@@ -12,15 +12,16 @@ from functools import partial
 import numpy as np
 import polars as pl
 
-from nathlon.arena.engine import Engine
+from nathlon.arena.engine import MatchEngine
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.match import Match
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue_engine import QueueEngine
-from nathlon.arena.results import INTERRUPTED, RESULTS
+from nathlon.arena.results import INTERRUPTED, POLICY_FAULTS, RESULTS, VOID_ENDINGS, came_out_alike
 from nathlon.arena.store import Store
 from nathlon.arena.voids import NotJudged, void_races
+from nathlon.arena.world_finding import RACING
 from nathlon.results.summary import Stage, Summary
 
 STAGES = ("pareto", "battery", "tournament")
@@ -35,7 +36,14 @@ TIMES = "timing"
 INCIDENT_RUNS = "incidents"
 GATE = "gate"
 MATRIX = "matrix"
+PLAYED_AGAIN = "played_again"
+"""Fact of a run: what came of a match that was played once more."""
 CONFIDENCE = 0.95
+
+OTHERWISE = (
+    "An episode of scenario {!r} came out otherwise when it was played again with the same seed, so results "
+    "hold on average alone, and nobody can repeat them (nathlon world check says what differs)."
+)
 
 DONE = "done"
 WAITING = "waiting"
@@ -84,13 +92,13 @@ class Run:
     on_match: OnMatch
     stages: list[Stage] = field(default_factory=list)
     status: str = DONE
-    other_engine: InitVar[Engine | None] = None
-    engine: Engine = field(init=False)
+    other_engine: InitVar[MatchEngine | None] = None
+    engine: MatchEngine = field(init=False)
     _noted: float = field(default=-math.inf, init=False)
     _ran: int = field(default=0, init=False)
     _run_again: set[str] = field(default_factory=set, init=False)
 
-    def __post_init__(self, other_engine: Engine | None) -> None:
+    def __post_init__(self, other_engine: MatchEngine | None) -> None:
         self.engine = other_engine or QueueEngine(self.store, self.pool)
         if interrupted := self.store.interrupted(self.name):
             self.store.forget(interrupted)
@@ -127,9 +135,33 @@ class Run:
                 continue
             interrupted = set(results.filter(pl.col("ending") == INTERRUPTED)["match"]) - self._run_again
             if not interrupted:
+                self._play_again(matches)
                 return results
             self._run_again |= interrupted
             self.store.forget(interrupted)
+
+    @property
+    def otherwise(self) -> str:
+        """That an episode came out otherwise when it was played again, in a sentence; '' where none did."""
+        return str(self.store.facts(self.name).get(PLAYED_AGAIN, ""))
+
+    def _play_again(self, matches: Sequence[Match]) -> None:
+        """Play the run's first stored match that ended as it should once more, and keep what came otherwise.
+
+        Nathlon's own world repeats to the bit by its tests; of another one nobody knows.
+        """
+        if matches[0].world == RACING or PLAYED_AGAIN in self.store.facts(self.name):
+            return
+        ended = next(filter(self._ended_well, matches), None)
+        if ended is None:
+            return
+        [(match, results)] = self.pool.run([ended])
+        alike = came_out_alike(results, self.store.results_of([match.key]))
+        self.store.put_fact(self.name, PLAYED_AGAIN, "" if alike else OTHERWISE.format(match.scenario))
+
+    def _ended_well(self, match: Match) -> bool:
+        endings = self.store.results_of([match.key])["ending"]
+        return not endings.is_in([*POLICY_FAULTS, *VOID_ENDINGS]).any()
 
     def _have_run(self, stage: str, wanted: Mapping[str, Match]) -> None:
         """Have those matches run that the store does not hold."""

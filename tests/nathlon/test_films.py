@@ -162,12 +162,14 @@ def key_of(result: SelectionResult) -> str:
 )
 def test_a_sentence_says_why_an_episode_is_not_filmed(tmp_path: Path, fault: str, said: str) -> None:
     made = f"PettingZooWorld({{'duel': envs['faulty']('{fault}')}})"
-    replays = select(tmp_path, made, two=2, one=1).summary.replays
-    missing = [replay for replay in replays if replay.missing]
+    summary = select(tmp_path, made, two=2, one=1).summary
+    missing = [replay for replay in summary.replays if replay.missing]
     assert missing, "by luck some could end as before"
     for replay in missing:
         assert replay.recording is replay.video is None
         assert said in str(replay.missing)
+    again = "An episode of scenario 'duel' came out otherwise when it was played again"
+    assert any(again in note for note in summary.notes) == (fault == "drifts")
 
 
 def test_the_command_shows_an_episode(duel: SelectionResult, tmp_path: Path) -> None:

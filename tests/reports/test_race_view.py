@@ -62,7 +62,7 @@ def test_the_address_keeps_the_moment(browser: Browser, tmp_path: Path, full: Se
     opened.page.locator("#scrub").press("ArrowRight")
     opened.page.locator("#order tbody button").nth(2).click()
     car = opened.page.locator("#follow").input_value()
-    opened.until("location.hash.includes('at=')")
+    opened.until(f"location.hash.includes('at=1.0') && location.hash.includes('car={car}')")
     opened.page.reload()
     opened.until(READY)
     assert (shown_time(opened), opened.page.locator("#follow").input_value()) == (1.0, car)

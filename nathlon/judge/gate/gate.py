@@ -130,6 +130,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
         champion_faults=sum(case.faults(champion) for case in cases),
         champion_runs=sum(len(case.endings(champion)) for case in cases),
         champion_also=champion.also,
+        otherwise=run.otherwise,
         wall_s=round(time.perf_counter() - began, 1),
         versions=versions(),
         candidates=tuple(_gated(case, settings, other_gates(run, case.pair), times) for case in cases),

@@ -213,6 +213,7 @@ def _report(run: Run, matrix: Matrix, config: Config, wall_s: float) -> MatrixRe
         baseline_void=sum(one.baseline for one in lost),
         policy_broken=completed.broken,
         baseline_broken=completed.others_broken,
+        otherwise=run.otherwise,
         breaks_more=breaks_more(completed.alone, completed.other) >= 1 / config.matrix.false_discovery_rate,
         wall_s=round(wall_s, 1),
         versions=versions(),

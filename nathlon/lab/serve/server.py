@@ -20,7 +20,7 @@ from nathlon.lab.drive.room import Mailbox, Room
 from nathlon.lab.drive.server import quick_switching
 from nathlon.lab.drive.wheel import WheelSocket, deliver
 from nathlon.lab.serve.files import Files
-from nathlon.lab.serve.record import Record
+from nathlon.lab.serve.record import RunsRecord
 from nathlon.lab.serve.tokens import Tokens
 from nathlon.lab.serve.wishes import WISH, Look, Steer
 from nathlon.lab.web.access import Access
@@ -77,7 +77,7 @@ class MeetingServer:
 
     def __init__(
         self,
-        record: Record,
+        record: RunsRecord,
         store: str,
         tokens: Tokens,
         new_clock: Callable[[], Clock] = Clock,
@@ -240,7 +240,7 @@ class MeetingServer:
 
 
 async def serve_meeting(
-    record: Record,
+    record: RunsRecord,
     store: str,
     tokens: Tokens,
     address: Address,

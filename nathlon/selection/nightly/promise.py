@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nathlon.arena.store import RunRecord, Store
 from nathlon.policies.sources import is_path
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 
 UNKNOWN = 1.0
 """Promise of a training run of which nothing was judged: one has to look before one can tell."""
@@ -60,7 +60,7 @@ def promise_of_runs(store: Store, nights: Iterable[RunRecord]) -> dict[str, floa
     for night in nights:
         front = store.table(night.name, "pareto").select("entrant", "nondominated_probability")
         probability = dict(front.iter_rows())
-        for entrant in Field.from_plan(night.config).newcomers:
+        for entrant in EntryList.from_plan(night.config).newcomers:
             run, own = training_run(entrant.source), probability.get(entrant.id) or 0.0
             found[run] = max(found.get(run, 0.0), own)
     return found

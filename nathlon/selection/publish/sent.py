@@ -20,7 +20,7 @@ from nathlon.results.summary import Sent, Summary
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import LONGEST_FILE, as_named, file_stem
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole
 
 SENT = "sent"
 """Folder of the copies, in that of the selection."""
@@ -108,5 +108,4 @@ def _text(value: Any) -> str:
 
 
 def _write(path: Path, lines: Iterable[str]) -> None:
-    with whole_file(path) as partial:
-        partial.write_text("\n".join(lines) + "\n", "utf-8")
+    write_whole(path, "\n".join(lines) + "\n")

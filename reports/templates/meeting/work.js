@@ -1,6 +1,10 @@
 // Who runs matches, what waits, and what nights came to.
 
-const WORK_MS = 5000;
+import { ABSENT, number } from "../numbers.js";
+import { h } from "../race/element.js";
+import { absent, chip, empty, head, note, scroll, when } from "./figures.js";
+
+const STAGES = { pareto: "filter", battery: "n-athlon", tournament: "round robin" };
 const SHOWN_NIGHTS = 60; // of the last, in the chart
 const rows = (columns, found, cells) => h("table", {}, head(columns), h("tbody", {}, found.map((one) => h("tr", {}, cells(one)))));
 const cell = (text, kind) => h("td", { class: kind }, text);
@@ -10,11 +14,11 @@ const asking = (node, get, show) => async () => {
   try {
     node.replaceChildren(...show(await get()).filter(Boolean));
   } catch (error) {
-    node.replaceChildren(empty(`This cannot be shown now (${error.message}).`));
+    node.replaceChildren(empty(`This cannot be shown now. ${error}`));
   }
 };
 
-function workView(ask, speak) {
+export function workView(ask, speak) {
   const node = h("div", {});
   const renew = asking(node, () => ask("work"), (state) => {
     const steer = (changed) => () => {
@@ -22,7 +26,7 @@ function workView(ask, speak) {
       setTimeout(renew, 300);
     };
     const at = state.under_way;
-    const share = at && at.total ? ` ${number(at.done)} of ${number(at.total)} matches` : "";
+    const share = at?.total ? ` ${number(at.done)} of ${number(at.total)} matches` : "";
     return [
       h("h2", {}, "Work"),
       h("p", { class: "state" }, at ? [`${at.name}: ${at.stage ? `${STAGES[at.stage] ?? at.stage},${share}` : "begins"}`, at.ends_at && [". Verdict expected at ", when(at.ends_at)]] : "No run is under way."),
@@ -40,7 +44,7 @@ function workView(ask, speak) {
   return { node, renew };
 }
 
-function historyView(ask) {
+export function historyView(ask) {
   const found = h("div", { "aria-live": "polite" });
   const nights = h("div", {});
   const search = h("input", { type: "search", maxlength: 500, "aria-label": "Search all checkpoints", placeholder: "Name, path or digest" });
