@@ -1,8 +1,8 @@
-"""What an action costs where a policy is deployed: time and memory, measured by themselves.
+"""What a policy costs where it is deployed: time for an action, measured by itself, and size of its files.
 
 Not in matches: there a policy answers for many cars at once, beside other work. Here it acts for one seat, on
-one thread of a process of its own. And not on recorded observations: it sees what it brings about itself, so
-that policies with a memory and planners do what they do at work.
+one thread, while no other process of the pool is at work. And not on recorded observations: it sees what it
+brings about itself, so that policies with a memory and planners do what they do at work.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ import platform
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from nathlon.arena.entrant import Entrant
+from nathlon.arena.entrant import Entrant, weights
 from nathlon.arena.job import Opening
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
@@ -25,14 +26,14 @@ from nathlon.arena.watch import Watch
 from nathlon.arena.world import World
 from nathlon.arena.world_registry import load_world
 from nathlon.policies.driver.shown_plan import show_plan
-from nathlon.policies.memory_limit import data_bytes
 from nathlon.policies.planning import decide
 from nathlon.policies.policy import Policy, has_reverse
-from nathlon.policies.sources import MPPI, PLUGIN, is_path
+from nathlon.policies.sources import MPPI, PLUGIN, ROLES, is_path
 from nathlon.policies.sources.identity import policy_id
+from nathlon.policies.sources.normalisation import companions
+from nathlon.policies.sources.roles import RolesSource
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.reaction import Perception
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
@@ -42,7 +43,7 @@ ALONE = "time_trial"
 SEED = 20_260_807
 WARM = 20
 """Answers that are not counted: the first ones load and compile."""
-COUNTED = 1000
+COUNTED = 500
 """That are."""
 MOST_S = 10.0
 """Of the processor with the simulator's work, or of the policy's answers alone; slow planners give fewer."""
@@ -59,14 +60,13 @@ class ActionCost:
         median_ms, p99_ms: time from observation to action, ms: median and 99th percentile. Time in which the
             process waited for a processor is not in it.
         actions: that were timed.
-        memory_bytes: that the process took from before the policy was loaded to the last action, libraries of
-            its own included; None where the system does not tell.
+        model_bytes: of its files, which memory holds at least; None of what has none.
     """
 
     median_ms: float
     p99_ms: float
     actions: int
-    memory_bytes: int | None
+    model_bytes: int | None
 
 
 class Place(NamedTuple):
@@ -97,7 +97,7 @@ def action_costs(pool: Pool, entrants: Iterable[Entrant]) -> Iterator[TimedEntra
     """What an action of each entrant costs, or why that is not known, one after the other."""
     for entrant in entrants:
         where = (entrant.source, entrant.world, entrant.circuit, entrant.car)
-        [answer] = pool.open([Opening(entrant.source, measure, where, alone=True)])
+        [answer] = pool.open([Opening(entrant.source, measure, where)])
         yield entrant, answer
 
 
@@ -110,12 +110,21 @@ def measure(source: str, world: str, circuit: str, car: str) -> ActionCost:
     here = load_world(world, circuit, car)
     stopwatch = _Stopwatch()
     timed = _drive if here.circuits else _play
-    had = timed(here, source, Place(circuit, car), stopwatch)
+    timed(here, source, Place(circuit, car), stopwatch)
     took = np.array(stopwatch.took_s)
     if not len(took):
         raise InputError(f"{source}: gave no action that could be timed, expected one for every observation")
     median, high = (round(float(ms), 4) for ms in np.quantile(took, [0.5, 0.99], method="higher") * MS)
-    return ActionCost(median, high, len(took), data_bytes() - had if had else None)
+    return ActionCost(median, high, len(took), model_bytes(source))
+
+
+def model_bytes(source: str) -> int | None:
+    """Size of the files of a policy and its parts; None of a plugin."""
+    if source.partition(":")[0] == PLUGIN:
+        return None
+    parts = RolesSource.read(Path(source)).sources.values() if source.endswith(ROLES) else [source]
+    files = {file for path in weights(parts) for file in (path, companions(path).weights) if file}
+    return sum(file.stat().st_size for file in files)
 
 
 class _EnoughError(BaseException):
@@ -148,16 +157,12 @@ class _Stopwatch(Watch):
                 raise _EnoughError
 
 
-def _drive(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> int:
-    """Ask a policy for one car alone on the road; the memory that the process had before, bytes."""
+def _drive(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> None:
+    """Ask a policy for one car alone on the road."""
     scenario, track = load_scenario(ALONE), load_track(place.circuit)
     world = scenario.world(track, load_car(place.car), 1)
     world.reset(0, scenario.place(track, np.random.default_rng(SEED)))
     only = np.zeros(1, np.int64)
-    # What the simulator compiles is not the policy's.
-    world.observe(ObservationSpec(), only, only)
-    world.step(np.zeros((1, 1, 2), np.float32), scenario.reaction.tick)
-    had = data_bytes()
     policy: Policy = here.policy(source)
     show_plan(world, policy.observation_spec)
     world.state["has_reverse"] = has_reverse(policy)
@@ -173,11 +178,11 @@ def _drive(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> int
             stopwatch.work()
             world.step(np.asarray(actions, np.float32).reshape(1, 1, 2), scenario.reaction.tick)
     except _EnoughError:
-        return had
+        return
 
 
-def _play(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> int:
-    """Ask a policy in the first side's seats of a world, among others of its kind; as `_drive`."""
+def _play(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> None:
+    """Ask a policy in the first side's seats of a world, among others of its kind."""
     scenario = here.scenarios[0]
     setup = here.setup(scenario)
     baseline = here.baseline if setup.free else source
@@ -186,7 +191,6 @@ def _play(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> int:
     for number, side in enumerate(setup.sides):
         seats |= dict.fromkeys(side, Seat(min(number, 1)))
     ordered = tuple(seats[seat] for seat in range(len(seats)))
-    had = data_bytes()
     policy, other = here.policy(source), here.policy(baseline)
     ids = tuple(map(policy_id, sources))
     for seed in range(SEED, SEED + COUNTED):
@@ -196,7 +200,6 @@ def _play(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> int:
             for _ in here.run({0: (match, (policy, policy, other))}, stopwatch):
                 pass
         except _EnoughError:
-            break
+            return
         if not stopwatch.took_s and seed > SEED + WARM:
-            break
-    return had
+            return

@@ -97,7 +97,7 @@ class Pool(Executor):
                 assert isinstance(opening, Opening)
                 answers[replace(opening, alone=False)] = answer
                 on_opened(len(answers), len(openings))
-        return [answers[replace(opening, alone=False)] for opening in openings]
+        return [answers[opening] for opening in openings]
 
     def run(self, matches: Sequence[Match]) -> Generator[tuple[Match, pl.DataFrame], None, None]:
         """Run matches side by side and yield each with its results as it ends.

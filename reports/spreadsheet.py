@@ -44,7 +44,7 @@ RECORD = (
 ACTION = (
     Column("action_ms", "Action, median [ms]", "0.000", scale=ORANGES),
     Column("action_p99_ms", "Action, 99th percentile [ms]", "0.000", scale=ORANGES),
-    Column("memory_mb", "Memory [MB]", "0.0", scale=ORANGES),
+    Column("model_mb", "Model [MB]", "0.00", scale=ORANGES),
 )
 """Where the finalists were timed."""
 RANKING = (

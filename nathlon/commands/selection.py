@@ -267,7 +267,7 @@ def _print_ranking(summary: Summary) -> None:
     heads += ["Contacts per km"] if touches else []
     heads += [summary.episodes.capitalize()] if met else []
     times = {one.entrant: one for one in summary.action_times}
-    heads += ["Action, ms", "Memory, MB"] if times else []
+    heads += ["Action, ms", "Model, MB"] if times else []
     table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals", heads)
     for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
         cells = [rank, row.name]
@@ -283,7 +283,7 @@ def _print_ranking(summary: Summary) -> None:
         if times:
             time = times.get(row.entrant)
             cells.append("–" if time is None else time.written)
-            cells.append("–" if time is None or time.memory_mb is None else f"{time.memory_mb:.1f}")
+            cells.append("–" if time is None or time.model_mb is None else f"{time.model_mb:.2f}")
         table.add_row(*cells)
     print_table(table)
     if times:

@@ -41,8 +41,9 @@ def watch(
         while True:
             done = one_night(settings, workers, as_json, most)
             if done.night.counts:
-                nights.append(facts(done, settings))
-                if not as_json:
+                if as_json:
+                    nights.append(facts(done, settings))
+                else:
                     say_outcome(done)
                 told(settings, done.night)
                 news, quiet = time.monotonic(), ""

@@ -27,7 +27,7 @@ ACTION_TIMES = pl.Schema(
         "entrant": pl.String,
         "action_ms": pl.Float64,  # median of one seat
         "action_p99_ms": pl.Float64,  # 99th percentile
-        "memory_mb": pl.Float64,  # that a process takes for the policy
+        "model_mb": pl.Float64,  # of the policy's files
     }
 )
 """What an action of an entrant costs on the machine that has timed it; null of whoever was not timed."""
@@ -85,7 +85,7 @@ class Selection:
         ACTION_TIMES.
         """
         told = [row.model_dump(include=set(RECORDS)) for row in self.summary.ranking]
-        timed = [(one.entrant, one.median_ms, one.p99_ms, one.memory_mb) for one in self.summary.action_times]
+        timed = [(one.entrant, one.median_ms, one.p99_ms, one.model_mb) for one in self.summary.action_times]
         ranking = self.tables["ranking"]
         for more in (
             pl.DataFrame(told, schema=RECORDS),

@@ -96,7 +96,7 @@ class ActionTime(ResultModel):
     median_ms: float
     p99_ms: float
     actions: int
-    memory_bytes: int | None
+    model_bytes: int | None
     machine: str
 
     @property
@@ -105,9 +105,9 @@ class ActionTime(ResultModel):
         return f"{self.median_ms:.3g} / {self.p99_ms:.3g}"
 
     @property
-    def memory_mb(self) -> float | None:
-        """Memory, MB."""
-        return None if self.memory_bytes is None else round(self.memory_bytes / 1e6, 1)
+    def model_mb(self) -> float | None:
+        """Size of its files, MB."""
+        return None if self.model_bytes is None else round(self.model_bytes / 1e6, 2)
 
 
 class Sent(ResultModel):
@@ -380,7 +380,7 @@ def timed_on(times: Sequence[ActionTime]) -> str:
     actions = f"{counted[0]:,}" if len(counted) == 1 else f"{counted[0]:,} to {counted[-1]:,}"
     return (
         f"Median and 99th percentile of {actions} actions of one seat, on one thread of {machines}; "
-        "memory is what a process takes for the policy, with its libraries."
+        "model: the policy's files."
     )
 
 

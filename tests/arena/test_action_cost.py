@@ -33,6 +33,7 @@ def test_a_car_is_driven_alone() -> None:
     cost = measure(str(BUNDLED[0]), "racing", "lindenring", "gt3")
     assert cost.actions == 30
     assert 0.0 < cost.median_ms <= cost.p99_ms
+    assert cost.model_bytes == BUNDLED[0].stat().st_size
 
 
 def test_the_time_is_the_policys_own(tmp_path: Path) -> None:
@@ -64,7 +65,7 @@ def test_a_gate_asks_for_the_99th_percentile() -> None:
     def asked(p99_ms: float, actions: int = 1000) -> tuple[Decision, str]:
         times: dict[str, ActionTime | str] = {
             name: ActionTime(
-                name=name, entrant=name, median_ms=1.0, p99_ms=p99, actions=actions, memory_bytes=None,
+                name=name, entrant=name, median_ms=1.0, p99_ms=p99, actions=actions, model_bytes=None,
                 machine="pit (zen)",
             )
             for name, p99 in (("new", p99_ms), ("old", 2.0))

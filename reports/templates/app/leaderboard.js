@@ -48,7 +48,7 @@ export function leaderboard() {
       ...limitColumn(),
       met && { key: "races", head: capital(EPISODES), value: (row) => row.races, cell: (row) => number(row.races) },
       timed && { key: "action", head: "Action, ms", first: "ascending", title: data.timedOn, value: (row) => row.action_p99_ms, cell: (row) => [number(row.action_ms, 3), " ", h("span", { class: "interval" }, `99 %: ${number(row.action_p99_ms, 3)}`)] },
-      timed && { key: "memory", head: "Memory, MB", first: "ascending", title: data.timedOn, value: (row) => row.memory_mb, cell: (row) => number(row.memory_mb, 1) },
+      timed && { key: "model", head: "Model, MB", first: "ascending", title: data.timedOn, value: (row) => row.model_mb, cell: (row) => number(row.model_mb, 2) },
       met && { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),
     timed && note(`Action: ${data.timedOn}`),
