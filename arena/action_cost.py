@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -69,13 +69,6 @@ class ActionCost:
     model_bytes: int | None
 
 
-class Place(NamedTuple):
-    """Circuit and car; empty in worlds that have none."""
-
-    circuit: str
-    car: str
-
-
 TimedEntrant = tuple[Entrant, ActionCost | InputError]
 
 
@@ -110,7 +103,7 @@ def measure(source: str, world: str, circuit: str, car: str) -> ActionCost:
     here = load_world(world, circuit, car)
     stopwatch = _Stopwatch()
     timed = _drive if here.circuits else _play
-    timed(here, source, Place(circuit, car), stopwatch)
+    timed(here, source, circuit, car, stopwatch)
     took = np.array(stopwatch.took_s)
     if not len(took):
         raise InputError(f"{source}: gave no action that could be timed, expected one for every observation")
@@ -157,10 +150,10 @@ class _Stopwatch(Watch):
                 raise _EnoughError
 
 
-def _drive(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> None:
+def _drive(here: World, source: str, circuit: str, car: str, stopwatch: _Stopwatch) -> None:
     """Ask a policy for one car alone on the road."""
-    scenario, track = load_scenario(ALONE), load_track(place.circuit)
-    world = scenario.world(track, load_car(place.car), 1)
+    scenario, track = load_scenario(ALONE), load_track(circuit)
+    world = scenario.world(track, load_car(car), 1)
     world.reset(0, scenario.place(track, np.random.default_rng(SEED)))
     only = np.zeros(1, np.int64)
     policy: Policy = here.policy(source)
@@ -181,7 +174,7 @@ def _drive(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> Non
         return
 
 
-def _play(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> None:
+def _play(here: World, source: str, circuit: str, car: str, stopwatch: _Stopwatch) -> None:
     """Ask a policy in the first side's seats of a world, among others of its kind."""
     scenario = here.scenarios[0]
     setup = here.setup(scenario)
@@ -195,7 +188,7 @@ def _play(here: World, source: str, place: Place, stopwatch: _Stopwatch) -> None
     ids = tuple(map(policy_id, sources))
     for seed in range(SEED, SEED + COUNTED):
         races = (Race(seed, ordered),)
-        match = Match("cost", scenario, scenario, *place, ids, sources, races, here.name)
+        match = Match("cost", scenario, scenario, circuit, car, ids, sources, races, here.name)
         try:
             for _ in here.run({0: (match, (policy, policy, other))}, stopwatch):
                 pass

@@ -33,7 +33,7 @@ class WorkerState(ResultModel):
     seen_at: str | None
 
 
-class Waiting(ResultModel):
+class WaitingMatches(ResultModel):
     """Matches in the queue that can share a world.
 
     Attributes:
@@ -81,7 +81,7 @@ class WorkState(ResultModel):
     by: str
     at: str | None
     workers: tuple[WorkerState, ...]
-    queue: tuple[Waiting, ...]
+    queue: tuple[WaitingMatches, ...]
     under_way: RunUnderWay | None
 
 
@@ -164,14 +164,14 @@ def found_checkpoints(store: Store, text: str) -> list[FoundCheckpoint]:
     return [FoundCheckpoint(**asdict(one)) for one in store.find_entrants(text, MOST_FOUND)]
 
 
-def _waiting(store: Store, digest: str, matches: int, first: str | None) -> Waiting:
+def _waiting(store: Store, digest: str, matches: int, first: str | None) -> WaitingMatches:
     try:
         told = store.surroundings(digest)
     except KeyError:
         told = None
     facts = told if isinstance(told, dict) else {}
     named = {name: str(facts.get(name, "")) for name in ("world", "circuit", "car", "scenario")}
-    return Waiting(surroundings=digest, matches=matches, first=digest == first, **named)
+    return WaitingMatches(surroundings=digest, matches=matches, first=digest == first, **named)
 
 
 def _under_way(store: Store, workers: Sequence[AtWork]) -> RunUnderWay | None:
