@@ -31,7 +31,7 @@ LONGEST_SEARCH = 500
 """Letters."""
 
 
-class Endpoint(NamedTuple):
+class ApiPath(NamedTuple):
     """What is answered at a path.
 
     Attributes:
@@ -47,18 +47,18 @@ class Endpoint(NamedTuple):
     searches: bool = False
 
 
-PATHS: dict[str, Endpoint] = {
-    "work": Endpoint(
+PATHS: dict[str, ApiPath] = {
+    "work": ApiPath(
         "Who runs matches, what waits, and what the run under way is at.",
         TypeAdapter(WorkState),
         lambda store, _: work_state(store),
     ),
-    "nights": Endpoint(
+    "nights": ApiPath(
         "What all nights came to, the last first.",
         TypeAdapter(list[NightRecord]),
         lambda store, _: night_records(store),
     ),
-    "checkpoints": Endpoint(
+    "checkpoints": ApiPath(
         "Checkpoints of all runs with a text in their name, path or id, the latest run's first; 200 at most.",
         TypeAdapter(list[FoundCheckpoint]),
         found_checkpoints,
