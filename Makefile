@@ -49,7 +49,7 @@ lint-pages: .venv/all node_modules/.made $(TYPES)
 	$(NODE) node_modules/.bin/biome lint --error-on-warnings
 	$(NODE) node_modules/.bin/tsc
 
-node_modules/.made: package.json package-lock.json .venv/all
+node_modules/.made: package.json package-lock.json .npmrc | .venv/all
 	@$(NODE) npm ci --silent || { echo "npm could not install what checks the scripts of pages: it needs a registry the first time."; exit 1; }
 	touch $@
 

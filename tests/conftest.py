@@ -1,9 +1,10 @@
 """Settings of the whole suite, and what many of its modules use."""
 
 import asyncio
+import gc
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
@@ -26,6 +27,17 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if session.config.getoption("numprocesses", None):
         with Pool(2) as pool:
             compile_kernels(pool, RACING, "lindenring", "gt3", lambda done, total: None)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Leave what test modules load out of garbage collection, which would go through it time and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -68,18 +80,26 @@ def chromium() -> str:
 
 
 @pytest.fixture(scope="session")
-def running_chromium(chromium: str) -> Iterator[Browser]:
-    """One Chromium for all modules of a test process: to start it takes longer than to look at pages."""
+def running_chromium(chromium: str) -> Iterator[tuple[Browser, asyncio.AbstractEventLoop]]:
+    """One Chromium for all modules of a test process, and the loop of Playwright's events."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield browser
+        loop = asyncio.get_running_loop()
+        yield browser, loop
+        asyncio._set_running_loop(loop)
         browser.close()
 
 
 @pytest.fixture(scope="module")
-def browser(running_chromium: Browser) -> Iterator[Browser]:
-    """Chromium, without the pages of modules before."""
-    yield running_chromium
-    for context in running_chromium.contexts:
+def browser(running_chromium: tuple[Browser, asyncio.AbstractEventLoop]) -> Iterator[Browser]:
+    """Chromium, without pages of other modules.
+
+    Playwright's loop counts as running all the time, and would stand in the way of the loops of modules that
+    need no browser.
+    """
+    browser, loop = running_chromium
+    asyncio._set_running_loop(loop)
+    yield browser
+    for context in browser.contexts:
         context.close()
-    asyncio._set_running_loop(None)  # Playwright sets it at each call; others could not run their own loops
+    asyncio._set_running_loop(None)

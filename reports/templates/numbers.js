@@ -46,12 +46,12 @@ export const percent = (share, digits = 0) => (share === null || share === undef
 export const count = (value, what) => `${number(value)} ${what}${value === 1 ? "" : "s"}`;
 
 /**
- * A moment, as minutes, seconds and tenths.
+ * A time as minutes and seconds.
  * @param {number} seconds
  */
-export function clock(seconds) {
-  const tenths = Math.max(Math.round(seconds * 10), 0);
-  return `${Math.floor(tenths / 600)}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
+export function clock(seconds, digits = 1) {
+  const [units, second] = [Math.max(Math.round(seconds * 10 ** digits), 0), 10 ** digits];
+  return `${Math.floor(units / second / 60)}:${((units % (60 * second)) / second).toFixed(digits).padStart(3 + digits, "0")}`;
 }
 
 /** @param {string} text */

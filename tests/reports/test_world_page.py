@@ -11,7 +11,7 @@ from playwright.sync_api import Browser
 import nathlon
 from nathlon.api.selection import SelectionResult
 from tests.support.games import player, world_of
-from tests.support.opened_page import overhear
+from tests.support.opened_page import overhear, visit
 
 SETTINGS = """
 [pareto]
@@ -68,8 +68,7 @@ def test_it_tells_of_the_world_s_own_things_and_plays_its_videos(
         (f"checkpoint/{duel.ranking['entrant'][0][:12]}", "own-races", 1),
         (f"race/{first.match[:12]}/{first.race}", "result", 2),
     ):
-        page.evaluate("view => { location.hash = `#/${view}`; }", view)
-        page.wait_for_url(f"**#/{view}")
+        visit(page, f"#/{view}")
         if table:
             assert page.locator(f"#{table} tbody tr").count() >= rows, view
         seen.append(page.locator("main").inner_text())

@@ -59,7 +59,11 @@ def full_night() -> Selection:
 
 
 def overhear(page: Page) -> tuple[list[str], list[str]]:
-    """What a page is going to ask for, and to complain of: messages, errors, breaches of its policy."""
+    """What a page is going to ask for, and to complain of: messages, errors, breaches of its policy.
+
+    From now on, Playwright waits for the page as long as `until` does.
+    """
+    page.set_default_timeout(PATIENCE_MS)
     requests: list[str] = []
     complaints: list[str] = []
     page.on("request", lambda request: requests.append(request.url))
@@ -83,6 +87,22 @@ def until(page: Page, condition: str) -> None:
             }}
         }}""",
         [condition, PATIENCE_MS],
+    )
+
+
+def visit(page: Page, address: str) -> None:
+    """To a view of a page: it has been made when this returns, though its charts may come later.
+
+    The address changes before the view does, so that waiting for the address would not do. The page has
+    begun to listen earlier, and is told first.
+    """
+    page.evaluate(
+        """address => new Promise(done => {
+            if (location.hash === address) return done();
+            addEventListener("hashchange", () => done(), { once: true });
+            location.hash = address;
+        })""",
+        address,
     )
 
 
@@ -116,8 +136,7 @@ class Opened:
 
     def go(self, address: str) -> None:
         """To a view, and wait until its charts are drawn."""
-        self.page.evaluate("address => { location.hash = address; }", address)
-        self.page.wait_for_url(f"**{address}")
+        visit(self.page, address)
         self.until("[...document.querySelectorAll('figure')].every(figure => figure.querySelector('svg'))")
 
     def until(self, condition: str) -> None:

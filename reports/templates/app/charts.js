@@ -1,7 +1,7 @@
 // Bars with intervals, shades, and charts that are drawn anew when their width changes.
 
 import { count, number } from "../numbers.js";
-import { h } from "../race/element.js";
+import { all, h } from "../race/element.js";
 import { nameOf, skillsOf, tests } from "./data.js";
 import { entrantLink, plain } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
@@ -47,10 +47,15 @@ export function barScale(rows, [value, low, high], origin, kind, reference = nul
 
 // The shade of a heat map's cell: p1..p5 up to `largest`, n1..n5 down to its negative.
 const LEVELS = 5;
+/**
+ * @param {number} value
+ * @param {number} largest
+ */
 export const shade = (value, largest) => {
   const level = largest > 0 ? Math.min(LEVELS, Math.ceil((LEVELS * Math.abs(value)) / largest)) : 0;
   return level === 0 ? "h0" : `${value > 0 ? "p" : "n"}${level}`;
 };
+/** @type {(shades: string[], low: string, high: string) => HTMLElement} */
 export const shadeKey = (shades, low, high) =>
   h("span", { class: "scale" }, h("span", {}, low), shades.map((one) => h("i", { class: one })), h("span", {}, high));
 export const BLUES = ["h0", "p1", "p2", "p3", "p4", "p5"];
@@ -61,6 +66,10 @@ export const PLAIN_AXIS = /** @type {const} */ ({ labelAnchor: "center", labelAr
 
 // A figure whose chart `draw(width)` makes; the page's own style sheet has the rules of Plot's.
 const LEAST_PX = 200; // Narrower is only what is still being laid out.
+/**
+ * @param {string | null} title
+ * @param {(width: number) => HTMLElement | SVGElement} draw
+ */
 export function chart(title, draw) {
   const host = h("figure", {}, title && h("figcaption", {}, title));
   let drawn = 0;
@@ -73,8 +82,8 @@ export function chart(title, draw) {
     plot.querySelector("style")?.remove();
     // A picture with one label: the names that Plot gives its groups tell nobody anything.
     plot.setAttribute("role", "img");
-    for (const group of plot.querySelectorAll("g[aria-label]")) {
-      group.dataset.mark = group.getAttribute("aria-label");
+    for (const group of all("g[aria-label]", plot)) {
+      group.dataset.mark = group.getAttribute("aria-label") ?? "";
       group.removeAttribute("aria-label");
     }
     host.append(plot);
@@ -91,16 +100,16 @@ export const scaleOf = (plot) => /** @type {{ apply: (value: number) => number, 
 export const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
 
 // The mark of an entrant in a test: its mean has other points than the mean of the points that the runs have.
+/** @param {{ measure: number, unit: string, runs: number }} skill */
 export const measuredAs = ({ measure, unit, runs }) => `mean over ${count(runs, "run")}, each scored by itself; mean mark ${number(measure, 3)} ${unit} of the runs that set one`;
 
 // The points of some entrants in every test, as one line each.
 export const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamond2"], ["var(--third)", "triangle"]];
+/** @param {number[]} chosen entrants */
 export function profile(chosen) {
   const points = chosen.flatMap((index, line) =>
-    tests.map((test) => {
-      const skill = (skillsOf.get(index) ?? []).find((one) => one.test === test);
-      return skill && { ...skill, line, test: plain(test) };
-    }).filter(Boolean).map((point) => ({ ...point, name: nameOf(index) })),
+    tests.flatMap((test) => (skillsOf.get(index) ?? []).filter((one) => one.test === test))
+      .map((skill) => ({ ...skill, line, test: plain(skill.test), name: nameOf(index) })),
   );
   const shown = tests.map(plain);
   const figure = chart(null, (width) =>

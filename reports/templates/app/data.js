@@ -44,6 +44,8 @@ import { rankIn } from "../rank.js";
  * @property {import("../race/recording.js").RaceData[]} recordings
  */
 
+/** @typedef {Payload["summary"]["replays"][number]} Replay */
+
 /** @type {Payload} */
 export const data = dataOf("data");
 

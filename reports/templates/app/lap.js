@@ -65,6 +65,7 @@ export function lapView(index) {
   ];
 }
 
+/** @type {(lap: number) => [string, import("../race/element.js").Child, string?][]} */
 const limitFacts = (lap) => (data.limit === null ? [] : [["Limit", [number(data.limit, 3), " s"], LIMIT], ["Best lap / limit", number(overLimit(lap), 3)]]);
 
 const bestTrial = (index) => d3.least(

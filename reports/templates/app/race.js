@@ -12,6 +12,12 @@ import { momentButton, passesView } from "./race_passes.js";
 import { replay } from "./recorded.js";
 import { dataTable, entrantColumn, ownColumns } from "./table.js";
 
+/**
+ * @typedef {import("../race/player.js").Player} Player
+ * @typedef {import("./data.js").Replay} Replay
+ */
+
+/** @param {string[]} address match and race */
 export function raceView([key, index]) {
   const race = raceByKey.get(`${key}/${index}`);
   if (!race) return missing("race");
@@ -30,7 +36,7 @@ export function raceView([key, index]) {
       onCircuit && ["Contacts", [number(sum(cars.map((one) => one.contacts)) / 2), h("small", {}, "each counted once; in the table for both cars")]],
       measured("penalties") && ["Penalties", number(sum(cars.map((one) => one.penalties)))],
     ]),
-    shown?.video && filmOf(shown),
+    shown && filmOf(shown),
     player && later(player, (ready) => [h("div", { class: "watch" }, ready.node, orderTable(ready)), keyHints("Click the race for its keys: "), clipsHere(ready, shown), twinOf(ready, shown)]),
     section("Result", dataTable("result", [
       { key: "place", head: "Place", kind: "rank", first: "ascending", value: (row) => row.place },
@@ -58,13 +64,18 @@ export function raceView([key, index]) {
   ];
 }
 
-// What is drawn of a race that was recorded, once that is unpacked.
+/**
+ * What is drawn of a race that was recorded, once that is unpacked.
+ * @param {Promise<Player>} player
+ * @param {(player: Player) => import("../race/element.js").Child} draw
+ */
 function later(player, draw) {
   const host = h("div", {});
   player.then((ready) => host.append(...shown([draw(ready)])));
   return host;
 }
 
+/** @param {import("../race/recording.js").RaceData} race */
 async function playerOf(race) {
   const player = racePlayer(await openRecording(race, data.circuit), { scrolls: true, ...momentOf(here().params) });
   // A click gives it the keys: it takes the focus, and the page keeps its own keys elsewhere.
@@ -74,23 +85,39 @@ async function playerOf(race) {
   return player;
 }
 
+/**
+ * The recording's file, from the folder above the page; empty where there is none.
+ * @param {Replay | undefined} shown
+ */
+const fileOf = (shown) => shown?.recording?.replace("../", "") ?? "";
+
 // What commands are told of a store that is not found beside the recording.
 const storeAsked = () => (/(^|\/)store\.sqlite$/.test(data.store) ? [] : ["--store", data.store]);
 
-// How to race it again with another policy at the wheel of the followed car, from the player's moment on.
+/**
+ * How to race it again with another policy at the wheel of the followed car, from the player's moment on.
+ * @param {Player} player
+ * @param {Replay | undefined} shown
+ */
 function twinOf({ state, recording }, shown) {
-  if (!shown?.recording || !recording.time.length) return null;
+  const file = fileOf(shown);
+  if (!file || !recording.time.length) return null;
   const asked = h("div", { role: "status" });
   const show = () => {
     const car = state.followed >= 0 ? state.followed : recording.order(recording.tickAt(state.now))[0];
     asked.replaceChildren(
       h("p", {}, `Both races side by side, with FILE at the wheel of ${recording.race.cars[car].name} from ${clock(state.now)} on. From the folder above this page:`),
-      command(["nathlon", "twin", shown.recording.replace("../", ""), "--car", String(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
+      command(["nathlon", "twin", file, "--car", String(car), "--policy", "FILE", "--at", state.now.toFixed(1), "--out", "twin", ...storeAsked()]));
   };
   return [h("p", {}, h("button", { type: "button", class: "moment", onclick: show }, "race it again with another policy from this moment")), asked];
 }
 
+/** @type {Record<string, string>} */
 const VERDICTS = { contact: "nobody at fault", wall: "noted", off_course: "noted", penalty: "penalty" };
+/**
+ * @param {Player} player
+ * @param {Replay | undefined} shown
+ */
 function incidents(player, shown) {
   const { race } = player.recording;
   const rows = race.incidents.filter((incident) => !incident.notice);
@@ -98,7 +125,7 @@ function incidents(player, shown) {
   const verdict = ({ kind, fault, penalty }) => [
     fault >= 0 ? h("span", { class: "fault" }, `${race.cars[fault].name} at fault`) : VERDICTS[kind], penalty > 0 && `, ${number(penalty, 1)} s`];
   const asked = h("div", { role: "status" });
-  const file = shown?.recording?.replace("../", "");
+  const file = fileOf(shown);
   const frozenBy = (row) => [
     "nathlon", "incident", file, "--at", row.time.toFixed(1), "--car", String(row.fault >= 0 ? row.fault : row.cars[0]), "--name", "NAME",
     ...storeAsked(),
@@ -113,31 +140,42 @@ function incidents(player, shown) {
     { key: "what", head: "What the stewards saw", kind: "text long", cell: (row) => row.text.replace(/: [^:]* penalty$/, "") },
     { key: "closing", head: "Closing, m/s", value: (row) => (row.kind === "contact" ? row.closing : null), cell: (row) => number(row.kind === "contact" ? row.closing : null, 1) },
     { key: "verdict", head: "Verdict", kind: "text", first: "ascending", value: (row) => (row.fault >= 0 ? 0 : 1) - row.penalty / 100, cell: verdict },
-    file && { key: "test", head: "", unseen: "Test", kind: "text", cell: (row) => row.kind !== "penalty" && ask(row) },
-  ].filter(Boolean), rows, { sort: "time", prefix: "incidents-", label: "Incidents", text: (row) => `${plain(row.kind)} ${row.text}`, shown: 12 }), asked];
+    file !== "" && { key: "test", head: "", unseen: "Test", kind: "text", cell: (row) => row.kind !== "penalty" && ask(row) },
+  ], rows, { sort: "time", prefix: "incidents-", label: "Incidents", text: (row) => `${plain(row.kind)} ${row.text}`, shown: 12 }), asked];
 }
 
-// The video of an episode of another world, and who had which seat there.
+/**
+ * The video of an episode of another world, and who had which seat there.
+ * @param {Replay} recorded
+ */
 function filmOf({ video, seats, why }) {
-  return h("div", { class: "film" },
+  return video && h("div", { class: "film" },
     h("video", { src: fileHref(video), controls: true, loop: true, muted: true, preload: "auto", "aria-label": why }),
     note([...groups(Object.entries(seats).map(([seat, who]) => ({ seat, who })), "who")]
       .map(([who, own]) => `${own.map(({ seat }) => seat).join(", ")}: ${who}`).join(" · ")));
 }
 
+/**
+ * @param {Player} player
+ * @param {Replay | undefined} shown
+ */
 function clipsHere(player, shown) {
   const clips = shown?.clips ?? [];
   return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
     momentButton(player, clip.start_s, clip.car, `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)));
 }
 
-// How to see the race elsewhere.
+/**
+ * How to see the race elsewhere.
+ * @param {import("./data.js").Race} race
+ * @param {Replay | undefined} shown
+ */
 function watched(race, shown) {
-  const rerun = shown?.recording && ["nathlon", "replay", shown.recording.replace("../", "")];
+  const file = fileOf(shown);
   return section("Replay",
     shown && h("p", {}, replay(shown)),
-    rerun && [h("p", {}, "Open the recording in Rerun, from the folder above this page:"), command(rerun)],
+    file && [h("p", {}, "Open the recording in Rerun, from the folder above this page:"), command(["nathlon", "replay", file])],
     shown?.notes.map((text) => h("p", {}, text)),
-    h("p", {}, shown?.recording ? `Run the ${EPISODE} again and show it:` : `Run the ${EPISODE} again, record it and show it in Rerun:`),
+    h("p", {}, file ? `Run the ${EPISODE} again and show it:` : `Run the ${EPISODE} again, record it and show it in Rerun:`),
     command(["nathlon", "replay", data.store, `${race.key.slice(0, 12)}:${race.race}`]));
 }

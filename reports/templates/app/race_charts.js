@@ -8,16 +8,29 @@ import { empty, here, keep, note } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 import { lapsOf, passings, traceOf } from "./race_laps.js";
 
+/**
+ * @typedef {import("../race/player.js").Player} Player
+ * @typedef {import("../race/recording.js").Recording} Recording
+ */
+
+/** @type {(recording: Recording, car: number) => string} */
 const teamStroke = (recording, car) => (recording.race.cars[car].team === 1 ? "var(--finalist)" : "var(--survivor)");
 
-// A chart along x with the player's place in it; a click has the player go there.
+/**
+ * A chart along x with the player's place in it; a click has the player go there.
+ * @param {Player} player
+ * @param {string} title
+ * @param {(width: number) => ReturnType<typeof Plot.plot>} draw
+ * @param {() => number} placeOf of the player's moment
+ * @param {(x: number) => number | null} timeOf
+ */
 function playedChart(player, title, draw, placeOf, timeOf) {
   let move = () => {};
   player.on.push(() => move());
   return chart(title, (width) => {
     const plot = draw(width);
     const scale = scaleOf(plot);
-    const line = h("svg:line", { class: "cursor", y1: 8, y2: plot.viewBox.baseVal.height - 38 });
+    const line = h("svg:line", { class: "cursor", y1: 8, y2: /** @type {SVGSVGElement} */ (plot).viewBox.baseVal.height - 38 });
     plot.append(line);
     move = () => {
       const x = scale.apply(placeOf());
@@ -33,6 +46,7 @@ function playedChart(player, title, draw, placeOf, timeOf) {
   });
 }
 
+/** @param {Player} player */
 export function raceCharts(player) {
   const { recording, state } = player;
   const { race, circuit, samples } = recording;
@@ -44,6 +58,7 @@ export function raceCharts(player) {
     const tick = recording.tickAt(state.now);
     return (Math.max(...samples.distance.map((column) => column[tick])) + race.origin) / circuit.lap;
   };
+  /** @param {number} lap */
   const when = (lap) => {
     const times = samples.distance.map((_, car) => recording.timeAt(car, lap * circuit.lap - race.origin)).filter((time) => time !== null);
     return times.length ? Math.min(...times) : null;
@@ -69,13 +84,14 @@ export function raceCharts(player) {
 }
 
 // Speeds of up to two laps, and the time that they lose, against the fastest lap of the race.
+/** @param {Player} player */
 export function speedCharts(player) {
   const { recording, state } = player;
   const { race, circuit } = recording;
   const laps = lapsOf(recording);
   if (!laps.length) return empty("No car completed a lap.");
   const [reference] = laps;
-  const titled = (lap) => `${race.cars[lap.car].name}, lap ${lap.lap}, ${lapTime(lap.seconds)}`;
+  const titled = (lap) => `${race.cars[lap.car].name}, lap ${lap.lap}, ${clock(lap.seconds, 2)}`;
   const others = laps.filter(({ car }) => car !== reference.car);
   const opponent = others.find(({ car }) => race.cars[car].team !== race.cars[reference.car].team) ?? others[0] ?? laps[1];
   const { params } = here();
@@ -124,5 +140,3 @@ export function speedCharts(player) {
     host,
   ];
 }
-
-const lapTime = (seconds) => `${Math.floor(seconds / 60)}:${(seconds % 60).toFixed(2).padStart(5, "0")}`;

@@ -7,6 +7,7 @@ import { data } from "./data.js";
 import { empty, note } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
 
+/** @param {import("../race/player.js").Player} player */
 export function passesView(player) {
   const { recording } = player;
   const { race, circuit, line } = recording;
@@ -44,7 +45,10 @@ export function passesView(player) {
   ];
 }
 
-// Has the player show a moment.
+/**
+ * Has the player show a moment.
+ * @type {(player: import("../race/player.js").Player, seconds: number, car: number, text: string) => HTMLElement}
+ */
 export const momentButton = (player, seconds, car, text) =>
   h("button", { type: "button", class: "moment", onclick: () => {
     player.follow(car);

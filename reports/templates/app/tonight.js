@@ -28,8 +28,8 @@ export function tonight() {
       [...new Set(summary.replays.flatMap((one) => one.notes))].map((text) => note(text))),
     summary.forecast && summary.stages.length > 0 && section("Forecast and outcome", foreseen()),
     section("The run", facts([
-      ...(onCircuit ? [["Circuit", summary.circuit], ["Car", summary.car]] : [["World", summary.world]]), ["Seed", String(summary.seed ?? ABSENT)],
-      ...Object.entries(summary.versions).map(([name, version]) => [name, version]),
+      onCircuit ? ["Circuit", summary.circuit] : ["World", summary.world], onCircuit && ["Car", summary.car], ["Seed", String(summary.seed ?? ABSENT)],
+      ...Object.entries(summary.versions),
     ]), note("All tables of this report are also in the folder ", h("code", {}, "tables"), " as CSV and Parquet.")),
   ];
 }

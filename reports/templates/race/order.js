@@ -1,17 +1,18 @@
 // The order of a race at the player's moment; a car that is chosen is followed.
 
+import { ABSENT, number } from "../numbers.js";
 import { h } from "./element.js";
 
+/** @param {import("./player.js").Player} player */
 export function orderTable(player) {
   const { recording, state } = player;
   const { race, samples, time } = recording;
   const rows = race.cars.map(() => {
     const square = h("svg:rect", { width: 10, height: 10 });
     const text = document.createTextNode("");
-    const shown = { car: 0, square, text };
-    shown.button = h("button", { type: "button", onclick: () => player.follow(shown.car) }, h("svg:svg", {}, square), text);
-    [shown.place, shown.gap, shown.speed] = [h("td"), h("td"), h("td")];
-    shown.row = h("tr", {}, shown.place, h("td", {}, shown.button), shown.gap, shown.speed);
+    const button = h("button", { type: "button", onclick: () => player.follow(shown.car) }, h("svg:svg", {}, square), text);
+    const [place, gap, speed] = [h("td"), h("td"), h("td")];
+    const shown = { car: 0, square, text, button, place, gap, speed, row: h("tr", {}, place, h("td", {}, button), gap, speed) };
     return shown;
   });
 
@@ -22,7 +23,7 @@ export function orderTable(player) {
     order.forEach((car, i) => {
       const shown = rows[i];
       shown.car = car;
-      shown.place.textContent = i + 1;
+      shown.place.textContent = String(i + 1);
       shown.square.setAttribute("fill", race.cars[car].colour);
       shown.text.data = shown.button.title = race.cars[car].name;
       const penalty = samples.penalty[car][tick];
@@ -30,7 +31,7 @@ export function orderTable(player) {
       const behind = i ? `+${recording.gap(car, order[0], tick).toFixed(1)}` : `lap ${samples.lap[car][tick] + 1}`;
       shown.gap.textContent = penalty > 0 ? `P ${penalty.toFixed(0)}` : behind;
       shown.gap.title = penalty > 0 ? "penalty to serve, s" : "";
-      shown.speed.textContent = driving ? Math.round(3.6 * samples.speed[car][tick]) : "–";
+      shown.speed.textContent = driving ? number(3.6 * samples.speed[car][tick]) : ABSENT;
       shown.row.classList.toggle("out", !driving);
       shown.row.toggleAttribute("aria-current", car === state.followed);
     });

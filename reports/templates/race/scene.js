@@ -99,9 +99,11 @@ export function raceScene(recording, scene, state) {
 
   const fills = [];
   for (const [side, row] of /** @type {["left" | "right", number][]} */ ([["left", 0], ["right", 1]])) {
+    /** @param {number} i */
     const surface = (i) => circuit.surfaces[ground[row][i]];
     fills.push(...strips(line[`wall_${side}`], line[`kerb_${side}`], surface));
     const [edge, kerb] = [line[side], line[`kerb_${side}`]];
+    /** @param {number} i */
     const wide = (i) => Math.hypot(edge.x[i] - kerb.x[i], edge.y[i] - kerb.y[i]) > 0.1;
     fills.push(...strips(kerb, edge, (i) => (wide(i) ? circuit.kerb[(i >> 1) % 2] : null)));
   }
@@ -114,10 +116,14 @@ export function raceScene(recording, scene, state) {
   startLine.lineTo(line.right.x[0], line.right.y[0]);
 
   // A car in half lengths and half widths, nose to the right.
+  /** @type {[number, number][]} */
   const shape = [[1, 0.35], [0.93, 0.72], [0.6, 0.88], [0.1, 0.84], [-0.45, 0.9], [-0.92, 0.9], [-1, 0.6]];
+  /** @type {[number, number][][]} */
   const glass = [[[0.3, 0.58], [0.06, 0.68]], [[-0.38, 0.62], [-0.58, 0.5]]];
   const [half, side] = [race.length / 2, race.width / 2];
-  const mirrored = (points) => [...points, ...points.toReversed().map(([x, y]) => [x, -y])];
+  /** @type {(points: [number, number][]) => [number, number][]} */
+  const mirrored = (points) => [...points, ...points.toReversed().map(([x, y]) => /** @type {[number, number]} */ ([x, -y]))];
+  /** @param {[number, number][]} points */
   const polygon = (points) => {
     const path = new Path2D();
     for (const [x, y] of mirrored(points)) path.lineTo(x * half, y * side);
@@ -190,6 +196,7 @@ export function raceScene(recording, scene, state) {
     order.forEach((car) => drawCar(car, tick, part, near, ratio));
   }
 
+  /** @type {(car: number, tick: number, part: number, near: boolean, ratio: number) => void} */
   function drawTrail(car, tick, part, near, ratio) {
     view.strokeStyle = race.cars[car].colour;
     view.lineWidth = near ? 0.5 : (2 * ratio) / state.scale;
@@ -206,7 +213,10 @@ export function raceScene(recording, scene, state) {
     view.globalAlpha = 1;
   }
 
-  // The hole in the air in front of a car, the brighter the deeper the car sits in it.
+  /**
+   * The hole in the air in front of a car, the brighter the deeper the car sits in it.
+   * @type {(car: number, tick: number, part: number) => void}
+   */
   function drawDraught(car, tick, part) {
     const share = value("slipstream", car, tick, part);
     if (share < 0.03 || !recording.drives(car, tick)) return;
@@ -227,6 +237,7 @@ export function raceScene(recording, scene, state) {
     view.restore();
   }
 
+  /** @type {(car: number, tick: number, part: number, near: boolean, ratio: number) => void} */
   function drawCar(car, tick, part, near, ratio) {
     const [x, y] = [value("x", car, tick, part), value("y", car, tick, part)];
     const driving = recording.drives(car, tick);
@@ -261,6 +272,7 @@ export function raceScene(recording, scene, state) {
     label(near && car === state.followed ? race.cars[car].name : String(car), x, y, near ? 14 : 11, ratio, driving ? "#fff" : QUIET);
   }
 
+  /** @type {(near: boolean, ratio: number) => void} */
   function drawIncidents(near, ratio) {
     for (const incident of race.incidents) {
       const age = state.now - incident.time;
@@ -278,6 +290,7 @@ export function raceScene(recording, scene, state) {
     view.globalAlpha = 1;
   }
 
+  /** @type {(text: string, x: number, y: number, above: number, ratio: number, colour: string) => void} */
   function label(text, x, y, above, ratio, colour) {
     const [px, py] = [(x - state.centre[0]) * state.scale + scene.width / 2, scene.height / 2 - (y - state.centre[1]) * state.scale];
     if (px < -100 || py < -20 || px > scene.width + 100 || py > scene.height + 20) return;

@@ -5,8 +5,14 @@ import { calm, CAMERAS } from "./space.js";
 
 const NO_SPACE = "This browser has no WebGL, so the race stays on the map.";
 
-// `controls` stand beside those of the player, `keys` are added to its own, and `changed` is called when there is something else to
-// draw. What is chosen is in state.space, state.camera and state.slow.
+/**
+ * `controls` stand beside those of the player, `keys` are added to its own, and `changed` is called when there is something else
+ * to draw. What is chosen is in state.space, state.camera and state.slow.
+ * @param {{ scene: HTMLElement, space: ReturnType<typeof import("./space.js").spaceScene>, recording: import("./recording.js").Recording }[]} stages
+ * @param {import("./player.js").PlayerState} state
+ * @param {HTMLElement} whole
+ * @param {() => void} changed
+ */
 export function watching(stages, state, whole, changed) {
   const lacking = h("p", { class: "lacking", role: "status" });
   const button = h("button", {

@@ -7,14 +7,26 @@ const ZONE = [150, 122, 62]; // where penalties are served
 const PLAIN_M = 3000;
 const TREE_GAP_M = 14;
 const TREE_ROOM_M = 22;
+/** @type {[[edge: LineName, kerb: LineName, wall: LineName], row: number][]} of the ground's surfaces */
+const SIDES = [[["left", "kerb_left", "wall_left"], 0], [["right", "kerb_right", "wall_right"], 1]];
 
+/** @param {string} css `#rrggbb` */
 export function rgb(css) {
   return [1, 3, 5].map((at) => parseInt(css.slice(at, at + 2), 16));
 }
 
+/**
+ * @typedef {import("./cameras.js").Place} Place
+ * @typedef {number[]} Colour red, green and blue, from 0 to 255
+ * @typedef {ReturnType<typeof newMesh>} Mesh
+ */
+
 export function newMesh() {
+  /** @type {number[]} */
   const corners = [];
+  /** @type {(point: Place, colour: Colour, own: number) => void} */
   const add = (point, colour, own) => corners.push(...point, ...colour, own);
+  /** @type {(a: Place, b: Place, c: Place, colour: Colour) => Colour} */
   const shaded = (a, b, c, colour) => {
     const [u, v] = [[0, 1, 2].map((i) => b[i] - a[i]), [0, 1, 2].map((i) => c[i] - a[i])];
     const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
@@ -22,10 +34,12 @@ export function newMesh() {
     return colour.map((part) => Math.min(part * (0.55 + 0.5 * light), 255));
   };
   return {
+    /** @type {(a: Place, b: Place, c: Place, colour: Colour, own?: number) => void} */
     triangle(a, b, c, colour, own = 0) {
       const lit = shaded(a, b, c, colour);
       for (const point of [a, b, c]) add(point, lit, own);
     },
+    /** @type {(a: Place, b: Place, c: Place, d: Place, colour: Colour, own?: number) => void} */
     quad(a, b, c, d, colour, own = 0) {
       this.triangle(a, b, c, colour, own);
       this.triangle(a, c, d, colour, own);
@@ -46,27 +60,41 @@ export function newMesh() {
   };
 }
 
-// The ground, kerbs, walls and trees of a circuit; `line` holds points by name, `ground` surfaces by row.
+/**
+ * @typedef {import("../race/recording.js").LineName} LineName
+ * @typedef {import("../race/recording.js").Line} Line
+ * @typedef {(name: LineName, i: number, up?: number) => Place} PlaceOf of a line, at a row
+ * @typedef {(a: Place, b: Place, metres: number) => Place} Toward from one place to another
+ */
+
+/**
+ * The ground, kerbs, walls and trees of a circuit; `line` holds points by name, `ground` surfaces by row.
+ * @param {Pick<import("./view.js").Made, "circuit" | "line" | "ground">} made
+ */
 export function circuitMesh({ circuit, line, ground }) {
   const mesh = newMesh();
   const n = circuit.rows;
+  /** @type {PlaceOf} */
   const at = (name, i, up = 0) => [line[name].x[i], line[name].y[i], line[name].z[i] + up];
+  /** @type {Toward} */
   const toward = (a, b, metres) => {
     const far = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
     return a.map((part, i) => part + ((b[i] - part) * metres) / far);
   };
   const road = rgb(circuit.road);
+  /** @type {(colour: Colour, i: number, every: number) => Colour} */
   const dim = (colour, i, every) => colour.map((part) => part * (Math.floor(i / every) % 2 ? 0.93 : 1));
   for (let i = 0; i < n; i++) {
     const j = (i + 1) % n;
+    /** @type {(first: LineName, second: LineName, colour: Colour) => void} */
     const strip = (first, second, colour) => mesh.quad(at(first, i), at(second, i), at(second, j), at(first, j), colour);
-    for (const [side, row] of [["left", 0], ["right", 1]]) {
-      const [edge, kerb, wall] = [side, `kerb_${side}`, `wall_${side}`];
+    for (const [[edge, kerb, wall], row] of SIDES) {
       strip(wall, kerb, dim(rgb(circuit.surfaces[ground[row][i]]), i, 5));
       if (Math.hypot(line[edge].x[i] - line[kerb].x[i], line[edge].y[i] - line[kerb].y[i]) > 0.1) {
         strip(kerb, edge, rgb(circuit.kerb[(i >> 1) % 2]));
       }
       mesh.quad(at(wall, i), at(wall, j), at(wall, j, WALL_M), at(wall, i, WALL_M), i % 12 < 6 ? [176, 181, 188] : [150, 156, 166]);
+      /** @param {number} k */
       const out = (k) => {
         const away = toward(at(wall, k), at(edge, k), -90);
         return [away[0], away[1], line[wall].z[k] - 9];
@@ -74,7 +102,7 @@ export function circuitMesh({ circuit, line, ground }) {
       mesh.quad(at(wall, i), at(wall, j), out(j), out(i), dim([70, 96, 62], i, 9));
     }
     strip("left", "right", dim(ground[2][i] ? ZONE : road, i, 6));
-    for (const [side, other] of [["left", "right"], ["right", "left"]]) {
+    for (const [side, other] of /** @type {LineName[][]} */ ([["left", "right"], ["right", "left"]])) {
       const [a, b] = [at(side, i, 0.02), at(side, j, 0.02)];
       mesh.quad(a, b, toward(b, at(other, j, 0.02), 0.2), toward(a, at(other, i, 0.02), 0.2), [225, 226, 222]);
     }
@@ -85,29 +113,50 @@ export function circuitMesh({ circuit, line, ground }) {
   return mesh;
 }
 
-// The land below all else, as far as one sees.
+/**
+ * The land below all else, as far as one sees.
+ * @param {Mesh} mesh
+ * @param {Record<LineName, Line>} line
+ */
 function layPlain(mesh, { wall_left: left, wall_right: right }) {
+  /** @param {"x" | "y" | "z"} part */
   const ends = (part) => [left, right].flatMap((wall) => [Math.min(...wall[part]), Math.max(...wall[part])]);
-  const [[x, X], [y, Y], [z]] = ["x", "y", "z"].map((part) => [Math.min(...ends(part)), Math.max(...ends(part))]);
+  const [[x, X], [y, Y], [z]] = /** @type {("x" | "y" | "z")[]} */ (["x", "y", "z"]).map((part) => [Math.min(...ends(part)), Math.max(...ends(part))]);
   const [west, east, south, north, low] = [x - PLAIN_M, X + PLAIN_M, y - PLAIN_M, Y + PLAIN_M, z - 12];
   mesh.quad([west, south, low], [east, south, low], [east, north, low], [west, north, low], [70, 96, 62]);
 }
 
+/**
+ * @param {Mesh} mesh
+ * @param {PlaceOf} at
+ * @param {Toward} toward
+ */
 function paintStart(mesh, at, toward) {
   const [left, right] = [at("left", 0, 0.03), at("right", 0, 0.03)];
   const [next, last] = [at("left", 1, 0.03), at("right", 1, 0.03)];
   const wide = Math.hypot(left[0] - right[0], left[1] - right[1]);
   for (let m = 0; m < wide - 0.5; m += 1) {
+    /** @type {(from: Place, to: Place) => [Place, Place]} */
     const ends = (from, to) => [toward(from, to, m), toward(from, to, m + 1)];
     const [[a, b], [c, d]] = [ends(left, right), ends(next, last)];
     mesh.quad(a, b, d, c, m % 2 ? [245, 245, 245] : [25, 25, 28]);
   }
 }
 
+/**
+ * @param {Mesh} mesh
+ * @param {PlaceOf} at
+ * @param {Toward} toward
+ * @param {Record<LineName, Line>} line
+ * @param {number} n rows
+ * @param {number} spacing of rows, m
+ */
 function plantTrees(mesh, at, toward, line, n, spacing) {
   const cells = new Map();
+  /** @type {(x: number, y: number) => string} */
   const cell = (x, y) => `${Math.floor(x / TREE_ROOM_M)} ${Math.floor(y / TREE_ROOM_M)}`;
   for (let i = 0; i < n; i++) cells.set(cell((line.left.x[i] + line.right.x[i]) / 2, (line.left.y[i] + line.right.y[i]) / 2), true);
+  /** @type {(x: number, y: number) => boolean} */
   const free = (x, y) => {
     for (const dx of [-1, 0, 1]) for (const dy of [-1, 0, 1]) if (cells.has(cell(x + dx * TREE_ROOM_M, y + dy * TREE_ROOM_M))) return false;
     return true;
@@ -119,11 +168,11 @@ function plantTrees(mesh, at, toward, line, n, spacing) {
   };
   const every = Math.max(Math.round(TREE_GAP_M / spacing), 1);
   for (let i = 0; i < n; i += every) {
-    for (const side of ["left", "right"]) {
-      const foot = toward(at(`wall_${side}`, i), at(side, i), -(5 + 45 * chance()));
+    for (const [[side, , wall]] of SIDES) {
+      const foot = toward(at(wall, i), at(side, i), -(5 + 45 * chance()));
       const [size, shade] = [4 + 5 * chance(), 0.75 + 0.4 * chance()];
       if (!free(foot[0], foot[1])) continue;
-      const base = line[`wall_${side}`].z[i] - 4;
+      const base = line[wall].z[i] - 4;
       const top = [foot[0], foot[1], base + 4 + 1.7 * size];
       const ring = [0, 1, 2, 3, 4].map((k) => [
         foot[0] + 0.42 * size * Math.cos(k * 1.2566), foot[1] + 0.42 * size * Math.sin(k * 1.2566), base + 3,
@@ -133,12 +182,22 @@ function plantTrees(mesh, at, toward, line, n, spacing) {
   }
 }
 
-// A car on its wheels, nose along x: its body, and from `cabin` on what the driver sits under.
+/**
+ * A car on its wheels, nose along x: its body, and from `cabin` on what the driver sits under.
+ * @param {number} length m
+ * @param {number} width m
+ */
 export function carMesh(length, width) {
   const mesh = newMesh();
   const [h, s] = [length / 2, width / 2];
-  // A prism between two outlines in the plane of x and z, as wide as each says.
+  /**
+   * A prism between two outlines in the plane of x and z, as wide as each says.
+   * @param {[number, number, number][]} points
+   * @param {Colour} colour
+   * @param {number} own
+   */
   const hull = (points, colour, own) => {
+    /** @param {1 | -1} sign */
     const side = (sign) => points.map(([x, z, wide]) => [x * h, sign * wide * s, z]);
     const [left, right] = [side(1), side(-1)];
     points.forEach((_, k) => {
@@ -164,6 +223,7 @@ export function carMesh(length, width) {
   mesh.quad([-h, s, 1.12], [-h, -s, 1.12], [-0.86 * h, -s, 1.14], [-0.86 * h, s, 1.14], [30, 33, 38]);
   for (const y of [-1, 1]) {
     mesh.quad([-h, y * s, 0.95], [-0.84 * h, y * s, 0.95], [-0.84 * h, y * s, 1.2], [-h, y * s, 1.2], [30, 33, 38]);
+    /** @type {(x: number, z: number, from: number, to: number, colour: Colour) => void} */
     const lamp = (x, z, from, to, colour) => mesh.quad([x, y * from * s, z], [x, y * to * s, z], [x, y * to * s, z + 0.12], [x, y * from * s, z + 0.12], colour);
     lamp(-1.005 * h, 0.55, 0.45, 0.82, [190, 32, 30]);
     lamp(0.985 * h, 0.38, 0.42, 0.68, [250, 246, 220]);

@@ -4,15 +4,26 @@ import { difference } from "../numbers.js";
 import { h } from "../race/element.js";
 import { penOf, sized } from "../race/scene.js";
 
+/** @typedef {import("../race/recording.js").Recording} Recording */
+
 export const ORIGINAL = "#7db8ee";
 export const TWIN = "#f5b450";
 const MARGIN = 8;
 
 // The place of a moment on a canvas that is as wide as the timeline, and back.
+/** @type {(seconds: number, end: number, width: number, ratio: number) => number} */
 export const across = (seconds, end, width, ratio) => MARGIN * ratio + (seconds / (end || 1)) * (width - 2 * MARGIN * ratio);
+/** @type {(event: MouseEvent, canvas: Element, end: number) => number} */
 export const secondsAt = (event, canvas, end) => ((event.offsetX - MARGIN) / Math.max(canvas.clientWidth - 2 * MARGIN, 1)) * end;
 
-// Upright lines: where another policy takes over, and now.
+/**
+ * Upright lines: where another policy takes over, and now.
+ * @param {CanvasRenderingContext2D} pen
+ * @param {number} at
+ * @param {string} colour
+ * @param {number} height
+ * @param {number} ratio
+ */
 export function upright(pen, at, colour, height, ratio) {
   pen.strokeStyle = colour;
   pen.lineWidth = ratio;
@@ -22,12 +33,22 @@ export function upright(pen, at, colour, height, ratio) {
   pen.stroke();
 }
 
-// A car's values by tick, null once it is out.
+/**
+ * A car's values by tick, null once it is out.
+ * @param {Recording} recording
+ * @param {number} car
+ * @param {(tick: number) => number | null} value
+ */
 function series(recording, car, value) {
   return Array.from(recording.time, (_, tick) => (recording.drives(car, tick) ? value(tick) : null));
 }
 
-// How far the car is ahead of itself in the other race, s: when it came there, and when the other did.
+/**
+ * How far the car is ahead of itself in the other race, s: when it came there, and when the other did.
+ * @param {Recording} twin
+ * @param {Recording} original
+ * @param {number} car
+ */
 function lead(twin, original, car) {
   const far = twin.samples.distance[car];
   return series(twin, car, (tick) => {
@@ -36,7 +57,9 @@ function lead(twin, original, car) {
   });
 }
 
+/** @type {(recording: Recording, tick: number) => number} */
 const leader = (recording, tick) => recording.order(tick)[0];
+/** @type {(recording: Recording, car: number) => (number | null)[]} */
 const gapOf = (recording, car) => series(recording, car, (tick) => recording.gap(car, leader(recording, tick), tick));
 
 /**
@@ -59,7 +82,6 @@ export function twinCharts(player, [original, twin], car, mark) {
 }
 
 /**
- * @typedef {import("../race/recording.js").Recording} Recording
  * @typedef {[Recording, (number | null)[], string, string]} ChartLine a race, its values by tick, a colour, and which side it is
  * @typedef {{ name: string, lines: ChartLine[], down?: boolean, zero?: boolean, least: number, words: (v: number) => string }} Chart
  */
