@@ -6,12 +6,13 @@ import logging
 import os
 import threading
 from contextlib import suppress
+from datetime import datetime
 from itertools import count
 from types import TracebackType
 from typing import NamedTuple
 
 from nathlon.arena.executor import Executor
-from nathlon.arena.store import Store
+from nathlon.arena.store import Store, WorkerRecord
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import HOST, has_ended, start_of
 
@@ -50,17 +51,32 @@ class AtWork(NamedTuple):
         host: name of the machine.
         process: its number there.
         processes: that run matches for it.
+        matches_per_minute: since it began; None where that is not known.
+        seen_at: when it was last heard of, UTC, ISO 8601; None where that is not known.
     """
 
     host: str
     process: int
     processes: int
+    matches_per_minute: float | None = None
+    seen_at: str | None = None
 
 
 def at_work(store: Store) -> list[AtWork]:
     """Who runs matches of a store, as far as is known; who has ended on this machine does not."""
-    found = [(_read(owner), processes) for owner, processes in store.at_work().items() if not is_gone(owner)]
-    return [AtWork(name.host, name.process, processes) for name, processes in found if name]
+    found = [(_read(one.owner), one) for one in store.workers() if one.at_work and not is_gone(one.owner)]
+    return [
+        AtWork(name.host, name.process, one.processes, _pace(one), one.seen_at) for name, one in found if name
+    ]
+
+
+def _pace(worker: WorkerRecord) -> float | None:
+    """Matches a minute."""
+    if worker.ran is None or worker.began_at is None or worker.seen_at is None:
+        return None
+    began, seen = (datetime.fromisoformat(moment) for moment in (worker.began_at, worker.seen_at))
+    minutes = (seen - began).total_seconds() / 60
+    return round(worker.ran / minutes, 2) if minutes > 0 else None
 
 
 def is_gone(owner: str) -> bool:
@@ -94,10 +110,12 @@ class Claimant:
     Attributes:
         owner: its name.
         lease_s: how long a claim lasts unless it is renewed, s.
+        ran: matches that it has run so far.
     """
 
     def __init__(self, store: Store, executor: Executor, lease_s: float = LEASE_S) -> None:
         self.owner, self.lease_s = owner_name(), lease_s
+        self.ran = 0
         self._store, self._executor = store, executor
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._renew, daemon=True)
@@ -122,7 +140,7 @@ class Claimant:
     def _renew(self) -> None:
         while not self._over.wait(self.lease_s / RENEWALS):
             try:
-                self._store.attend(self.owner, self._executor.workers, self.lease_s)
+                self._store.attend(self.owner, self._executor.workers, self.lease_s, self.ran)
             except InputError as error:
                 # What it claimed may be another's by now, which costs time and no result.
                 log.warning("%s; claims could not be renewed", error)

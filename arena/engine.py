@@ -13,6 +13,7 @@ from contextlib import closing
 from typing import NamedTuple, Protocol
 
 from nathlon.arena.claimant import LEASE_S, Claimant
+from nathlon.arena.control import control
 from nathlon.arena.executor import Executor, Feed
 from nathlon.arena.grouping import GROUPS_A_WORKER, fill, group, longest_first
 from nathlon.arena.job import Wanted
@@ -151,6 +152,7 @@ class Work:
                     if error:
                         self.refused[key] = error
                         self._store.drop([key], self._claimant.owner)
+                self._claimant.ran += len(ours)
                 for key in ours:
                     yield Ended(key, here=True)
                 if time.monotonic() > self._next_look:
@@ -190,6 +192,8 @@ class LocalEngine:
                 ahead.extend(match for match in ordered if match.key in work.left)
 
             def feed(idle: int) -> list[list[Match]]:
+                if control(self._store).paused:
+                    return []
                 while ahead and ahead[0].key not in work.left:
                     ahead.popleft()
                 if not ahead:

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from typing import Any
 
 from nathlon.arena.claimant import Claimant
+from nathlon.arena.control import control
 from nathlon.arena.engine import FULL, POLL_S, plenty, share
 from nathlon.arena.grouping import fill, group, longest_first
 from nathlon.arena.match import Match
@@ -116,15 +117,23 @@ class Taker:
         self._arrivals = Arrivals(store)
         self._full: dict[str, int] = {}
         self._surroundings: dict[str, dict[str, Any]] = {}
-        self._next = 0.0
+        self._next, self._paused = 0.0, False
 
     def __call__(self, idle: int) -> list[list[Match]]:
         """See `nathlon.arena.executor.Feed`."""
         if time.monotonic() < self._next:
             return []
+        said = control(self._store)
+        if said.paused != self._paused:
+            self._paused = said.paused
+            log.warning("%s: %s by %s", self._store.name, "paused" if said.paused else "resumed", said.by)
+        if said.paused:
+            self._next = time.monotonic() + POLL_S
+            return []
         at_work = sum(self._store.at_work().values())
         enough = plenty(at_work + idle, max(self._full.values(), default=FULL))
-        for digest, left in self._store.waiting(enough, unclaimed=True).items():
+        waiting = self._store.waiting(enough, unclaimed=True)
+        for digest, left in sorted(waiting.items(), key=lambda one: one[0] != said.first):
             if self._accepts(digest):
                 most = share(left, idle, at_work, self._full.get(digest, FULL))
                 owner, lease_s = self._claimant.owner, self._claimant.lease_s

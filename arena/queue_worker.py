@@ -76,6 +76,7 @@ def work(
                         store.drop([key], claimant.owner)
                     else:
                         ran += 1
+                        claimant.ran = ran
                         on_match(ran)
                     until = time.monotonic() + wait_s
             if abilities.look() > len(refused):

@@ -60,9 +60,9 @@ def _values(rng: np.random.Generator, kind: Any, count: int) -> Any:
     return ["abc"] * count
 
 
-def night(rng: np.random.Generator) -> Selection:
-    """A made-up night."""
-    ids = [rng.bytes(32).hex() for _ in range(CHECKPOINTS)]
+def night(rng: np.random.Generator, checkpoints: int = CHECKPOINTS, races: int = RACES) -> Selection:
+    """A made-up night of so many checkpoints, and races in all."""
+    ids = [rng.bytes(32).hex() for _ in range(checkpoints)]
     tested, final = ids[:SURVIVORS], ids[:FINALISTS]
     pairs = [(a, b) for a in final for b in final if a != b]
     objectives = [f"objective_{index}" for index in range(3)]
@@ -72,11 +72,11 @@ def night(rng: np.random.Generator) -> Selection:
             "entrants",
             rng,
             ids,
-            name=[f"run-s{index % 7}-{index:05d}k" for index in range(CHECKPOINTS)],
-            source=[f"checkpoints/run-s{index % 7}-{index:05d}k.safetensors" for index in range(CHECKPOINTS)],
+            name=[f"run-s{index % 7}-{index:05d}k" for index in range(checkpoints)],
+            source=[f"checkpoints/run-s{index % 7}-{index:05d}k.safetensors" for index in range(checkpoints)],
         ),
-        "pareto": _table("pareto", rng, ids, survives=[index < SURVIVORS for index in range(CHECKPOINTS)]),
-        "objectives": _table("objectives", rng, ids * 3, objective=np.repeat(objectives, CHECKPOINTS)),
+        "pareto": _table("pareto", rng, ids, survives=[index < SURVIVORS for index in range(checkpoints)]),
+        "objectives": _table("objectives", rng, ids * 3, objective=np.repeat(objectives, checkpoints)),
         "skills": _table("skills", rng, tested * TESTS, test=np.repeat(tests, SURVIVORS)),
         "battery": _table("battery", rng, tested),
         "ranking": _table("ranking", rng, final),
@@ -85,7 +85,7 @@ def night(rng: np.random.Generator) -> Selection:
         "ratings": _table("ratings", rng, final),
     }
     summary: dict[str, Any] = {
-        "stages": [{"name": "pareto", "in": CHECKPOINTS, "out": SURVIVORS, "races": RACES, "wall_s": 900.0}],
+        "stages": [{"name": "pareto", "in": checkpoints, "out": SURVIVORS, "races": races, "wall_s": 900.0}],
         "sent": [],
         "committee": [],
         "circuit": "lindenring",
@@ -97,23 +97,23 @@ def night(rng: np.random.Generator) -> Selection:
         "excluded": [],
         "pair_correlation": -0.1,
         "confidence": 0.95,
-        "car_runs": RACES * CARS,
+        "car_runs": races * CARS,
         "faults": 0,
         "void": 0,
         "replays": [],
     }
     facts = Summary.model_validate(summary | {"ranking": []})
-    return Selection("A large night", tables, _results(rng, ids, final), facts, "nathlon.sqlite")
+    return Selection("A large night", tables, _results(rng, ids, final, races), facts, "nathlon.sqlite")
 
 
-def _results(rng: np.random.Generator, ids: list[str], final: list[str]) -> pl.DataFrame:
+def _results(rng: np.random.Generator, ids: list[str], final: list[str], races: int) -> pl.DataFrame:
     """One race of the filter for every checkpoint, against a built-in driver, and then team races."""
-    rows = RACES * CARS
-    race = np.arange(RACES)
-    filtered = race < CHECKPOINTS
-    keys = [rng.bytes(32).hex() for _ in range(RACES)]
+    rows = races * CARS
+    race = np.arange(races)
+    filtered = race < len(ids)
+    keys = [rng.bytes(32).hex() for _ in range(races)]
     entrants = [
-        [ids[index] if index < CHECKPOINTS and car == 0 else "driver:pace=0.9" for car in range(CARS)]
+        [ids[index] if index < len(ids) and car == 0 else "driver:pace=0.9" for car in range(CARS)]
         if filtered[index]
         else [final[(index + car % 2) % FINALISTS] for car in range(CARS)]
         for index in race
@@ -124,7 +124,7 @@ def _results(rng: np.random.Generator, ids: list[str], final: list[str]) -> pl.D
         "stage": np.repeat(np.where(filtered, "pareto", "tournament"), CARS),
         "test": np.repeat(np.where(filtered, "race", "4v4"), CARS),
         "race": [0] * rows,
-        "car": list(range(CARS)) * RACES,
+        "car": list(range(CARS)) * races,
         "entrant": [entrant for cars in entrants for entrant in cars],
         "ending": ["finished"] * rows,
     }
@@ -144,9 +144,9 @@ def _view_s(page: Page, address: str) -> float:
     return time.perf_counter() - began
 
 
-def measure() -> dict[str, Any]:
-    """The figures."""
-    selection = night(np.random.default_rng(1))
+def measure(checkpoints: int = CHECKPOINTS, races: int = RACES) -> dict[str, Any]:
+    """The figures of a night of so many checkpoints, and races in all."""
+    selection = night(np.random.default_rng(1), checkpoints, races)
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
         began = time.perf_counter()
@@ -174,8 +174,8 @@ def measure() -> dict[str, Any]:
             "write_s": round(write_s, 1),
             "open_s": round(statistics.median(opened), 2),
             **shown,
-            "checkpoints": CHECKPOINTS,
-            "races": RACES,
+            "checkpoints": checkpoints,
+            "races": races,
             "chromium": chromium,
         }
 

@@ -38,6 +38,7 @@ from nathlon.commands.store import clean_store, copy_store
 from nathlon.commands.track import generate_track, import_track, limit_track, show_track
 from nathlon.commands.training import polish, train
 from nathlon.commands.twin import twin
+from nathlon.commands.watch import watch
 from nathlon.commands.worker import worker
 from nathlon.commands.world import check_world, list_worlds
 from nathlon.sim.errors import InputError
@@ -77,6 +78,7 @@ app.add(
     plan,
     init,
     nightly,
+    watch,
     worker,
     status,
     report,

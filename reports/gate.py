@@ -76,7 +76,8 @@ def cells(finding: GateFinding) -> tuple[str, ...]:
         return "" if value is None else f"{value:+z.3g}"
 
     if finding.margin is None:
-        return finding.measure, MARKS[finding.verdict], f"{finding.difference:g}", "", "", str(finding.units)
+        found = "" if finding.difference is None else f"{finding.difference:g}"
+        return finding.measure, MARKS[finding.verdict], found, "", "", f"{finding.units:,}"
     return (
         f"{finding.measure} {finding.unit}",
         MARKS[finding.verdict],

@@ -42,6 +42,7 @@ def payload(selection: Selection) -> dict[str, Any]:
         "underWay": selection.under_way,
         "verdict": {"headline": shown.headline, "sentences": shown.sentences},
         "summary": selection.summary.model_dump(mode="json", exclude={"ranking"}),
+        "timedOn": selection.summary.timed_on,
         "listed": selection.tables["entrants"].height,
         "entrants": _columns(entrants),
         "tables": {name: _columns(_numbered(table, numbers)) for name, table in tables.items()},

@@ -41,6 +41,12 @@ RECORD = (
     Column("lost", "Lost", "0%"),
 )
 """Of formats other than 4v4."""
+ACTION = (
+    Column("action_ms", "Action, median [ms]", "0.000", scale=ORANGES),
+    Column("action_p99_ms", "Action, 99th percentile [ms]", "0.000", scale=ORANGES),
+    Column("model_mb", "Model [MB]", "0.00", scale=ORANGES),
+)
+"""Where the finalists were timed."""
 RANKING = (
     RANK,
     *ENTRANT,
@@ -58,6 +64,7 @@ RANKING = (
     Column("pairs", "Units", "#,##0"),
     Column("races", "Races", "#,##0"),
     Column("faults", "Faults", "#,##0"),
+    *ACTION,
 )
 MATCHUPS = (
     *ENTRANT,
@@ -157,7 +164,8 @@ def _filled(selection: Selection, columns: tuple[Column, ...], frame: pl.DataFra
     """The columns; in another world without those that it does not measure, and in its words."""
     known = {c.name for c in columns if frame.is_empty() or frame[c.name].is_not_null().any()}
     if selection.summary.circuit:
-        return tuple(c for c in columns if c not in ELSEWHERE and (c not in RECORD or c.name in known))
+        sparse = (*RECORD, *ACTION)
+        return tuple(c for c in columns if c not in ELSEWHERE and (c not in sparse or c.name in known))
     return tuple(
         replace(c, header=_in_words(c.header, selection.summary)) for c in columns if c.name in known
     )
@@ -228,6 +236,8 @@ def _run(workbook: Any, selection: Selection, left_out: int) -> None:
             (f"{name}: races", stage.races),
             (f"{name}: time [s]", stage.wall_s),
         ]
+    if summary.action_times:
+        facts.append(("Actions", summary.timed_on))
     facts += [(f"Version of {name}", version) for name, version in sorted(summary.versions.items())]
     sheet = add_table(workbook, "Run", ["Fact", "Value"], len(facts))
     left = workbook.add_format({"align": "left"})

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import os
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +17,10 @@ AUTO = "auto"
 """Address of the cluster that this machine is part of."""
 CONNECT_S = 5.0
 """For somebody to answer at an address."""
+SILENT = "RAY_BACKEND_LOG_LEVEL", "fatal"
+"""What keeps the lines of Ray's own threads out of the terminal: a node that is lost brings hundreds. They
+stay in Ray's folder."""
+VERSIONS = re.compile(r"Ray: (\S+)\s+Python: (\S+)")
 
 
 class RayNode(NamedTuple):
@@ -46,19 +52,29 @@ def joined(address: str) -> Iterator[None]:
         return
     try:
         _knock(address)
+        os.environ.setdefault(*SILENT)
         # Never one of its own, which could outlive this process.
         ray.init(address, job_config=_job(), log_to_driver=False, logging_level=logging.ERROR)
     except (OSError, RuntimeError, ValueError) as error:
-        # What it asks for is not how it is said here.
-        reason = " ".join(str(error).partition("Please")[0].split()).rstrip(".")
-        raise InputError(
-            f"engine_address is {address!r}: {reason}; expected a Ray cluster with the Ray "
-            f"{ray.__version__} and the Python of this machine"
-        ) from None
+        raise InputError(f"engine_address is {address!r}: {refusal(str(error), ray.__version__)}") from None
     try:
         yield
     finally:
         ray.shutdown()
+
+
+def refusal(said: str, here: str) -> str:
+    """Why a cluster cannot be joined, from what Ray says of it; `here` is the version of this machine."""
+    versions = VERSIONS.findall(said)
+    if "Version mismatch" in said and len(versions) == 2:
+        (theirs, their_python), (ours, our_python) = versions
+        return (
+            f"the cluster has Ray {theirs} and Python {their_python}, this machine Ray {ours} and Python "
+            f"{our_python}; expected the same versions on all machines"
+        )
+    # What it asks for is not how it is said here.
+    reason = " ".join(said.partition("Please")[0].split()).rstrip(".")
+    return f"{reason}; expected a Ray cluster with the Ray {here} and the Python of this machine"
 
 
 def _job() -> Any:

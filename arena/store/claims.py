@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 import sqlalchemy as sa
@@ -13,6 +14,27 @@ from nathlon.arena.store.database import APPLICATION_ID, clock, lock_exclusively
 CLAIMS_LOCK = APPLICATION_ID + 1
 LONGEST_S = 600.0
 """Of a lease. One that lasts longer from now was given by a clock that has been put back since."""
+
+
+@dataclass(frozen=True)
+class WorkerRecord:
+    """Who runs matches, or has not said that it has ended.
+
+    Attributes:
+        processes: of its machine that run matches for it.
+        until: it is taken to be at work, as the next two UTC, ISO 8601.
+        began_at, seen_at: None where a worker of an older version does not say, as is `ran`.
+        ran: matches since it began.
+        at_work: whether it has been heard of in time.
+    """
+
+    owner: str
+    processes: int
+    until: str
+    began_at: str | None
+    seen_at: str | None
+    ran: int | None
+    at_work: bool
 
 
 def grant(connection: sa.Connection, keys: Sequence[str], owner: str, for_s: float) -> list[str]:
@@ -49,13 +71,16 @@ def give(connection: sa.Connection, keys: Sequence[str], owner: str, until: date
         connection.execute(table.insert(), rows)
 
 
-def attend(connection: sa.Connection, owner: str, processes: int, for_s: float) -> None:
+def attend(connection: sa.Connection, owner: str, processes: int, for_s: float, ran: int) -> None:
     """Note that an owner is at work, and have all its leases last for this long from now."""
     lock_exclusively(connection, CLAIMS_LOCK)
-    until = stamp(clock(connection) + timedelta(seconds=min(for_s, LONGEST_S)))
+    now = clock(connection)
+    until = stamp(now + timedelta(seconds=min(for_s, LONGEST_S)))
     worker, claim = schema.worker, schema.claim
-    connection.execute(worker.delete().where(worker.c.owner == owner))
-    connection.execute(worker.insert(), {"owner": owner, "processes": processes, "until": until})
+    row = {"processes": processes, "until": until, "seen_at": stamp(now), "ran": ran}
+    known = connection.execute(worker.update().where(worker.c.owner == owner).values(row))
+    if not known.rowcount:
+        connection.execute(worker.insert(), {"owner": owner, "began_at": stamp(now), **row})
     connection.execute(claim.update().where(claim.c.owner == owner).values(until=until))
 
 
@@ -64,6 +89,14 @@ def at_work(connection: sa.Connection) -> dict[str, int]:
     table = schema.worker.c
     query = sa.select(table.owner, table.processes).where(table.until > stamp(clock(connection)))
     return {row.owner: row.processes for row in connection.execute(query.order_by(table.owner))}
+
+
+def workers(connection: sa.Connection) -> list[WorkerRecord]:
+    """All who are at work, or have not said that they have ended."""
+    table, now = schema.worker.c, stamp(clock(connection))
+    columns = (table.owner, table.processes, table.until, table.began_at, table.seen_at, table.ran)
+    rows = connection.execute(sa.select(*columns).order_by(table.owner))
+    return [WorkerRecord(*row, at_work=row.until > now) for row in rows]
 
 
 def release(connection: sa.Connection, owner: str) -> None:

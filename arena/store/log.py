@@ -38,6 +38,15 @@ def append(connection: sa.Connection, kind: str, entry: dict[str, Any], run: str
     return LogEntry(number, at, kind, run, schema.from_json(text))
 
 
+def last(connection: sa.Connection, kind: str) -> LogEntry | None:
+    """The last entry of a kind."""
+    log = schema.log.c
+    query = sa.select(log.id, log.at, log.kind, schema.run.c.name, log.entry)
+    query = query.select_from(schema.log.outerjoin(schema.run)).where(log.kind == kind)
+    row = connection.execute(query.order_by(log.id.desc()).limit(1)).one_or_none()
+    return None if row is None else LogEntry(*row[:4], schema.from_json(row[4]))
+
+
 def entries(connection: sa.Connection, kind: str | None, run: str | None) -> list[LogEntry]:
     """All entries, or those of a kind, of a run, or both, in the order in which they were appended."""
     log = schema.log.c

@@ -35,6 +35,33 @@ class RunRecord:
     config: dict[str, Any]
 
 
+@dataclass(frozen=True)
+class FoundEntrant:
+    """An entrant of a run, and how far it came there.
+
+    Attributes:
+        run: its name.
+        began_at: of the run, UTC, ISO 8601.
+        survives: whether it came through the filter; None where it was not filtered.
+        skill: n-athlon points; None where it was not tested.
+        rank, points_per_race, points_low, points_high: of the round robin; None where it was not in it.
+    """
+
+    run: str
+    began_at: str
+    entrant: str
+    name: str
+    source: str
+    algorithm: str
+    step: int | None
+    survives: bool | None
+    skill: float | None
+    rank: int | None
+    points_per_race: float | None
+    points_low: float | None
+    points_high: float | None
+
+
 def begin(connection: sa.Connection, name: str, config: dict[str, Any]) -> RunRecord:
     """Begin a run, or go on with the one of this name if it was begun with the same configuration."""
     text = schema.to_json(config)
@@ -130,6 +157,27 @@ def fact_of_runs(connection: sa.Connection, key: str) -> dict[str, schema.JsonVa
     query = sa.select(schema.run.c.name, schema.fact.c.value).join(schema.fact)
     rows = connection.execute(query.where(schema.fact.c.key == key).order_by(schema.run.c.id))
     return {name: schema.from_json(value) for name, value in rows}
+
+
+def find_entrants(connection: sa.Connection, text: str, most: int) -> list[FoundEntrant]:
+    """Entrants of all runs with a text in their name, source or id, the latest run's first."""
+    tables = schema.stage_tables
+    entrants, pareto, battery, ranking = (tables[n] for n in ("entrants", "pareto", "battery", "ranking"))
+    joined = schema.run.join(entrants, entrants.c.run == schema.run.c.id)
+    for stage in (pareto, battery, ranking):
+        here = (stage.c.run == entrants.c.run) & (stage.c.entrant == entrants.c.entrant)
+        joined = joined.outerjoin(stage, here)
+    own = (entrants.c[name] for name in ("entrant", "name", "source", "algorithm", "step"))
+    far = (ranking.c[name] for name in ("rank", "points_per_race", "points_low", "points_high"))
+    query = sa.select(
+        schema.run.c.name, schema.run.c.began_at, *own, pareto.c.survives, battery.c.points, *far
+    )
+    parts = (entrants.c.name, entrants.c.source, entrants.c.entrant)
+    query = query.select_from(joined).where(
+        sa.or_(*(part.icontains(text, autoescape=True) for part in parts))
+    )
+    query = query.order_by(schema.run.c.id.desc(), entrants.c.position).limit(most)
+    return [FoundEntrant(*tuple(row)) for row in connection.execute(query)]
 
 
 def _hold(connection: sa.Connection, name: str) -> int:

@@ -88,6 +88,9 @@ worker = sa.Table(
     sa.Column("owner", sa.Text, primary_key=True),
     sa.Column("processes", sa.BigInteger, nullable=False),
     sa.Column("until", sa.Text, nullable=False),
+    sa.Column("began_at", sa.Text),
+    sa.Column("seen_at", sa.Text),
+    sa.Column("ran", sa.BigInteger),  # matches since it began
 )
 surroundings = sa.Table(
     "surroundings",

@@ -11,11 +11,12 @@ import polars as pl
 
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import claims, copying, files, log, matches, opening, queue, runs, schema
+from nathlon.arena.store.claims import WorkerRecord
 from nathlon.arena.store.database import Database
 from nathlon.arena.store.log import LogEntry
 from nathlon.arena.store.matches import Finished
 from nathlon.arena.store.queue import Queued
-from nathlon.arena.store.runs import RunRecord
+from nathlon.arena.store.runs import FoundEntrant, RunRecord
 from nathlon.arena.store.schema import JsonValue
 
 
@@ -189,6 +190,10 @@ class Store:
         """All facts about a run, ordered by key."""
         return self._database.read(runs.facts, run)
 
+    def find_entrants(self, text: str, most: int) -> list[FoundEntrant]:
+        """Entrants of all runs with a text in their name, source or id, the latest run's first."""
+        return self._database.read(runs.find_entrants, text, most)
+
     # Claims
 
     def claim(self, keys: Sequence[str], owner: str, for_s: float) -> list[str]:
@@ -216,15 +221,20 @@ class Store:
         """All who hold a claim or are at work, or have let that expire."""
         return self._database.read(claims.owners)
 
-    def attend(self, owner: str, processes: int, for_s: float) -> None:
+    def attend(self, owner: str, processes: int, for_s: float, ran: int = 0) -> None:
         """Note that an owner is at work with so many processes, and renew all its claims.
 
         Args:
             owner: as for `claim`.
             processes: of this machine that run matches for it.
             for_s: how long this holds, s; at most 600.
+            ran: matches that it has run so far.
         """
-        self._database.write(claims.attend, owner, processes, for_s)
+        self._database.write(claims.attend, owner, processes, for_s, ran)
+
+    def workers(self) -> list[WorkerRecord]:
+        """Owners that are at work, and those that have not said that they have ended."""
+        return self._database.read(claims.workers)
 
     def at_work(self) -> dict[str, int]:
         """Owners that are at work, each with the number of its processes."""
@@ -311,3 +321,7 @@ class Store:
     def log(self, kind: str | None = None, run: str | None = None) -> list[LogEntry]:
         """All entries, or those of a kind, of a run, or both, in the order in which they were appended."""
         return self._database.read(log.entries, kind, run)
+
+    def last_of(self, kind: str) -> LogEntry | None:
+        """The last entry of a kind; None where there is none."""
+        return self._database.read(log.last, kind)

@@ -20,7 +20,7 @@ from nathlon.reports.gate_page import write_gate_page
 from nathlon.results.gate import GateReport
 from nathlon.selection.config import Config
 from nathlon.selection.publish.output import OutputFolder
-from nathlon.selection.run import GATE, KERNELS
+from nathlon.selection.run import GATE, KERNELS, TIMES
 from nathlon.selection.single_run import single_run
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
@@ -115,7 +115,7 @@ def gate(
             raise InputError(f"{', '.join(first.also)}: is the champion itself, expected another policy")
         output = OutputFolder(Path(out))
         with (
-            stage_progress(progress, (KERNELS, "battery", GATE)) as on_match,
+            stage_progress(progress, (KERNELS, "battery", GATE, TIMES)) as on_match,
             single_run(GATE, together, settings, output.store, pool, on_match) as run,
         ):
             report = run_gate(run, first, others, settings)

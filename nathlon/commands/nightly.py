@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -49,29 +49,60 @@ def nightly(
     0: done, 1: nobody passed the gates, 2: bad input, 3: too many faults. The same command goes on with a
     night that was stopped.
     """
-    from nathlon.api.selection import SelectionResult
     from nathlon.selection.config import read_config
-    from nathlon.selection.nightly.night import nightly as run_nightly
     from nathlon.selection.nightly.night import told
-    from nathlon.terminal.progress import stage_progress, worker_count
 
     settings = read_config(config)
     with stoppable("The same command goes on."):
-        with stage_progress(not as_json) as on_match:
-            night = run_nightly(settings, worker_count(workers or settings.workers), on_match)
-        if night.selection and night.name and not as_json:
-            print_verdict(night.selection.summary)
-            print_places(SelectionResult(Path(settings.out) / night.name, night.selection))
-        delivered = _delivered(night, settings)
-    night = replace(night, reason=night.reason + "".join(one.sentence for one in delivered))
+        done = one_night(settings, workers, as_json)
     if as_json:
-        print_json(_told(night, Path(settings.out)) | {"delivered": [one._asdict() for one in delivered]})
+        print_json(facts(done, settings))
     else:
-        say_delivered(delivered)
-        say(f"Outcome      {night.reason}")
+        say_outcome(done)
     sys.stdout.flush()
-    told(settings, night)
-    raise SystemExit(night.code)
+    told(settings, done.night)
+    raise SystemExit(done.night.code)
+
+
+class Delivered(NamedTuple):
+    """A night that has been told, and what became of it in the sinks that were asked for."""
+
+    night: Night
+    deliveries: tuple[Delivery, ...]
+
+
+def one_night(settings: Config, workers: int | None, as_json: bool, most: int | None = None) -> Delivered:
+    """Go on with a night or begin one, print its verdict and deliver it.
+
+    Args:
+        settings, most: as of `nathlon.selection.nightly.night.nightly`.
+        workers: processes, instead of the configuration's.
+        as_json: whether nothing is printed.
+    """
+    from nathlon.api.selection import SelectionResult
+    from nathlon.selection.nightly.night import nightly as run_nightly
+    from nathlon.terminal.progress import stage_progress, worker_count
+
+    with stage_progress(not as_json) as on_match:
+        night = run_nightly(settings, worker_count(workers or settings.workers), on_match, most)
+    if night.selection and night.name and not as_json:
+        print_verdict(night.selection.summary)
+        print_places(SelectionResult(Path(settings.out) / night.name, night.selection))
+    delivered = _delivered(night, settings)
+    night = replace(night, reason=night.reason + "".join(one.sentence for one in delivered))
+    return Delivered(night, delivered)
+
+
+def say_outcome(done: Delivered) -> None:
+    """Print where a night's results have gone, and its outcome."""
+    say_delivered(done.deliveries)
+    say(f"Outcome      {done.night.reason}")
+
+
+def facts(done: Delivered, settings: Config) -> dict[str, Any]:
+    """A night for other programs: its outcome, where what is sent and the report lie, and the summary."""
+    delivered = [one._asdict() for one in done.deliveries]
+    return _facts(done.night, Path(settings.out)) | {"delivered": delivered}
 
 
 def _delivered(night: Night, settings: Config) -> tuple[Delivery, ...]:
@@ -90,8 +121,7 @@ def say_delivered(delivered: Iterable[Delivery]) -> None:
             say(f"Delivered    {one.sink}: {one.place}")
 
 
-def _told(night: Night, nights: Path) -> dict[str, Any]:
-    """A night for other programs: its outcome, where what is sent and the report lie, and the summary."""
+def _facts(night: Night, nights: Path) -> dict[str, Any]:
     facts: dict[str, Any] = {name: getattr(night, name) for name in ("name", "status", "code", "reason")}
     facts |= {"excluded": [asdict(item) for item in night.excluded], "sent": [], "report": None}
     if night.selection is None or night.name is None:
@@ -142,7 +172,9 @@ def status(
         )
     print_table(table)
     for one in workers:
-        say(f"At work      {one.host}, process {one.process}, with {one.processes}")
+        pace = "" if one.matches_per_minute is None else f", {one.matches_per_minute:g} matches a minute"
+        seen = "" if one.seen_at is None else f", last seen {one.seen_at[11:19]} UTC"
+        say(f"At work      {one.host}, process {one.process}, with {one.processes}{pace}{seen}")
     for fault in faults:
         say(fault)
 

@@ -267,6 +267,8 @@ def _print_ranking(summary: Summary) -> None:
     heads = ["Rank", "Entrant", *([f"{summary.a_mean} played", *RESULTS] if means else [points])]
     heads += ["Contacts per km"] if touches else []
     heads += [summary.episodes.capitalize()] if met else []
+    times = {one.entrant: one for one in summary.action_times}
+    heads += ["Action, ms", "Model, MB"] if times else []
     table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals", heads)
     for row in ranking:
         cells = [row.written_rank, row.name]
@@ -278,5 +280,12 @@ def _print_ranking(summary: Summary) -> None:
             cells.append(figure(row.points_per_race, row.points_low, row.points_high))
         if touches:
             cells.append(figure(row.contacts_per_km, row.contacts_low, row.contacts_high))
-        table.add_row(*cells, *([str(row.races)] if met else []))
+        cells += [str(row.races)] if met else []
+        if times:
+            time = times.get(row.entrant)
+            cells.append("–" if time is None else time.written)
+            cells.append("–" if time is None or time.model_mb is None else f"{time.model_mb:.2f}")
+        table.add_row(*cells)
     print_table(table)
+    if times:
+        say(f"Action       {summary.timed_on}")

@@ -30,6 +30,7 @@ class GateFinding(ResultModel):
         needed: units that would decide, if the difference stays as it is; None where that is not known.
         verdict: on this measure alone.
         set_aside: why it was not asked, if it was not.
+        counted: what the units of something are that is not compared with the champion's.
     """
 
     measure: str
@@ -45,6 +46,7 @@ class GateFinding(ResultModel):
     verdict: Decision = Decision.CANNOT_TELL
     set_aside: str | None = None
     note: str = ""
+    counted: str = "runs"
 
     @property
     def bounds(self) -> str:
@@ -61,7 +63,8 @@ class GateFinding(ResultModel):
         if self.set_aside is not None:
             return f"{self.measure}: not asked: {self.set_aside}"
         if self.margin is None:
-            said = f"{self.measure}: {self.difference:g} in {self.units} runs"
+            found = "not known" if self.difference is None else f"{self.difference:g}"
+            said = f"{self.measure}: {found} in {self.units:,} {self.counted}"
         elif self.difference is None:
             said = f"{self.measure} {self.unit}: not judged"
         else:

@@ -22,6 +22,16 @@ INCIDENT_HISTORY = pl.Schema(
 )
 """One row a run and incident."""
 
+ACTION_TIMES = pl.Schema(
+    {
+        "entrant": pl.String,
+        "action_ms": pl.Float64,  # median of one seat
+        "action_p99_ms": pl.Float64,  # 99th percentile
+        "model_mb": pl.Float64,  # of the policy's files
+    }
+)
+"""What an action of an entrant costs on the machine that has timed it; null of whoever was not timed."""
+
 
 @dataclass(frozen=True)
 class Previous:
@@ -71,10 +81,18 @@ class Selection:
 
     @property
     def ranking(self) -> pl.DataFrame:
-        """The table `ranking` with what the summary says besides: `nathlon.tournament.records.RECORDS`."""
+        """The table `ranking` with what the summary says besides: `nathlon.arena.results.RECORDS` and
+        ACTION_TIMES.
+        """
         told = [row.model_dump(include=set(RECORDS)) for row in self.summary.ranking]
-        records = pl.DataFrame(told, schema=RECORDS)
-        return self.tables["ranking"].join(records, on="entrant", how="left", maintain_order="left")
+        timed = [(one.entrant, one.median_ms, one.p99_ms, one.model_mb) for one in self.summary.action_times]
+        ranking = self.tables["ranking"]
+        for more in (
+            pl.DataFrame(told, schema=RECORDS),
+            pl.DataFrame(timed, schema=ACTION_TIMES, orient="row"),
+        ):
+            ranking = ranking.join(more, on="entrant", how="left", maintain_order="left")
+        return ranking
 
     def named(self, table: str) -> pl.DataFrame:
         """A stage table with each entrant's card (`name`, `step`, ...) beside it; NaN becomes null."""

@@ -91,6 +91,32 @@ class Ranked(ResultModel):
         return written_rank(self.rank, self.worst_rank)
 
 
+class ActionTime(ResultModel):
+    """What an action of an entrant costs on one machine; see `nathlon.arena.action_cost.ActionCost`.
+
+    Attributes:
+        machine: on which it was measured: name and kind of processor.
+    """
+
+    name: str
+    entrant: str
+    median_ms: float
+    p99_ms: float
+    actions: int
+    model_bytes: int | None
+    machine: str
+
+    @property
+    def written(self) -> str:
+        """Median and 99th percentile, ms."""
+        return f"{self.median_ms:.3g} / {self.p99_ms:.3g}"
+
+    @property
+    def model_mb(self) -> float | None:
+        """Size of its files, MB."""
+        return None if self.model_bytes is None else round(self.model_bytes / 1e6, 2)
+
+
 class Sent(ResultModel):
     """An entrant that the committee sends.
 
@@ -262,6 +288,7 @@ class Summary(ResultModel):
         recording, replay: of the deciding race; paths from the report's folder.
         log: of what policies have printed, likewise; None where they have printed nothing.
         report: the page; path from the folder of `summary.json`.
+        action_times: what an action of each finalist costs, which is another figure on another machine.
         processors: kinds of processors that ran matches, and how many; see `nathlon.arena.processor`.
     """
 
@@ -299,6 +326,7 @@ class Summary(ResultModel):
     replay: str | None = None
     log: str | None = None
     report: str | None = None
+    action_times: tuple[ActionTime, ...] = ()
     processors: dict[str, int] = Field(default_factory=dict)
 
     @property
@@ -311,6 +339,11 @@ class Summary(ResultModel):
         return (
             f"{told[:-1]}, most often for {most.name}: {most.void:,} of its {most.races:,} {self.episodes}."
         )
+
+    @property
+    def timed_on(self) -> str:
+        """A sentence on how actions were timed, and where; '' where none was."""
+        return timed_on(self.action_times)
 
     @property
     def an_episode(self) -> str:
@@ -343,6 +376,19 @@ def void_runs(void: int, car_runs: int, not_judged: Sequence[Voided]) -> str:
     more = len(first) - NAMED
     shown = [*first[:NAMED], f"{more:,} more"] if more > 0 else first
     return f"{counted}; could not be judged: {', '.join(shown)}."
+
+
+def timed_on(times: Sequence[ActionTime]) -> str:
+    """A sentence on how actions were timed, and where; '' where none was."""
+    if not times:
+        return ""
+    machines = ", ".join(dict.fromkeys(one.machine for one in times))
+    counted = sorted({one.actions for one in times})
+    actions = f"{counted[0]:,}" if len(counted) == 1 else f"{counted[0]:,} to {counted[-1]:,}"
+    return (
+        f"Median and 99th percentile of {actions} actions of one seat, on one thread of {machines}; "
+        "model: the policy's files."
+    )
 
 
 def ranked(

@@ -47,11 +47,19 @@ class NightlySettings(Section):
         anchors: built-in drivers and checkpoints that race every night.
         incumbents: the best of the nights before that race again.
         max_fault_share: of the car runs and of the new files; beyond it the night fails for its health.
+        keep: how long nights keep reports, recordings and replays, such as `"90 days"`; for ever if it is not
+            given. What was sent, the summary and the store's results always stay.
     """
 
     anchors: tuple[Named, ...] = ("driver:pace=0.95",)
     incumbents: Annotated[int, Field(ge=0, le=1000)] = 3
     max_fault_share: Share = 0.1
+    keep: Annotated[str, Field(pattern=r"^[1-9][0-9]{0,4} days?$")] | None = None
+
+    @property
+    def keep_days(self) -> int | None:
+        """`keep` as a number."""
+        return None if self.keep is None else int(self.keep.split()[0])
 
 
 class Config(Section):
@@ -111,7 +119,8 @@ class Config(Section):
         """
         elsewhere = {"out", "workers", "engine", "engine_address", "store", "checkpoints", "recordings"}
         elsewhere |= {"gate", "matrix", "results"}
-        decisive = self.model_dump(mode="json", exclude=elsewhere)
+        excluded: dict[str, Any] = dict.fromkeys(elsewhere, True) | {"nightly": {"keep"}}
+        decisive = self.model_dump(mode="json", exclude=excluded)
         # Sorted: the files of a world come in another order in every process.
         text = json.dumps([decisive, self._contents()], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()

@@ -24,6 +24,7 @@ class GateSettings(Section):
         lap: share of the champion's lap time by which its lap may be longer, where both complete one.
         tests: skill tests to pass as well: shipped names, or paths of `.toml` files.
         test_points: points of such a test, of which the baseline gets 500.
+        action_ms: that the 99th percentile of the candidate's time for an action may be, on this machine.
         max_faults: runs that may end by the candidate's fault, in all.
         pairs: mirrored pairs of races against the champion, at most.
         runs: in the time trial and in each test, at most; 63 without a breakdown rule out 5 %, 321 rule out
@@ -39,6 +40,7 @@ class GateSettings(Section):
     lap: Annotated[float, Field(gt=0, le=1)] | None = 0.005
     tests: tuple[str, ...] = ()
     test_points: Margin = 50.0
+    action_ms: Annotated[float, Field(gt=0, le=1e6)] | None = None
     max_faults: Annotated[int, Field(ge=0, le=1_000_000)] = 0
     pairs: Annotated[int, Field(ge=4, le=MOST_PAIRS)] = 96
     runs: Annotated[int, Field(ge=4, le=MOST_PAIRS)] = 192

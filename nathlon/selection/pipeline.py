@@ -20,7 +20,18 @@ from nathlon.arena.world_registry import load_world
 from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import is_still
 from nathlon.results.forecast import Forecast
-from nathlon.results.summary import MostVoid, Sent, SetAside, Summary, TestMarks, ranked, versions, voided
+from nathlon.results.summary import (
+    ActionTime,
+    MostVoid,
+    Sent,
+    SetAside,
+    Summary,
+    TestMarks,
+    ranked,
+    versions,
+    voided,
+)
+from nathlon.selection.action_times import time_actions
 from nathlon.selection.battery import BatteryAnswer, run_battery
 from nathlon.selection.committee import ask
 from nathlon.selection.committee.decision import CommitteeDecision
@@ -94,6 +105,7 @@ def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
         raced = Answer({"ranking": ranking}, leaders(finalists, ranking), tested.results, tested.not_judged)
     tables |= raced.tables
     run.keep(tables)
+    times = time_actions(run, finalists)
     candidates = [e for e in _without(finalists, raced.not_judged) if e.id not in anchors]
     gone = [one for one in candidates if is_path(one.source) and not is_still(one.source, one.id)]
     candidates = [entrant for entrant in candidates if entrant not in gone]
@@ -101,7 +113,7 @@ def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     not_judged = list(dict.fromkeys([*filtered.not_judged, *tested.not_judged, *raced.not_judged]))
     summary = _summary(
         run, field, config, tables, tested, raced, told, sent, set_aside, expected, gone, not_judged
-    )
+    ).model_copy(update={"action_times": tuple(one for one in times.values() if isinstance(one, ActionTime))})
     run.store.put_fact(run.name, "summary", summary.model_dump(mode="json"))
     return None if sent.result is None else summary
 

@@ -54,7 +54,14 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
     Yields:
         what is to be told of matches that have ended.
     """
-    from nathlon.selection.run import INCIDENT_RUNS, KERNELS, OPENED, RECORDINGS, STAGES  # loads the store
+    from nathlon.selection.run import (  # loads the store
+        INCIDENT_RUNS,
+        KERNELS,
+        OPENED,
+        RECORDINGS,
+        STAGES,
+        TIMES,
+    )
 
     if shown and not (console(stderr=True).is_terminal or console(stderr=True).is_jupyter):
         lines = _Lines()
@@ -66,7 +73,7 @@ def stage_progress(shown: bool, stages: Sequence[str] | None = None) -> Iterator
     with progress_bars(shown) as bars:
         tasks = {
             stage: bars.add_task(stage_called(stage), total=None, note=_counted(stage), visible=False)
-            for stage in stages or (OPENED, KERNELS, *STAGES, INCIDENT_RUNS, RECORDINGS)
+            for stage in stages or (OPENED, KERNELS, *STAGES, INCIDENT_RUNS, TIMES, RECORDINGS)
         }
 
         def on_match(stage: str, done: int, total: int) -> None:
@@ -114,6 +121,8 @@ class _Lines:
 
 def _counted(stage: str) -> str:
     """What is counted in a stage; one that is called as it counts says so once."""
-    from nathlon.selection.run import KERNELS, OPENED
+    from nathlon.selection.run import KERNELS, OPENED, TIMES
 
-    return {KERNELS: "compiled", OPENED: "policies", "drives": "", "races": ""}.get(stage, "matches")
+    return {KERNELS: "compiled", OPENED: "policies", TIMES: "policies", "drives": "", "races": ""}.get(
+        stage, "matches"
+    )

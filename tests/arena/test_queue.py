@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 
 from nathlon.api import worker
 from nathlon.arena.claimant import Claimant, at_work, owner_name
+from nathlon.arena.control import KIND, control, steer
 from nathlon.arena.engine import LocalEngine, plenty, share
 from nathlon.arena.entrant import enter
 from nathlon.arena.match import Match, Race, Seat
@@ -484,3 +485,42 @@ def test_more_than_plenty_changes_no_share(idle: int, others: int, full: int, mo
     at_work = idle + others
     enough = plenty(at_work, full)
     assert share(enough, idle, at_work, full) == share(enough + more, idle, at_work, full)
+
+
+def test_a_pause_holds_everybody_and_what_is_put_first_goes_first(
+    world: str, tmp_path: Path, pool: Pool
+) -> None:
+    early = duels(world, tmp_path / "files")
+    with Store(tmp_path / "store.sqlite") as store, Claimant(store, pool, 60.0) as claimant:
+        [digest] = post(store, early)
+        other = Queued("f" * 64, "0" * 64, {}, [])
+        store.enqueue([other], {"0" * 64: {}})
+        steer(store, "ann", paused=True)
+        assert control(store).by == "ann"
+        taker = Taker(store, claimant, lambda _: True, {match.key: match for match in early}, {})
+        assert taker(1) == []
+        assert store.waiting(unclaimed=True)[digest] == len(early)
+        steer(store, "bob", paused=False, first="0" * 64)
+        order: list[str] = []
+
+        def accepts(digest: str) -> bool:
+            order.append(digest)
+            return False
+
+        Taker(store, claimant, accepts, {}, {})(1)
+        assert order == ["0" * 64, digest]
+        # Both are in the log, for good.
+        assert [entry.entry["by"] for entry in store.log(KIND)] == ["ann", "bob"]
+
+
+def test_a_worker_says_how_fast_it_is_and_when_it_was_seen(tmp_path: Path) -> None:
+    with Store(tmp_path / "store.sqlite") as store:
+        owner = owner_name()
+        store.attend(owner, 2, 60.0)
+        time.sleep(0.01)
+        store.attend(owner, 2, 60.0, ran=6)
+        [told] = at_work(store)
+        assert told.matches_per_minute is not None
+        assert told.matches_per_minute > 0
+        assert told.seen_at is not None
+        assert told.seen_at > (store.workers()[0].began_at or "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -23,7 +24,7 @@ from nathlon.arena.engine import Ended, Records
 from nathlon.arena.entrant import enter
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match, Race, Seat
-from nathlon.arena.on_ray.cluster import joined
+from nathlon.arena.on_ray.cluster import joined, refusal
 from nathlon.arena.on_ray.engine import RayEngine
 from nathlon.arena.on_ray.nodes import Nodes
 from nathlon.arena.pool import Pool
@@ -67,6 +68,21 @@ def killed_once():
 
 
 _addresses = count(2)
+
+
+def test_versions_that_differ_are_said_of_both() -> None:
+    said = """Version mismatch: The cluster was started with:
+    Ray: 2.55.1
+    Python: 3.12.4
+This process on node 10.0.0.7 was started with:
+    Ray: 2.60.0
+    Python: 3.11.9
+"""
+    assert refusal(said, "2.60.0") == (
+        "the cluster has Ray 2.55.1 and Python 3.12.4, this machine Ray 2.60.0 and Python 3.11.9; "
+        "expected the same versions on all machines"
+    )
+    assert refusal("Nobody is there. Please start one.", "2.60.0").startswith("Nobody is there; expected")
 
 
 def node_of(cluster: Cluster, **more: Any) -> Any:
@@ -190,7 +206,12 @@ def test_races_of_ours_and_their_recordings_are_those_of_this_machine(
 
 
 def test_nodes_join_and_leave_in_mid_run(
-    cluster: Cluster, tmp_path: Path, nodes: Nodes, pool: Pool, caplog: pytest.LogCaptureFixture
+    cluster: Cluster,
+    tmp_path: Path,
+    nodes: Nodes,
+    pool: Pool,
+    caplog: pytest.LogCaptureFixture,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     matches = duels(world_of(tmp_path, HELD), tmp_path, 20)
     (tmp_path / "held").touch()
@@ -208,6 +229,8 @@ def test_nodes_join_and_leave_in_mid_run(
         assert store.owners() == []
         assert store.verify() == []
     assert "has left; others run its" in caplog.text
+    # Ray's own threads in this process have nothing to say to whoever reads the terminal.
+    assert re.findall(r"^\[\d{4}-.*", capfd.readouterr().err, re.MULTILINE) == []
 
 
 def test_a_process_of_a_node_that_is_killed_loses_nothing(tmp_path: Path, nodes: Nodes, pool: Pool) -> None:

@@ -62,6 +62,8 @@ def test_status_lists_who_is_at_work(tmp_path: Path) -> None:
         store.attend(owner_name(), 3, 60.0)
         store.attend(f"{PLACE}/{os.getpid()}/1/0", 2, 60.0)  # an earlier process of the same number
     told = nathlon("status", "--json", cwd=tmp_path)
-    assert json.loads(told.stdout)["workers"] == [{"host": HOST, "process": os.getpid(), "processes": 3}]
+    [worker] = json.loads(told.stdout)["workers"]
+    assert (worker["host"], worker["process"], worker["processes"]) == (HOST, os.getpid(), 3)
+    assert worker["seen_at"] is not None
     shown = nathlon("status", cwd=tmp_path).stdout
     assert f"At work      {HOST}, process {os.getpid()}, with 3" in shown

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from textwrap import indent
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +19,7 @@ from nathlon.lab.siblings.run import KIND, TrainingRun, checkpoints
 from nathlon.sim.errors import InputError
 
 LOOKS = 20
+PAGE = Path(__file__).parent.parent.parent / "docs" / "siblings.md"
 
 
 def trained(folder: Path, name: str, skill: float, noise: float = 10.0) -> int:
@@ -99,3 +104,38 @@ def test_stable_baselines_saves_what_nathlon_reads(tmp_path: Path) -> None:
     with Store(tmp_path / "store.sqlite") as store:
         assert [one.step for one in checkpoints(store)] == [50, 100, 150, 200]
     assert callback.stopped_at is None
+
+
+@pytest.mark.parametrize("library", ["CleanRL", "RLlib", "Lightning"])
+def test_what_the_page_shows_for_other_loops_runs(
+    library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The libraries themselves are not needed: the lines take a module, a step and a way to end."""
+    torch = pytest.importorskip("torch")
+    monkeypatch.chdir(tmp_path)
+    page = PAGE.read_text("utf-8")
+    begun, shown = (
+        re.findall(rf"{title}.*?```python\n(.*?)```", page, re.DOTALL)[0]
+        for title in ("## Any other loop", f"\n{library}")
+    )
+    module = torch.nn.Linear(3, 1)
+    names: dict[str, Any] = {
+        "nathlon": nathlon,
+        "torch": torch,
+        "agent": module,
+        "algorithm": SimpleNamespace(get_module=lambda: module),
+        "episode": lambda policy, seed: float(policy(torch.ones(3))) + seed % 7,
+        "seed": 1,
+    }
+    exec(begun, names)
+    if library == "Lightning":
+        exec(shown, names)
+        trainer = SimpleNamespace(global_step=500, should_stop=False)
+        names["on_validation_end"](None, trainer, module)
+        assert trainer.should_stop is False
+    else:
+        exec(f"for global_step in (500, 1000):\n    step = global_step\n{indent(shown, '    ')}", names)
+    saved = tmp_path / "runs" / "pendulum" / "seed-1" / "policy_500_steps.pt"
+    assert torch.load(saved, weights_only=True)["weight"].shape == (1, 3)
+    with Store(tmp_path / "runs" / "pendulum" / "store.sqlite") as store:
+        assert [one.step for one in checkpoints(store)][:1] == [500]

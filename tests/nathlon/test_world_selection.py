@@ -8,6 +8,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from openpyxl import load_workbook
 
 import nathlon
 from nathlon.arena.store import Store
@@ -102,8 +103,14 @@ def test_three_sides_meet_in_a_free_for_all(
     print_verdict(result.summary)
     printed = " ".join(capsys.readouterr().out.split())
     assert "Mean score an episode played" in printed
-    for head in ("Won", "Drawn", "Lost"):
+    for head in ("Won", "Drawn", "Lost", "Action, ms"):
         assert head in printed
+    # Every finalist is timed, and the store's tables hold none of it.
+    assert [one.name for one in result.summary.action_times] == ["all", "two", "none"]
+    assert all(one.actions for one in result.summary.action_times)
+    assert result.ranking["action_p99_ms"].min() > 0  # type: ignore[operator]
+    heads = [cell.value for cell in load_workbook(result.spreadsheet)["Ranking"][1]]
+    assert "Action, 99th percentile [ms]" in heads
 
 
 def test_where_no_sides_meet_the_tests_rank_and_what_is_no_policy_is_set_aside(

@@ -6,9 +6,10 @@ import polars as pl
 
 from nathlon.arena.results import RECORDS, RESULTS, TABLES
 from nathlon.reports.payload import CAR, NOT_DRAWN
+from nathlon.results.selection import ACTION_TIMES
 
 SHOWN = {name: schema for name, schema in TABLES.items() if name not in NOT_DRAWN}
-SHOWN |= {"ranking": pl.Schema({**TABLES["ranking"], **RECORDS})}
+SHOWN |= {"ranking": pl.Schema({**TABLES["ranking"], **RECORDS, **ACTION_TIMES})}
 CARS = {"entrant": RESULTS["entrant"], "slot": RESULTS["slot"]} | {name: RESULTS[name] for name in CAR}
 NUMBERED = ("entrant", "opponent", "ending")
 """Columns of strings that the page has as numbers."""

@@ -15,6 +15,7 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.arena.voids import MOST, void_races
 from nathlon.arena.world_registry import home
+from nathlon.judge.gate.action_time import action_finding
 from nathlon.judge.gate.questions import (
     BROKEN,
     NO_LAP,
@@ -29,7 +30,8 @@ from nathlon.judge.gate.questions import (
 )
 from nathlon.judge.gate.series import Lost, RunPair, Series, race_series, trial_series
 from nathlon.results.gate import Gated, GateFinding, GateReport
-from nathlon.results.summary import versions, voided
+from nathlon.results.summary import ActionTime, versions, voided
+from nathlon.selection.action_times import time_actions
 from nathlon.selection.battery import marking_matches
 from nathlon.selection.battery.measures import measured
 from nathlon.selection.battery.skill import Marks, Skill, load_skills
@@ -112,6 +114,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
     for begin in range(0, max(question.series.most for question in cases[0].asked), settings.block):
         if not _round(run, cases, slice(begin, begin + settings.block), settings):
             break
+    times = time_actions(run, [one for case in cases for one in case.pair]) if settings.action_ms else {}
     tables = [table for case in cases for table in case.results.values()]
     return GateReport(
         champion=champion.name,
@@ -130,7 +133,7 @@ def run_gate(run: Run, champion: Entrant, candidates: Sequence[Entrant], config:
         otherwise=run.otherwise,
         wall_s=round(time.perf_counter() - began, 1),
         versions=versions(),
-        candidates=tuple(_gated(case, settings, other_gates(run, case.pair)) for case in cases),
+        candidates=tuple(_gated(case, settings, other_gates(run, case.pair), times) for case in cases),
     )
 
 
@@ -181,19 +184,23 @@ def other_gates(run: Run, pair: RunPair) -> int:
     return len(others - own)
 
 
-def _gated(case: _Case, settings: GateSettings, other_gates: int) -> Gated:
+def _gated(
+    case: _Case, settings: GateSettings, other_gates: int, times: Mapping[str, ActionTime | str]
+) -> Gated:
     findings = [_finding(case, question, settings) for question in case.asked]
     # Where nothing is measured, nothing speaks for the candidate.
     measured = together([finding.verdict for finding in findings if finding.set_aside is None])
-    counted = _faults(case, settings)
+    counted = [_faults(case, settings)]
+    if settings.action_ms is not None:
+        counted.append(action_finding(case.pair, settings.action_ms, times))
     names = {one.id: one.name for one in case.pair}
     not_judged = [one for lost in case.lost() for one in lost.not_judged]
     not_judged.sort(key=lambda one: one.entrant != case.pair.candidate.id)
     return Gated(
         name=case.pair.candidate.name,
         entrant=case.pair.candidate.id,
-        verdict=together([measured, counted.verdict]),
-        findings=(*findings, counted),
+        verdict=together([measured, *(finding.verdict for finding in counted)]),
+        findings=(*findings, *counted),
         not_judged=voided(not_judged, names),
         also=case.pair.candidate.also,
         other_gates=other_gates,

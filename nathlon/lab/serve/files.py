@@ -7,13 +7,16 @@ from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from nathlon.arena.recording import read_recording
+from nathlon.arena.store import Store
 from nathlon.lab.drive.page import drive_page
+from nathlon.lab.serve.api import answer_api
 from nathlon.lab.serve.folders import shown_file
 from nathlon.lab.serve.live_report import live_report
 from nathlon.lab.serve.page import room_page
@@ -42,6 +45,7 @@ class Files:
         tokens: of its members.
         folder: tells the folder of a run; None where there is none.
         version: tells what changes when a run's report would; KeyError for no run.
+        asked: has a function of the store called.
     """
 
     def __init__(
@@ -51,7 +55,9 @@ class Files:
         tokens: Tokens,
         folder: Callable[[str], Awaitable[Path | None]],
         version: Callable[[str], Awaitable[str]],
+        asked: Callable[[Callable[[Store], Any]], Awaitable[Any]],
     ) -> None:
+        self._asked = asked
         self._address, self._store, self._tokens = address, store, tokens
         self._folder, self._version = folder, version
         self._report_made: tuple[str, bytes] | None = None
@@ -67,6 +73,10 @@ class Files:
                 return answer(HTTPStatus.OK, self._page)
             case ["enter"]:
                 return self._enter(request)
+            case ["api", name]:
+                if self._member(request) is None:
+                    return answer(HTTPStatus.FORBIDDEN)
+                return await answer_api(request, name, self._asked)
             case ["drive", run]:
                 socket = f"{self._address.socket}/drive/{run}"
                 page = drive_page(socket, self._address.socket, token=None, room="/")
@@ -79,12 +89,16 @@ class Files:
 
     def _enter(self, request: Request) -> Response:
         """Hand a member's browser the pass with which it gets files; the token comes in a header."""
-        given = request.headers.get("Authorization", "")
-        member = self._tokens.member(given.removeprefix(BEARER)) if given.startswith(BEARER) else None
+        member = self._member(request)
         if member is None:
             return answer(HTTPStatus.FORBIDDEN)
         cookie = f"{self._cookie}={self._tokens.pass_of(member)}; Path=/{RUNS}/; HttpOnly; SameSite=Strict"
         return answer(HTTPStatus.NO_CONTENT, Set_Cookie=f"{cookie}; Secure" if self._address.tls else cookie)
+
+    def _member(self, request: Request) -> str | None:
+        """Whose token a request has in a header, where no page of others can put it."""
+        given = request.headers.get("Authorization", "")
+        return self._tokens.member(given.removeprefix(BEARER)) if given.startswith(BEARER) else None
 
     def _has_pass(self, request: Request) -> bool:
         try:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import quote
 
 import nathlon.selection.committee as committee
+from nathlon.arena.control import steer
 from nathlon.arena.store import RunRecord, Store
 from nathlon.arena.world_finding import RACING, is_racing
 from nathlon.lab.serve.folders import Folders, runs_of
 from nathlon.lab.serve.live_report import races_to_look_at
-from nathlon.lab.serve.wishes import Compare, Decide, Reopen, Said, Vote
+from nathlon.lab.serve.wishes import Compare, Decide, Reopen, Said, Steer, Vote
 from nathlon.selection.committee.ballots import Ballot
 from nathlon.selection.committee.decision import CommitteeDecision, describe
 from nathlon.selection.committee.event_log import EventLog, fold
@@ -20,6 +22,8 @@ from nathlon.selection.committee.events import Entry, Opened
 from nathlon.selection.committee.sentences import names_in, sentence
 from nathlon.selection.publish.output import SUMMARY
 from nathlon.sim.errors import InputError
+
+AnswerT = TypeVar("AnswerT")
 
 RUNS = "runs"
 """Under which addresses of the server the files of runs are."""
@@ -129,6 +133,20 @@ class RunsRecord:
             told = [_decision(decision) for decision in fold(entries).values()]
             self._described = key, told
         return self._described[1]
+
+    def asked(self, what: Callable[[Store], AnswerT]) -> AnswerT:
+        """What a function says of the store."""
+        return what(self._store)
+
+    def steer(self, member: str, wish: Steer) -> None:
+        """Have the work on the store go on as a member says.
+
+        Raises:
+            InputError: if what is to go first is not in the queue.
+        """
+        if wish.first is not None and wish.first not in self._store.waiting(most=1):
+            raise InputError("what is to go first does not wait any more; look at the queue again")
+        steer(self._store, member, paused=wish.paused, first=wish.first)
 
     def add(self, run: str, member: str, said: Said) -> None:
         """Take down what a member says.

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import ParamSpec, TypeVar
 from urllib.parse import unquote
 
+from nathlon.arena.store import Store
 from nathlon.lab.drive.blind import BlindTest
 from nathlon.lab.drive.clock import Clock
 from nathlon.lab.drive.room import Mailbox, Room
@@ -21,7 +22,7 @@ from nathlon.lab.drive.wheel import WheelSocket, deliver
 from nathlon.lab.serve.files import Files
 from nathlon.lab.serve.record import RunsRecord
 from nathlon.lab.serve.tokens import Tokens
-from nathlon.lab.serve.wishes import WISH, Look
+from nathlon.lab.serve.wishes import WISH, Look, Steer
 from nathlon.lab.web.access import Access
 from nathlon.lab.web.address import Address
 from nathlon.lab.web.connection import TOO_MUCH, Connection, Rate
@@ -100,7 +101,7 @@ class MeetingServer:
 
     def _furnish(self, address: Address) -> Access:
         self.address = address
-        files = Files(address, self._store, self._tokens, self._folder, self._version)
+        files = Files(address, self._store, self._tokens, self._folder, self._version, self._asked)
         self._access = Access(address, MOST_STRANGERS, files.answer, self._talk)
         return self._access
 
@@ -155,6 +156,10 @@ class MeetingServer:
         if isinstance(wish, Look):
             window.run = wish.run
             await self._show([window])
+            return
+        if isinstance(wish, Steer):
+            await self._clerked(self._record.steer, window.member, wish)
+            window.letters.say({"type": "done", "what": wish.type})
             return
         last = await self._clerked(self._record.last)
         await self._clerked(self._record.add, window.run or last, window.member, wish)
@@ -216,6 +221,9 @@ class MeetingServer:
 
     async def _folder(self, run: str) -> Path | None:
         return await self._clerked(self._record.folder, run)
+
+    async def _asked(self, what: Callable[[Store], AnswerT]) -> AnswerT:
+        return await self._clerked(self._record.asked, what)
 
     async def _version(self, run: str) -> str:
         return await self._clerked(self._record.version, run)

@@ -25,6 +25,14 @@ class Look(_Wish):
     run: str | None = None
 
 
+class Steer(_Wish):
+    """To have the work on the store go on so; see `nathlon.arena.control.Control`."""
+
+    type: Literal["steer"]
+    paused: bool
+    first: str | None = None
+
+
 class _About(_Wish):
     """What is said of a decision.
 
@@ -69,6 +77,6 @@ class Reopen(_About):
 
 
 Said = Vote | Compare | Decide | Reopen
-Wish = Annotated[Look | Said, Field(discriminator="type")]
-WISH: TypeAdapter[Look | Said] = TypeAdapter(Wish)
+Wish = Annotated[Look | Steer | Said, Field(discriminator="type")]
+WISH: TypeAdapter[Look | Steer | Said] = TypeAdapter(Wish)
 """Reads one from the page's message."""

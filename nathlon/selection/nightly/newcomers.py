@@ -11,6 +11,7 @@ from nathlon.arena.naming import short_names
 from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.world_finding import RACING
 from nathlon.selection.field import Exclusion
+from nathlon.selection.nightly.promise import Choice
 from nathlon.selection.nightly.watching import Watched
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
@@ -25,6 +26,7 @@ def newcomers(
     refused: Container[str] = (),
     world: str = RACING,
     on_opened: Callable[[int, int], None] = quietly,
+    choose: Choice = list,
 ) -> tuple[list[Entrant], list[Exclusion]]:
     """The entrants among what is watched that are not known yet, and what is set aside.
 
@@ -39,10 +41,12 @@ def newcomers(
         refused: keys of what was set aside before.
         world: simulator in which they must be able to play.
         on_opened: told how many have been opened, of how many.
+        choose: which of those that are new are looked at; all by default.
     """
     found: dict[str, Entrant] = {}
     excluded: list[Exclusion] = []
-    new = watched.unjudged(known, refused)
+    unjudged = watched.unjudged(known, refused)
+    new = {source: unjudged[source] for source in choose(list(unjudged))}
     for source, answer in zip(new, enter_each(pool, list(new), circuit, car, world, on_opened), strict=True):
         if isinstance(answer, InputError):
             excluded.append(Exclusion(printable(source), str(answer), new[source]))

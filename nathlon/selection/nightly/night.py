@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Sequence
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,8 @@ from nathlon.selection.field import EntryList, Exclusion
 from nathlon.selection.nightly.incumbents import incumbents, located
 from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.pool import best_first, rank_nights
+from nathlon.selection.nightly.promise import Choice, Promising, promise_of_runs
+from nathlon.selection.nightly.retention import thin_out
 from nathlon.selection.nightly.watching import Watched, watch
 from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.publish.output import POLICY_LOG, OutputFolder
@@ -81,7 +84,7 @@ class Night:
         return self.status == DONE and (self.name is not None or bool(self.excluded))
 
 
-def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
+def nightly(config: Config, workers: int, on_match: OnMatch, most: int | None = None) -> Night:
     """Go on with the night that has not ended, or begin one with what is new.
 
     Processes that do this on one store at the same time share the work of one night. A night that has ended
@@ -91,6 +94,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
         config: what to watch and how to select.
         workers: processes.
         on_match: told about progress.
+        most: newcomers that are judged, the most promising ones; all by default.
 
     Raises:
         InputError: if a watched folder, the store or the engine cannot be used, a watched folder is empty in
@@ -100,18 +104,20 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
     with Store(config.store) as store, Pool(workers) as pool:
         check_world(pool, config.world)
         config = config.suited
+        if (days := config.nightly.keep_days) is not None:
+            thin_out(store, _nights(store), Path(config.out), days, datetime.now(UTC))
         untold = _untold(store)
         if untold:
             name, outcome = untold
             selection = publish(store, name, OutputFolder(Path(config.out) / name), pool, on_match)
             return Night(name, DONE, outcome["code"], outcome["reason"], selection)
         watched = watch(config.checkpoints, load_world(config.world).loaders)
-        found = _look(store, config, pool, watched, on_match)
+        found = _look(store, config, pool, watched, on_match, most)
         if found.night is None and not found.field.newcomers:
             return _quiet(found.field)
         # First: a night that cannot have its engine does not begin.
         with engine_of(config, store, pool) as engine:
-            night, field = _begin(store, config, pool, watched, found, on_match)
+            night, field = _begin(store, config, pool, watched, found, on_match, most)
             if night is None:
                 return _quiet(field)
             number = [record.name for record in _nights(store)].index(night.name)
@@ -223,7 +229,13 @@ class _Found(NamedTuple):
 
 
 def _begin(
-    store: Store, config: Config, pool: Pool, watched: Watched, found: _Found, on_match: OnMatch
+    store: Store,
+    config: Config,
+    pool: Pool,
+    watched: Watched,
+    found: _Found,
+    on_match: OnMatch,
+    most: int | None,
 ) -> tuple[RunRecord | None, EntryList]:
     """The night that has been found, or else a new one; None if others have done meanwhile what was new."""
     while found.night is None and found.field.newcomers:
@@ -232,11 +244,13 @@ def _begin(
             return store.begin_run(found.name, plan), found.field
         except InputError:
             # Another process has begun this night meanwhile, with what it found.
-            found = _look(store, config, pool, watched, on_match)
+            found = _look(store, config, pool, watched, on_match, most)
     return found.night, found.field
 
 
-def _look(store: Store, config: Config, pool: Pool, watched: Watched, on_match: OnMatch) -> _Found:
+def _look(
+    store: Store, config: Config, pool: Pool, watched: Watched, on_match: OnMatch, most: int | None
+) -> _Found:
     """See what there is to do."""
     nights = _nights(store)
     name = f"{NIGHT}{len(nights) + 1:04d}"
@@ -254,7 +268,8 @@ def _look(store: Store, config: Config, pool: Pool, watched: Watched, on_match: 
     known = judged | {anchor.id: anchor.name for anchor in anchors}
     refused = _refused(store, fields)
     where, opened = (config.circuit, config.car), partial(on_match, OPENED)
-    new, excluded = newcomers(pool, watched, *where, known, refused, config.world, opened)
+    choose: Choice = list if most is None else Promising(most, promise_of_runs(store, done))
+    new, excluded = newcomers(pool, watched, *where, known, refused, config.world, opened, choose)
     notes = tuple(f"{folder} holds no checkpoint." for folder in watched.empty)
     if not new:
         if not excluded:

@@ -22,7 +22,7 @@ export function checkpoint([key]) {
   const card = entrantByKey.get(key);
   if (!card) return missing("entrant");
   const index = card.number;
-  const battery = batteryOf.get(index);
+  const [battery, time] = [batteryOf.get(index), rankingOf.get(index)];
   const fresh = data.previous && index < data.listed && !known.has(index);
   return [
     h("p", { class: "over" }, chips(index), fresh && chip("", "newcomer"), battery?.shortlisted ? chip("", "shortlisted") : null),
@@ -30,6 +30,7 @@ export function checkpoint([key]) {
     facts([
       card.algorithm && ["Algorithm", card.algorithm], card.step !== null && ["Training step", number(card.step)],
       card.seed !== null && ["Training seed", String(card.seed)], card.circuit && ["Circuit", card.circuit], card.car && ["Car", card.car],
+      time?.action_ms != null && ["Action", h("span", { title: data.timedOn }, `${number(time.action_ms, 3)} ms, 99 % within ${number(time.action_p99_ms, 3)} ms`)],
       card.source && ["Source", h("code", {}, card.source)], ["Id", h("code", { class: "id" }, card.entrant)],
     ]),
     wayThrough(index),

@@ -24,6 +24,7 @@ import { dataOf } from "../race/element.js";
  * @typedef {object} Payload
  * @property {string} title
  * @property {string | null} underWay
+ * @property {string} timedOn
  * @property {{ headline: string, sentences: string[] }} verdict
  * @property {Whole<Summary>} summary
  * @property {number} listed entrants; after them stand others that raced
@@ -138,6 +139,7 @@ const ranks = (name) => tables.ranking.some((row) => row[name] !== null);
 export const lapped = measured("best_lap_s");
 export const touches = ranks("contacts_per_km") || (measured("contacts") && measured("distance_m"));
 export const blames = ranks("at_fault_per_km") || measured("contacts_at_fault");
+export const timed = ranks("action_ms");
 export const EPISODE = summary.episode;
 export const EPISODES = /(s|x|ch|sh)$/.test(EPISODE) ? `${EPISODE}es` : `${EPISODE}s`;
 export const EACH = `${/^[aeiou]/i.test(EPISODE) ? "an" : "a"} ${EPISODE}`;

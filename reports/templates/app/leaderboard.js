@@ -6,7 +6,7 @@ import { h } from "../race/element.js";
 import { barScale, profile } from "./charts.js";
 import {
   batteryOf, blames, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD, RANK_DIGITS,
-  rankingOf, skillsOf, summary, tables, tests, touches,
+  rankingOf, skillsOf, summary, tables, tests, timed, touches,
 } from "./data.js";
 import { empty, entrantLink, here, interval, keep, link, missing, note, plain, scroll, section, to } from "./dom.js";
 import { limitColumn, limitNote } from "./lap.js";
@@ -48,8 +48,11 @@ export function leaderboard() {
       met && { key: "skill", head: "n-athlon", value: (row) => row.skill, cell: (row) => number(row.skill) },
       ...limitColumn(),
       met && { key: "races", head: capital(EPISODES), value: (row) => row.races, cell: (row) => number(row.races) },
+      timed && { key: "action", head: "Action, ms", first: "ascending", title: data.timedOn, value: (row) => row.action_p99_ms, cell: (row) => [number(row.action_ms, 3), " ", h("span", { class: "interval" }, `99 %: ${number(row.action_p99_ms, 3)}`)] },
+      timed && { key: "model", head: "Model, MB", first: "ascending", title: data.timedOn, value: (row) => row.model_mb, cell: (row) => number(row.model_mb, 2) },
       met && { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),
+    timed && note(`Action: ${data.timedOn}`),
     ratings(),
   ];
 }

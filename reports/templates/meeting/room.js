@@ -6,11 +6,13 @@ import { questionView } from "./decision.js";
 import { empty } from "./figures.js";
 import { connect, takeToken } from "./link.js";
 import { logView, racesView } from "./races.js";
+import { historyView, workView } from "./work.js";
 
-const VIEWS = ["questions", "report", "races", "log"];
-const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again." };
+const VIEWS = ["questions", "report", "races", "log", "work", "history"];
+const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again.", steer: "Every machine heeds it from now on." };
 const STAGES = { pareto: "filter", battery: "n-athlon", tournament: "round robin" };
 const TOLD_MS = 6000;
+const WORK_MS = 5000;
 
 function start() {
   const { socket, longest } = dataOf("session");
@@ -48,6 +50,11 @@ function start() {
       else if (words.type === "state") show(words);
     },
   });
+  const ask = async (path) => {
+    const answer = await fetch(`/api/${path}`, { headers: { Authorization: `Bearer ${token}` } });
+    if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
+    return answer.json();
+  };
   const speak = (words) => say(words) || tell("refused", "The server is gone, so this was not sent.");
 
   // With the token in a header the browser gets a pass for files, which links and frames can send.
@@ -117,7 +124,18 @@ function start() {
       else link.removeAttribute("aria-current");
     }
     if (chosen === "report" && byId("report").dataset.stale) renew(true);
+    renewWork();
   }
+
+  const work = workView(ask, speak), history = historyView(ask);
+  byId("work").replaceChildren(work.node);
+  byId("history").replaceChildren(history.node);
+  // What changes by the second is asked for while somebody looks; the history whenever somebody goes there.
+  function renewWork() {
+    if (!byId("work").hidden) work.renew();
+    if (!byId("history").hidden) history.renew();
+  }
+  setInterval(() => byId("work").hidden || document.hidden || work.renew(), WORK_MS);
 
   runs.addEventListener("change", () => {
     const latest = room.runs.at(-1).name;

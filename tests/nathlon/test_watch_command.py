@@ -1,0 +1,78 @@
+"""`nathlon watch`: small nights as checkpoints come, the newest of promising training runs first."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+
+from nathlon.arena.store import Store
+from nathlon.selection.nightly.night import NIGHT
+from nathlon.selection.nightly.promise import SETTLED_S, Promising, promise_of_runs
+from tests.support.command_line import nathlon
+from tests.support.games import player, world_of
+
+HOUR_S = 3600.0
+
+
+def checkpoint(folder: Path, name: str, age_s: float) -> str:
+    """A file that was last changed so long ago."""
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(name)
+    os.utime(path, (time.time() - age_s,) * 2)
+    return str(path)
+
+
+def test_the_newest_of_promising_runs_come_first_and_what_is_being_written_waits(tmp_path: Path) -> None:
+    good = [checkpoint(tmp_path, f"good/{age}.onnx", age * HOUR_S) for age in (1, 2, 3)]
+    weak = [checkpoint(tmp_path, f"weak/{age}.onnx", age * HOUR_S) for age in (0.5, 1.5)]
+    unknown = checkpoint(tmp_path, "unknown/9.onnx", 9 * HOUR_S)
+    fresh = checkpoint(tmp_path, "good/now.onnx", 0.0)
+    promise = {str(tmp_path / "good"): 0.8, str(tmp_path / "weak"): 0.1}
+    sources = [*weak, *good, unknown, fresh]
+    # 1.0 of a run that nobody has judged; 0.8, 0.4 and 0.2; 0.1 and 0.05.
+    expected = [unknown, *good, *weak]
+    assert Promising(10, promise)(sources) == expected
+    assert Promising(2, promise)(sources) == expected[:2]
+    assert Promising(10, {})([fresh]) == []
+    os.utime(fresh, (time.time() - SETTLED_S - 1.0,) * 2)
+    assert Promising(10, {})([fresh]) == [fresh]
+
+
+def test_checkpoints_are_judged_as_they_come(tmp_path: Path) -> None:
+    world = world_of(tmp_path, "PettingZooWorld({'duel': envs['duel']})")
+    for number, (run, right) in enumerate((("a", 3), ("a", 2), ("b", 0))):
+        (tmp_path / run).mkdir(exist_ok=True)
+        path = player(tmp_path / run / f"step-{number}.onnx", right)
+        os.utime(path, (time.time() - HOUR_S * (1 + number),) * 2)
+    (tmp_path / "nathlon.toml").write_text(
+        f"""checkpoints = ["a", "b"]
+world = {json.dumps(world)}
+recordings = "notable"
+[pareto]
+races = 2
+most_races = 2
+keep_probability = 0.0
+[battery]
+runs = 2
+[tournament]
+pairs = 2
+block = 2
+[nightly]
+anchors = []
+"""
+    )
+    done = nathlon("watch", "--most", "2", "--wait", "0", "--workers", "1", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    nights = json.loads(done.stdout)["nights"]
+    assert [night["name"] for night in nights] == [f"{NIGHT}0001", f"{NIGHT}0002"]
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        records = store.runs()
+        judged = [[one["name"] for one in record.config["field"]["newcomers"]] for record in records]
+        # The newest of either run, and then what is left.
+        assert [len(names) for names in judged] == [2, 1]
+        assert {Path(name).name for name in judged[0]} == {"step-0", "step-2"}
+        promise = promise_of_runs(store, records)
+    assert promise[str(tmp_path / "a")] > promise[str(tmp_path / "b")]
