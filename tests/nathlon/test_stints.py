@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -126,8 +127,22 @@ def test_settings_of_a_scenario_are_kept() -> None:
 
 @pytest.mark.parametrize("scenario", ["grand_prix", "standing_start"])
 def test_nothing_is_planned_where_nothing_wears(scenario: str) -> None:
-    with pytest.raises(InputError, match="laps or wear_rate is not set"):
+    with pytest.raises(InputError, match="expected a race of two laps or more on tyres that wear"):
         Place.alone(scenario, "lindenring", "gt3")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"compounds": ["soft"]}, "compounds is 'soft', expected some of "),
+        ({"compounds": []}, "compounds is '', expected some of "),
+        ({"compounds": ["racing-soft"] * 2}, "compounds is 'racing-soft, racing-soft', expected each once"),
+        ({"scenario": "grand_prix_stops:laps=1"}, "expected a race of two laps or more on tyres that wear"),
+    ],
+)
+def test_what_cannot_be_practised_is_refused(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said):
+        nathlon.stints("driver:pace=0.9", out=tmp_path, progress=False, **given)
 
 
 def test_plans_are_entrants(tmp_path: Path) -> None:

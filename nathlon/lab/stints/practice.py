@@ -71,12 +71,13 @@ class Place(NamedTuple):
         """In a scenario, but alone.
 
         Raises:
-            InputError: if it is not driven in laps, or nothing wears in it.
+            InputError: if it is not driven in two laps or more, or nothing wears in it.
         """
         wanted = load_scenario(scenario)
-        if wanted.laps is None or wanted.wear_rate == 0.0:
+        if wanted.laps is None or wanted.laps < 2 or wanted.wear_rate == 0.0:
             raise InputError(
-                f"scenario {scenario!r}: laps or wear_rate is not set, expected a race on tyres that wear"
+                f"scenario {scenario!r}: laps is {wanted.laps}, wear_rate {wanted.wear_rate:g}, "
+                "expected a race of two laps or more on tyres that wear"
             )
         laps = min(wanted.laps, MOST_STINT_LAPS)
         return cls(with_settings(scenario, cars=1, laps=laps), circuit, car)
