@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN, ROLES
 from nathlon.policies.strategy import Stint, StintPlan, Strategist
 from nathlon.sim.data_file import Name, Section, read_toml
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observation import VERSION, ObservationSpec
 from nathlon.sim.track import Track, load_track
 
 NO_FILES = (DRIVER, PLUGIN)
@@ -137,6 +137,7 @@ class Composite:
 
     Attributes:
         strategist: who decides when its cars stop; None if they never do.
+        reverse: whether its cars have a reverse gear: if those of all its policies do.
     """
 
     def __init__(
@@ -160,6 +161,7 @@ class Composite:
             InputError: if the circuit lacks a section.
         """
         self.strategist: Strategist | None = StintPlan(stints) if stints else None
+        self.reverse = all(map(has_reverse, policies))
         self.observation_spec = spec
         self._policies = policies
         self._columns = [columns(spec, policy.observation_spec) for policy in policies]
@@ -228,11 +230,22 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         specs: of each.
 
     Raises:
-        InputError: if two of them see different courses of more than one point, or one sees by a camera.
+        InputError: if two of them see different courses of more than one point or different layouts, or one
+            sees by a camera.
     """
     for source, spec in zip(sources, specs, strict=True):
         if spec.camera is not None:
             raise InputError(f"{source} sees by a camera, expected parts that are told numbers")
+    # Whoever sees a plan sees all that is seen of any car.
+    layout = max(specs, key=lambda spec: spec.version)
+    for source, spec in zip(sources, specs, strict=True):
+        if (spec.version == VERSION) != (layout.version == VERSION) or (
+            spec.planned and spec.plan_pace != layout.plan_pace
+        ):
+            raise InputError(
+                f"{source} sees {_layout(spec)}, {sources[specs.index(layout)]} {_layout(layout)}, "
+                "expected policies that see the same"
+            )
     widest = max(range(len(specs)), key=lambda index: specs[index].course_points)
     course = specs[widest]
     for source, spec in zip(sources, specs, strict=True):
@@ -250,7 +263,14 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         horizon_s=course.horizon_s,
         cars_ahead=max(spec.cars_ahead for spec in specs),
         cars_behind=max(spec.cars_behind for spec in specs),
+        version=layout.version,
+        plan_pace=layout.plan_pace,
     )
+
+
+def _layout(spec: ObservationSpec) -> str:
+    pace = f" with a plan at pace {spec.plan_pace:g}" if spec.planned else ""
+    return f"version {spec.version} of the observations{pace}"
 
 
 def columns(spec: ObservationSpec, part: ObservationSpec) -> NDArray[np.intp]:
