@@ -9,7 +9,7 @@ COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --gen
 # Some images set it: every process that starts, and tests start hundreds, would compile all its libraries anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo test lint docs gallery lock lowest release
+.PHONY: setup demo test lint lint-pages docs gallery lock lowest release
 
 demo: .venv/base
 	$(BIN)/nathlon demo
@@ -39,6 +39,27 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	@$(MAKE) --no-print-directory lint-pages
+
+# The scripts of pages. Biome and TypeScript run on the Node that pip has installed.
+NODE := PATH="$(CURDIR)/$(BIN):$$PATH"
+TYPES := build/types/page.d.ts build/types/summary.d.ts
+
+lint-pages: .venv/all node_modules/.made $(TYPES)
+	$(NODE) node_modules/.bin/biome lint --error-on-warnings
+	$(NODE) node_modules/.bin/tsc
+
+node_modules/.made: package.json package-lock.json .venv/all
+	@$(NODE) npm ci --silent || { echo "npm could not install what checks the scripts of pages: it needs a registry the first time."; exit 1; }
+	touch $@
+
+build/types/page.d.ts: tests/support/page_types.py arena/results.py reports/payload.py
+	mkdir -p $(@D)
+	$(BIN)/python -m tests.support.page_types > $@
+
+build/types/summary.d.ts: docs/schema/summary.json node_modules/.made
+	mkdir -p $(@D)
+	$(NODE) node_modules/.bin/json2ts --unknownAny=false --additionalProperties=false $< $@
 
 docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build

@@ -96,7 +96,7 @@ class Claimant:
         lease_s: how long a claim lasts unless it is renewed, s.
     """
 
-    def __init__(self, store: Store, executor: Executor, lease_s: float) -> None:
+    def __init__(self, store: Store, executor: Executor, lease_s: float = LEASE_S) -> None:
         self.owner, self.lease_s = owner_name(), lease_s
         self._store, self._executor = store, executor
         self._over = threading.Event()

@@ -51,7 +51,7 @@ class Records(Protocol):
         ...
 
 
-class Engine(Records, Protocol):
+class MatchEngine(Records, Protocol):
     """Has matches run, where is its affair: results go into the store, and only keys come back.
 
     Attributes:
@@ -176,11 +176,11 @@ class LocalEngine:
 
     @property
     def workers(self) -> int:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         return self._executor.workers
 
     def run(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         with Claimant(self._store, self._executor, self._lease_s) as claimant:
             work = Work(self._store, self._executor, claimant, matches)
             ordered, ahead = longest_first(matches), deque[Match]()
@@ -202,7 +202,7 @@ class LocalEngine:
             yield from work.done(feed, prepare)
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         return self._executor.record(wanted)
 
 

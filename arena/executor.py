@@ -8,7 +8,7 @@ from contextlib import closing
 from itertools import chain
 from typing import TypeVar
 
-from nathlon.arena.job import Answer, Job, Racing, Wanted
+from nathlon.arena.job import Answer, Job, MatchJob, Wanted
 from nathlon.arena.match import Match
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.results import VOID_ENDINGS
@@ -44,11 +44,11 @@ class Executor(ABC):
         """
 
         def jobs(idle: int) -> list[list[Job]]:
-            return [[Racing(match) for match in those] for those in feed(idle)]
+            return [[MatchJob(match) for match in those] for those in feed(idle)]
 
         with closing(self.work(jobs)) as rounds:
             for ended in rounds:
-                yield [(job.match, answer) for job, answer in ended if isinstance(job, Racing)]
+                yield [(job.match, answer) for job, answer in ended if isinstance(job, MatchJob)]
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
         """Run matches again, watched as when they raced, and yield each with what was recorded of it.
@@ -56,9 +56,9 @@ class Executor(ABC):
         In its place there is an InputError where a policy cannot be loaded or is another one by now,
         where the match came out otherwise, and where a recording cannot be written.
         """
-        with closing(self.work(once([[Racing(each.match, each)] for each in wanted]))) as rounds:
+        with closing(self.work(once([[MatchJob(each.match, each)] for each in wanted]))) as rounds:
             for racing, answer in chain.from_iterable(rounds):
-                assert isinstance(racing, Racing)
+                assert isinstance(racing, MatchJob)
                 assert racing.wanted is not None, "all are to be recorded"
                 if isinstance(answer, Recorded):
                     void = answer.results["ending"].is_in(VOID_ENDINGS).all()

@@ -48,7 +48,7 @@ class Film:
     note: str = ""
 
 
-class Camera:
+class FilmCamera:
     """Takes pictures of an episode; an `Onlooker`.
 
     Attributes:

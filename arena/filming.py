@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from nathlon.arena.film import Camera, Film
+from nathlon.arena.film import Film, FilmCamera
 from nathlon.arena.film_recording import write_film
 from nathlon.arena.job import Wanted
 from nathlon.arena.recorder import Recorded
@@ -48,7 +48,7 @@ def film_episodes(wanted: Wanted, policies: Sequence[Any], watch: Watch) -> Reco
     assert folder is not None
     assert wanted.results is not None
     for race in wanted.races:
-        camera = Camera()
+        camera = FilmCamera()
         rows.append(world.replay((wanted.match, policies), race, watch, camera))
         if rows[-1]["ending"].is_in(VOID_ENDINGS).any():
             return InputError(getattr(world, "fault", "") or "the episode is void")
@@ -63,7 +63,7 @@ def film_episodes(wanted: Wanted, policies: Sequence[Any], watch: Watch) -> Reco
     return Recorded(pl.concat(rows), [])
 
 
-def _film(wanted: Wanted, race: int, camera: Camera) -> Film:
+def _film(wanted: Wanted, race: int, camera: FilmCamera) -> Film:
     match = wanted.match
     seats = home(match).setup(match.scenario).seats
     taken = [wanted.names[seat.entrant] for seat in match.races[race].seats]

@@ -56,7 +56,7 @@ class Wanted(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Racing:
+class MatchJob:
     """A match to run.
 
     Attributes:
@@ -83,7 +83,7 @@ class Opening:
     Attributes:
         source: of the policy, for the error.
         function: a module's own, called with `arguments`; what it returns can be pickled.
-        alone: as for `Racing`.
+        alone: as for `MatchJob`.
         expected: what it opens, for the error.
     """
 
@@ -99,9 +99,9 @@ class Opening:
         return (self.source,)
 
 
-Job = Racing | Opening
+Job = MatchJob | Opening
 Answer = Any
-"""`Recorded` or an InputError of a `Racing`; of an `Opening` what its function returns, or an InputError."""
+"""`Recorded`, or what the function of an `Opening` returns; an InputError where it does not work out."""
 
 
 class Loss(NamedTuple):

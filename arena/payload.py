@@ -14,7 +14,7 @@ from nathlon.policies.sources.normalisation import companions
 from nathlon.policies.sources.planned import PlannedSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.scratch import scratch_folder
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 
 def labels(match: Match, shared: bool) -> list[str] | None:
@@ -46,7 +46,7 @@ def _label(source: str, shared: bool) -> str | None:
     return suffix if (suffix := suffix_of(source)) in SUFFIXES and not beside else None
 
 
-class Files(Protocol):
+class FilesByDigest(Protocol):
     """Where files lie by the SHA-256 of their contents: a store, or a payload."""
 
     @property
@@ -69,7 +69,7 @@ class Files(Protocol):
 
 @dataclass
 class Payload:
-    """`Files` that are sent to somebody who has some already.
+    """`FilesByDigest` that are sent to somebody who has some already.
 
     Attributes:
         name: of whom they are sent to.
@@ -82,19 +82,19 @@ class Payload:
     there: Set[str] = frozenset()
 
     def files(self, digests: Iterable[str]) -> set[str]:
-        """As of `Files`."""
+        """As of `FilesByDigest`."""
         return set(digests) & (self.there | self.contents.keys())
 
     def put_file(self, digest: str, content: bytes) -> None:
-        """As of `Files`."""
+        """As of `FilesByDigest`."""
         self.contents[digest] = content
 
     def file(self, digest: str) -> bytes:
-        """As of `Files`."""
+        """As of `FilesByDigest`."""
         return self.contents[digest]
 
 
-def send(store: Files, matches: Iterable[Match]) -> None:
+def send(store: FilesByDigest, matches: Iterable[Match]) -> None:
     """Put the files of matches into a store, those that are not there.
 
     One that has changed since it was entered, or is gone, stays away: whoever races it says so.
@@ -117,7 +117,7 @@ def send(store: Files, matches: Iterable[Match]) -> None:
 class Arrivals:
     """Files that have come from somewhere, in a folder that goes with this object."""
 
-    def __init__(self, store: Files) -> None:
+    def __init__(self, store: FilesByDigest) -> None:
         self._store = store
         self._folder = scratch_folder()
 
@@ -140,8 +140,7 @@ class Arrivals:
                 raise InputError(
                     f"{where} has the contents of {found[:12]}, expected those that it is named after"
                 )
-            with whole_file(path) as partial:
-                partial.write_bytes(content)
+            write_whole(path, content)
         return str(path)
 
 

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Generator, Sequence
 
-from nathlon.arena.claimant import LEASE_S, Claimant
+from nathlon.arena.claimant import Claimant
 from nathlon.arena.engine import Ended, LocalEngine, Work
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match
@@ -27,10 +27,10 @@ class QueueEngine:
     A match with a policy that cannot leave this machine is run here.
     """
 
-    def __init__(self, store: Store, pool: Pool, lease_s: float = LEASE_S) -> None:
-        """An engine for a store; see `Claimant` for the lease."""
-        self._store, self._pool, self._lease_s = store, pool, lease_s
-        self._local = LocalEngine(store, pool, lease_s)
+    def __init__(self, store: Store, pool: Pool) -> None:
+        """An engine for a store."""
+        self._store, self._pool = store, pool
+        self._local = LocalEngine(store, pool)
 
     @property
     def workers(self) -> int:
@@ -52,7 +52,7 @@ class QueueEngine:
 
     def _share(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
         known, posted = {match.key: match for match in matches}, set[str]()
-        with Claimant(self._store, self._pool, self._lease_s) as claimant:
+        with Claimant(self._store, self._pool) as claimant:
             work = Work(self._store, self._pool, claimant, matches)
             taker = Taker(self._store, claimant, posted.__contains__, known, work.refused)
             next_post = -math.inf

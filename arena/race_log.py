@@ -69,7 +69,7 @@ class Incident:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class NamedStretch:
     """A part of the lap that has a name, in metres along the centre line."""
 
     name: str
@@ -115,7 +115,7 @@ class RaceLog:
     car_length_m: float
     car_width_m: float
     outline: Outline
-    sections: tuple[Stretch, ...]
+    sections: tuple[NamedStretch, ...]
     time_s: NDArray[np.float64]  # (T,)
     samples: NDArray[np.void]  # (T, C) CAR_SAMPLE
     incidents: tuple[Incident, ...]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nathlon.arena.incidents import Alarm, IncidentWatch
 from nathlon.arena.match import BACKGROUND, NO_TEAM, Match
-from nathlon.arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, Outline, RaceLog, Stretch
+from nathlon.arena.race_log import CAR_SAMPLE, RESOLUTION, Incident, NamedStretch, Outline, RaceLog
 from nathlon.arena.runner import Observer, run_together
 from nathlon.arena.sight import Seen, Sight
 from nathlon.arena.team import Absent
@@ -255,10 +255,10 @@ def _driver_names(match: Match, race: int, names: Sequence[str]) -> list[str]:
     return drivers
 
 
-def stretches(track: Track) -> tuple[Stretch, ...]:
+def stretches(track: Track) -> tuple[NamedStretch, ...]:
     """The sections of a circuit."""
     return tuple(
-        Stretch(section.name, section.kind, section.start_m, section.end_m) for section in track.sections
+        NamedStretch(section.name, section.kind, section.start_m, section.end_m) for section in track.sections
     )
 
 

@@ -26,7 +26,7 @@ from nathlon.arena import _car_state_pb2 as pb
 from nathlon.arena.foxglove_scene import scene
 from nathlon.arena.mcap_file import FAULTS, checksums_match, is_schema_of, read_content, records
 from nathlon.arena.protobuf_rows import Rows, encode
-from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, Outline, RaceLog, Stretch, orientation
+from nathlon.arena.race_log import CAR_SAMPLE, NOTICES, Incident, NamedStretch, Outline, RaceLog, orientation
 from nathlon.arena.recorded_race import check_race
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
@@ -253,7 +253,7 @@ def _race_log(messages: list[Message]) -> RaceLog:
         names=tuple(race.names),
         teams=tuple(race.teams),
         outline=_outline(race),
-        sections=tuple(Stretch(s.name, s.kind, s.start_m, s.end_m) for s in race.sections),
+        sections=tuple(NamedStretch(s.name, s.kind, s.start_m, s.end_m) for s in race.sections),
         time_s=np.array([tick.time_s for tick in ticks], np.float64),
         samples=samples,
         incidents=tuple(

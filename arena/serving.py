@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
-import threading
 import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from multiprocessing import connection, parent_process
+from multiprocessing import connection
 from typing import Any
 
-from nathlon.arena.job import Answer, Job, Opening, Racing, Wanted
+from nathlon.arena.job import Answer, Job, MatchJob, Opening, Wanted
 from nathlon.arena.match_policies import match_policy
 from nathlon.arena.output_log import print_into
 from nathlon.arena.recorder import Recorded, record_races
@@ -24,6 +22,7 @@ from nathlon.arena.workers import NO_MEMORY, READY
 from nathlon.arena.world import LineUp
 from nathlon.arena.world_finding import RACING
 from nathlon.arena.world_registry import load_world
+from nathlon.policies.child_processes import obey_parent
 from nathlon.policies.isolation import preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
@@ -37,13 +36,11 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
 
     What is printed meanwhile goes into a log's `sink`.
     """
-    # Ctrl-C is for the parent to handle; it then ends its workers at once, for a match that is not
-    # finished is not stored.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # At Ctrl-C the parent ends its workers at once, for a match that is not finished is not stored.
+    obey_parent()
     if os.name == "posix":
         os.setpgrp()  # so that it ends with all that policies fork
         os.register_at_fork(after_in_child=lambda: _fall_silent(pipe, watch))
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     print_into(sink)
     while True:
         pipe.send(READY)
@@ -74,15 +71,6 @@ def _fall_silent(pipe: connection.Connection, watch: Watch) -> None:
     watch._tell = lambda *_: os._exit(1)  # type: ignore[method-assign]
     with suppress(OSError):
         pipe.close()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        if os.name == "posix":
-            os.killpg(0, signal.SIGKILL)
-        os._exit(1)
 
 
 def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
@@ -149,7 +137,7 @@ def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -
     return recorded._replace(logs=[])
 
 
-def _present(job: Racing, number: int, entrant: int, watch: Watch) -> Any | Absent:
+def _present(job: MatchJob, number: int, entrant: int, watch: Watch) -> Any | Absent:
     """A policy of a match, watched while it is loaded."""
     if entrant in job.absent:
         return Absent(job.absent[entrant])

@@ -24,7 +24,7 @@ from nathlon.arena.pool import Pool
 from nathlon.policies.sources.finding import find
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
-from nathlon.selection.pipeline import select
+from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.single_run import single_run
 from nathlon.terminal.progress import stage_progress
 
@@ -40,7 +40,7 @@ def measure(circuit: str, nights: int, folder: Path, workers: int) -> list[dict[
                 stage_progress(True) as on_match,
                 single_run("selection", field.newcomers, config, store, pool, on_match) as run,
             ):
-                summary = select(run, field, config)
+                summary = run_pipeline(run, field, config)
         assert summary is not None, "no people sit on the committee"
         told.append(figures(summary))
     return told

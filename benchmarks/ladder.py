@@ -27,9 +27,9 @@ from nathlon.selection.battery import marked, marking_matches, skill_matches
 from nathlon.selection.battery.measures import measured
 from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.config import Config
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.pareto.filter import FilterPlan
-from nathlon.selection.pipeline import select
+from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.round_robin import plan
 from nathlon.selection.run import Run
 from nathlon.selection.single_run import single_run
@@ -150,7 +150,7 @@ def selected(circuit: str, folder: Path, workers: int) -> Iterator[Ladder]:
         entrants = enter_all(pool, sources, circuit, car)
         folder.mkdir(parents=True, exist_ok=True)
         with single_run("selection", entrants, config, folder / "store.sqlite", pool, on_match) as run:
-            summary = select(run, Field(tuple(entrants)), config)
+            summary = run_pipeline(run, EntryList(tuple(entrants)), config)
             assert summary is not None, "the standard committee does not wait for people"
             sent = summary.sent[0].entrant
             yield Ladder(run, config, tuple(entrants), next(e for e in entrants if e.id == sent))

@@ -31,7 +31,7 @@ from nathlon.arena.classification import PLACE_POINTS
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.results import RESULTS
 from nathlon.arena.store import Finished, Store
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.nightly.pool import KEPT, after, best_first, rank_nights
 from nathlon.tournament.tallies import Tally
 
@@ -97,11 +97,11 @@ def make_up(path: Path, nights: int) -> int:
     return len(pace)
 
 
-def _field(names: dict[str, float]) -> Field:
+def _field(names: dict[str, float]) -> EntryList:
     entrants = [
         Entrant(name, name, f"{name}.safetensors", "QR-SAC", "lindenring", "gt3", 1, 1) for name in names
     ]
-    return Field(tuple(one for one in entrants if one.id != ANCHOR), anchors=(entrants[0],))
+    return EntryList(tuple(one for one in entrants if one.id != ANCHOR), anchors=(entrants[0],))
 
 
 def rank_last(path: Path) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from typing import Any
 import polars as pl
 
 from benchmarks.result import write_result
-from nathlon.arena.engine import Engine
+from nathlon.arena.engine import MatchEngine
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
@@ -134,11 +134,11 @@ def _warming(workers: int, world: str) -> list[Match]:
 def local(target: str, workers: int, matches: Sequence[Match]) -> float:
     """Seconds that the processes of a pool take."""
     with Store(target) as store, Pool(workers) as pool:
-        engine: Engine = QueueEngine(store, pool)
+        engine: MatchEngine = QueueEngine(store, pool)
         return _warm_seconds(engine, workers, matches)
 
 
-def _warm_seconds(engine: Engine, workers: int, matches: Sequence[Match]) -> float:
+def _warm_seconds(engine: MatchEngine, workers: int, matches: Sequence[Match]) -> float:
     list(engine.run(_warming(workers, matches[0].world)))
     began = time.perf_counter()
     list(engine.run(matches))

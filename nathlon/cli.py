@@ -14,11 +14,11 @@ from nathlon.commands.ablate import ablate
 from nathlon.commands.battery import battery
 from nathlon.commands.car import check_car, generate_car, tune_car
 from nathlon.commands.coach import coach
-from nathlon.commands.committee_app import committee
+from nathlon.commands.committee import committee
 from nathlon.commands.drive import drive
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
-from nathlon.commands.groups import Group
+from nathlon.commands.groups import CommandGroup
 from nathlon.commands.incident import incident
 from nathlon.commands.league import league
 from nathlon.commands.matrix import matrix
@@ -46,27 +46,27 @@ from nathlon.terminal import print_json, warn
 from nathlon.terminal.faults import FAULT, note_fault
 from nathlon.terminal.streams import standard_streams
 
-app = Group("Which of my thousands of racing checkpoints do I send to the race, and why?")
+app = CommandGroup("Which of my thousands of racing checkpoints do I send to the race, and why?")
 
-track = Group("Import circuits, make up new ones, and look at them.")
+track = CommandGroup("Import circuits, make up new ones, and look at them.")
 track.command("import")(import_track)
 track.command("generate")(generate_track)
 track.command("limit")(limit_track)
 track.command("show")(show_track)
 
-car = Group("Check car files, tune cars and make up new ones.")
+car = CommandGroup("Check car files, tune cars and make up new ones.")
 car.command("check")(check_car)
 car.command("generate")(generate_car)
 car.command("tune")(tune_car)
 
-world = Group("Look at simulators whose policies can be selected among.")
+world = CommandGroup("Look at simulators whose policies can be selected among.")
 world.command("check")(check_world)
 world.command("list")(list_worlds)
 
-reward = Group("Rewards for training.")
+reward = CommandGroup("Rewards for training.")
 reward.command("design")(design_reward)
 
-store = Group("Look after stores.")
+store = CommandGroup("Look after stores.")
 store.command("copy")(copy_store)
 store.command("clean")(clean_store)
 

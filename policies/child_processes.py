@@ -1,12 +1,15 @@
-"""What processes begin with that this one starts."""
+"""What processes begin with that this one starts, and how they end."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
+from threading import Thread
 from types import ModuleType
 
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -43,6 +46,23 @@ def forget_safe_path() -> None:
     """In a process started so: have those that foreign code starts from here find their own files."""
     if os.environ.get(SAFE_PATH) == OURS:
         del os.environ[SAFE_PATH]
+
+
+def obey_parent() -> None:
+    """In a process of multiprocessing: leave Ctrl-C to the one that started it, and end with that one."""
+    # Ctrl-C reaches the whole group; the process that started this one decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is None:
+        return
+    parent.join()
+    if os.name == "posix" and os.getpgrp() == os.getpid():
+        os.killpg(0, signal.SIGKILL)  # with all that it has started
+    os._exit(1)
 
 
 class FreshProcess(SpawnProcess):

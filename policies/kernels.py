@@ -71,12 +71,9 @@ class _Refusal(event.Listener):
         pass
 
 
-def load_kernels(circuit: str = "lindenring", car: str = "gt3") -> None:
-    """Load the kernels that are on the disk; one that is not is left to those who need it.
-
-    They are the same for all circuits and cars; those that are named only serve to call them.
-    """
+def load_kernels() -> None:
+    """Load the kernels that are on the disk; one that is not is left to those who need it."""
     with event.install_listener("numba:compile", _Refusal()):
         for function in GROUPS[0]:
             with suppress(_Missing):
-                function(circuit, car)
+                function("lindenring", "gt3")  # they are the same for all

@@ -9,7 +9,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 
 @contextmanager
@@ -24,5 +24,4 @@ def rerun_file(path: Path, identity: str, name: str, layout: rrb.Blueprint) -> I
     yield stream
     content = written.read()
     stream.disconnect()
-    with whole_file(path) as partial:
-        partial.write_bytes(content or b"")
+    write_whole(path, content or b"")

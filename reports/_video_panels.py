@@ -38,7 +38,7 @@ def _cut(name: str) -> str:
     return name if len(name) <= NAME_LENGTH else f"{name[: half - 1]}…{name[-half:]}"
 
 
-class Panels:
+class VideoPanels:
     """All panels of a race's video."""
 
     def __init__(self, log: RaceLog, followed: int, size: tuple[int, int]) -> None:
@@ -49,7 +49,7 @@ class Panels:
         self._news = [incident for incident in log.incidents if incident.kind not in NOTICES]
         endings = [incident for incident in log.incidents if incident.kind == "ending"]
         self._endings = {one.cars[0]: one.text.rpartition(": ")[2].partition(" after")[0] for one in endings}
-        self._map = _Map(log.outline)
+        self._map = _VideoMap(log.outline)
 
     def draw(self, picture: pygame.Surface, tick: int, now: float, at: NDArray[np.float64]) -> None:
         """Draw all panels over a picture; `at` is where the cars are, (C, 2)."""
@@ -110,7 +110,7 @@ class Panels:
             write(picture, text[:NEWS_LENGTH], (box.left + PADDING, box.centery), 21, INK, "midleft")
 
 
-class _Map:
+class _VideoMap:
     """The whole circuit in small, with a dot for each car."""
 
     def __init__(self, outline: Outline) -> None:

@@ -14,8 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, writing
 
 ABLATION = pl.Schema(
     {
@@ -85,11 +84,8 @@ def write_ablation(table: pl.DataFrame, effects: pl.DataFrame, out: Path) -> Non
 
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    try:
-        with whole_file(path) as partial:
-            write(partial)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    with writing(path), whole_file(path) as partial:
+        write(partial)
 
 
 def draw_ablation(table: pl.DataFrame) -> Figure:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.arena.race_log import RaceLog
-from nathlon.reports.player import player_script, player_style
+from nathlon.reports.player import player_style
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 from nathlon.results.coach import CoachFacts
@@ -18,8 +18,6 @@ from nathlon.sim.track import load_track
 
 STEP_M = 4.0
 """Between two points of a trace."""
-PARTS = ("map", "traces", "page")
-"""Scripts in templates/coach, in the order in which they are written into the page, after the player's."""
 MOST_HEIGHT = 620.0
 WIDTH = 1000.0
 """Of the map, in its own units."""
@@ -89,11 +87,10 @@ def write_coach_page(drawing: CoachDrawing, path: Path) -> None:
 def render_coach_page(drawing: CoachDrawing) -> str:
     """The page's HTML. Its policy admits only the style and the script written here, by their hashes."""
     facts = drawing.facts
-    parts = template_text(*(f"coach/{part}.js" for part in PARTS))
     return render_page(
         "coach/page.html",
         player_style() + template_text("coach/page.css"),
-        [f'"use strict";\n\n{player_script()}\n{parts}'],
+        "coach/page.js",
         facts=facts,
         words=drawing.words,
         most=max([0.001, *(abs(one.lost_s) for one in facts.sections)]),

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from nathlon.arena.film import RATE, Film
-from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, writing
 
 TICKS = 1000
 """Of the video's clock in a second."""
@@ -32,20 +31,22 @@ def write_film_video(film: Film, path: Path) -> None:
     Raises:
         InputError: if it cannot be written, or a picture is none.
     """
-    try:
-        with whole_file(path) as partial, av.open(str(partial), "w", format="webm") as container:
-            stream = container.add_stream("libvpx-vp9", rate=round(RATE), options=OPTIONS)
-            stream.height, stream.width = _picture(film.pictures[0]).shape[:2]
-            stream.codec_context.time_base = Fraction(1, TICKS)
-            stream.pix_fmt = "yuv420p"
-            times = [*film.time_s, film.time_s[-1] + LAST_S]
-            for time_s, jpeg in zip(times, [*film.pictures, film.pictures[-1]], strict=True):
-                frame = av.VideoFrame.from_ndarray(_picture(jpeg), "rgb24")
-                frame.pts, frame.time_base = round((time_s - film.time_s[0]) * TICKS), Fraction(1, TICKS)
-                container.mux(stream.encode(frame))
-            container.mux(stream.encode())
-    except OSError as error:  # of the disk, or of a picture that is none
-        raise InputError(f"{path}: the video cannot be written: {error.strerror or error}") from None
+    # An OSError is of the disk, or of a picture that is none.
+    with (
+        writing(path, "video"),
+        whole_file(path) as partial,
+        av.open(str(partial), "w", format="webm") as container,
+    ):
+        stream = container.add_stream("libvpx-vp9", rate=round(RATE), options=OPTIONS)
+        stream.height, stream.width = _picture(film.pictures[0]).shape[:2]
+        stream.codec_context.time_base = Fraction(1, TICKS)
+        stream.pix_fmt = "yuv420p"
+        times = [*film.time_s, film.time_s[-1] + LAST_S]
+        for time_s, jpeg in zip(times, [*film.pictures, film.pictures[-1]], strict=True):
+            frame = av.VideoFrame.from_ndarray(_picture(jpeg), "rgb24")
+            frame.pts, frame.time_base = round((time_s - film.time_s[0]) * TICKS), Fraction(1, TICKS)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
 
 
 def _picture(jpeg: bytes) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from nathlon.arena.decision import Decision
 from nathlon.results.gate import GateFinding, GateReport
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 MARKS = {Decision.PASS: "✓ pass", Decision.FAIL: "✗ fail", Decision.CANNOT_TELL: "? cannot tell"}
 
@@ -100,5 +100,4 @@ def write_gate(report: GateReport, folder: Path) -> None:
         "gate.md": markdown(report).encode(),
     }
     for name, content in files.items():
-        with whole_file(folder / name) as partial:
-            partial.write_bytes(content)
+        write_whole(folder / name, content)

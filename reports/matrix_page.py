@@ -42,7 +42,7 @@ def render_matrix(report: MatrixReport) -> str:
     return render_page(
         "matrix.html",
         template_text("gate.css", "matrix.css"),
-        [template_text("matrix.js")],
+        "matrix.js",
         report=report,
         listed=listed,
         unlisted=sum(cell.verdict != "no sign" for cell in report.cells) - len(listed),

@@ -5,33 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.reports.payload import payload
-from nathlon.reports.player import player_script, player_style
+from nathlon.reports.player import player_style
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 from nathlon.reports.verdict import verdict
 from nathlon.results.selection import Selection
 
 PAGE = "index.html"
 VENDOR = Path(__file__).parent / "vendor"
-APP = (
-    "data",
-    "dom",
-    "table",
-    "charts",
-    "tonight",
-    "leaderboard",
-    "pareto",
-    "n_athlon",
-    "matchups",
-    "race_laps",
-    "race_charts",
-    "race_passes",
-    "race",
-    "lap",
-    "checkpoint",
-    "committee",
-    "app",
-)
-"""Scripts in templates/app, in the order in which they are written into the page, after the player's."""
 
 
 def write_page(selection: Selection, folder: Path) -> Path:
@@ -41,12 +21,11 @@ def write_page(selection: Selection, folder: Path) -> Path:
 
 def render(selection: Selection) -> str:
     """The page's HTML. Its policy admits only the style and the scripts written here, by their hashes."""
-    own = template_text("rank.js", "command.js", *(f"app/{name}.js" for name in APP))
-    app = f'"use strict";\n\n{player_script()}\n{own}'
     return render_page(
         "page.html",
         template_text("page.css") + player_style(),
-        [_licensed("d3.min.js", "d3"), _licensed("plot.umd.min.js", "plot"), app],
+        "app/app.js",
+        libraries=[_licensed("d3.min.js", "d3"), _licensed("plot.umd.min.js", "plot")],
         films=True,
         title=selection.title,
         verdict=verdict(selection),

@@ -9,11 +9,6 @@ from nathlon.reports.cars import winner
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 
-SPACE = ("scene3d/cameras.js", "scene3d/mesh.js", "scene3d/view.js")
-"""Scripts that draw cars on a circuit in three dimensions; test drives have them too."""
-PARTS = ("element", "recording", "scene", "battle", "trackside", "space", "watching", "player", "order")
-"""Scripts in templates/race of which the player is made, in their order; the report has them too."""
-
 
 def write_player(log: RaceLog, path: Path, follow: int | None = None) -> None:
     """Write the page, at first with the camera on car `follow` (the winner if None), whole or not at all."""
@@ -30,15 +25,10 @@ def render_player(log: RaceLog, follow: int | None = None) -> str:
     return render_page(
         "player.html",
         player_style() + template_text("player_page.css"),
-        [f'"use strict";\n\n{player_script()}\n{template_text("player_page.js")}'],
+        "player_page.js",
         log=log,
         race=script_data(race),
     )
-
-
-def player_script() -> str:
-    """The player itself, for whichever page it stands in."""
-    return template_text(*SPACE, *(f"race/{part}.js" for part in PARTS))
 
 
 def player_style() -> str:

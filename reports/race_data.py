@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nathlon.arena.circuit_mesh import KERB, ROAD, RUNOFF
 from nathlon.arena.passes import passes
-from nathlon.arena.race_log import NOTICES, Outline, RaceLog, Stretch, lap_length, origin, progress
+from nathlon.arena.race_log import NOTICES, NamedStretch, Outline, RaceLog, lap_length, origin, progress
 from nathlon.reports.cars import car_colours, labels
 from nathlon.sim.track import SURFACES
 
@@ -85,7 +85,7 @@ def race_data(log: RaceLog) -> dict[str, Any]:
     }
 
 
-def circuit_data(outline: Outline, sections: Sequence[Stretch]) -> dict[str, Any]:
+def circuit_data(outline: Outline, sections: Sequence[NamedStretch]) -> dict[str, Any]:
     """The circuit of a race as JSON values."""
     lines = ("wall_left", "kerb_left", "left", "right", "kerb_right", "wall_right")
     points = np.concatenate([getattr(outline, line)[:, :2].T for line in lines])

@@ -12,7 +12,7 @@ import polars as pl
 from nathlon.reports.recipes_figure import recipes_picture
 from nathlon.reports.self_contained import render_page, template_text, write_page_file
 from nathlon.results.recipes import too_few
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 FEW = 5
 """Runs below which little is known of how they vary (Agarwal et al., 2021)."""
@@ -78,8 +78,7 @@ def write_recipes_page(
         the page's path.
     """
     picture = recipes_picture(recipes, scores)
-    with whole_file(folder / "recipes.png") as partial:
-        partial.write_bytes(picture)
+    write_whole(folder / "recipes.png", picture)
     page = render_recipes(recipes, picture, place, references, remarks)
     return write_page_file(page, folder / "index.html")
 

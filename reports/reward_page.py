@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from nathlon.reports.player import player_script, player_style
+from nathlon.reports.player import player_style
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 
 CURVE = (150.0, 40.0)
@@ -113,7 +113,7 @@ def render_reward_page(drawing: RewardDrawing) -> str:
     return render_page(
         "reward/page.html",
         player_style() + template_text("reward/page.css"),
-        [f'"use strict";\n\n{player_script()}\n{template_text("reward/page.js")}'],
+        "reward/page.js",
         drawing=drawing,
         names=list(drawing.clips),
         starts=max(map(len, drawing.clips.values()), default=0),

@@ -12,7 +12,8 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from nathlon.sim.whole_file import whole_file
+from nathlon.reports.es_modules import bundle
+from nathlon.sim.whole_file import write_whole
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -25,19 +26,22 @@ def template_text(*names: str) -> str:
 def render_page(
     template: str,
     style: str,
-    scripts: Sequence[str] = (),
+    script: str | None = None,
     *,
+    libraries: Sequence[str] = (),
     films: bool = False,
     connect: str = "",
     frames: str = "",
     **context: Any,
 ) -> str:
-    """A page's HTML. Its policy admits only this style and these scripts, by their hashes.
+    """A page's HTML. Its policy admits only its style and its scripts, by their hashes.
 
     Args:
-        template: a file of the templates' folder, which finds `policy`, `style` and `scripts` beside its own.
+        template: a file of the templates' folder, which finds `policy`, `style`, `libraries` and `script`
+            beside its own.
         style: what stands in its style element.
-        scripts: what stands in its script elements, in their order.
+        script: the module of the templates' folder that is the page's script, with all from which it imports.
+        libraries: scripts before it, in their order.
         films: whether videos beside the page may be played.
         connect: addresses to which the page may connect; none by default.
         frames: address whose pages it may show in frames; none by default.
@@ -50,6 +54,8 @@ def render_page(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    own = [] if script is None else [bundle(TEMPLATES, script)]
+    scripts = [*libraries, *own]
     policy = ["default-src 'none'", f"style-src {_digest(style)}"]
     if scripts:
         policy.append(f"script-src {' '.join(map(_digest, scripts))}")
@@ -59,7 +65,8 @@ def render_page(
     return environment.get_template(template).render(
         policy="; ".join([*policy, "base-uri 'none'", "form-action 'none'"]),
         style=Markup(style),
-        scripts=[Markup(script) for script in scripts],
+        libraries=[Markup(library) for library in libraries],
+        script=Markup(*own),
         **context,
     )
 
@@ -77,8 +84,7 @@ def script_data(value: Any) -> Markup:
 def write_page_file(html: str, path: Path) -> Path:
     """Write a page, whole or not at all, into a folder that is made if need be; return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as partial:
-        partial.write_text(html, encoding="utf-8")
+    write_whole(path, html)
     return path
 
 

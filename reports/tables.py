@@ -9,7 +9,7 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.results.selection import Selection
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 FORMULA = r"^[=+\-@\t\r']"
 """How a text begins that spreadsheets may take for a formula, or that has the mark of one that does."""
@@ -40,5 +40,4 @@ def as_texts(table: pl.DataFrame) -> pl.DataFrame:
 def _replace(path: Path, write: Callable[[BytesIO], pl.DataFrame | None]) -> None:
     content = BytesIO()
     write(content)
-    with whole_file(path) as partial:
-        partial.write_bytes(content.getbuffer())
+    write_whole(path, content.getvalue())

@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from nathlon.reports.player import player_script, player_style
+from nathlon.reports.player import player_style
 from nathlon.reports.race_data import circuit_data, race_data
 from nathlon.reports.seen_data import seen_data
 from nathlon.reports.self_contained import render_page, script_data, template_text, write_page_file
 from nathlon.results.twin import Twins, outcome
-
-PARTS = ("charts", "seen", "page")
-"""Scripts in templates/twin, in the order in which they are written into the page, after the player's."""
 
 
 def write_twin_page(twins: Twins, path: Path) -> None:
@@ -22,12 +19,11 @@ def write_twin_page(twins: Twins, path: Path) -> None:
 
 def render_twin_page(twins: Twins) -> str:
     """The page's HTML. Its policy admits only the style and the script written here, by their hashes."""
-    parts = template_text(*(f"twin/{part}.js" for part in PARTS))
     logs = twins.original.log, twins.twin.log
     return render_page(
         "twin/page.html",
         player_style() + template_text("twin/page.css"),
-        [f'"use strict";\n\n{player_script()}\n{parts}'],
+        "twin/page.js",
         twins=twins,
         log=twins.original.log,
         races=[

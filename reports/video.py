@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from nathlon.arena.circuit_mesh import surfaces
 from nathlon.arena.race_log import NOTICES, RaceLog
 from nathlon.reports._motion import poses
-from nathlon.reports._video_panels import Panels, brief
+from nathlon.reports._video_panels import VideoPanels, brief
 from nathlon.reports.car_model import car_model
 from nathlon.reports.cars import car_colours, winner
 from nathlon.sim.errors import InputError
 from nathlon.sim.render.panels import write
 from nathlon.sim.render.scene import Camera
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, writing
 
 SIZE, FINE, RATE = (1280, 720), 2, 30
 """Pixels of a picture, how much larger it is drawn, and pictures a second."""
@@ -62,19 +62,17 @@ def write_video(
             f"{path}: no clip from {start:g} s to {end:g} s, expected times from 0 to {last_s:g} s"
         )
     times = start + np.arange(max(round((end - start) * RATE), 1)) / RATE
-    try:
-        with (
-            whole_file(path) as partial,
-            av.open(str(partial), "w", format="mp4", options={"movflags": "faststart"}) as container,
-        ):
-            stream = container.add_stream("libx264", rate=RATE, options={"crf": "21", "preset": "veryfast"})
-            stream.width, stream.height = SIZE
-            stream.pix_fmt = "yuv420p"
-            for picture in pictures(log, winner(log) if follow is None else follow, times):
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
-            container.mux(stream.encode())
-    except OSError as error:
-        raise InputError(f"{path}: the video cannot be written: {error.strerror}") from None
+    with (
+        writing(path, "video"),
+        whole_file(path) as partial,
+        av.open(str(partial), "w", format="mp4", options={"movflags": "faststart"}) as container,
+    ):
+        stream = container.add_stream("libx264", rate=RATE, options={"crf": "21", "preset": "veryfast"})
+        stream.width, stream.height = SIZE
+        stream.pix_fmt = "yuv420p"
+        for picture in pictures(log, winner(log) if follow is None else follow, times):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
+        container.mux(stream.encode())
     return len(times)
 
 
@@ -82,7 +80,7 @@ def pictures(log: RaceLog, followed: int, time_s: NDArray[np.float64]) -> Iterat
     """A picture (height, width, 3) of red, green and blue at each of these times of the race."""
     scene = _Scene(log)
     at = poses(log, time_s)
-    panels = Panels(log, followed, SIZE)
+    panels = VideoPanels(log, followed, SIZE)
     large = pygame.Surface((SIZE[0] * FINE, SIZE[1] * FINE))
     camera = Camera(large.get_size(), WIDTH_M)
     for number, now in enumerate(time_s.tolist()):

@@ -20,7 +20,7 @@ from nathlon.sim.data_file import checked
 from nathlon.sim.errors import InputError
 from nathlon.sim.physics.chassis import AIR_DENSITY
 from nathlon.sim.tuning import Tuning, fit_compound, tune
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole, writing
 
 PARENTS = ("coupe", "gt3", "prototype")
 EVENNESS = 0.7
@@ -71,12 +71,9 @@ def write_car(path: Path, car: Car) -> None:
     for name, table in fields.items():
         if isinstance(table, dict):
             lines += ["", f"[{name}]", *_assignments(table)]
-    try:
+    with writing(path, "car"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as partial:
-            partial.write_text("\n".join(lines) + "\n", "utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: the car cannot be written: {error.strerror}") from None
+        write_whole(path, "\n".join(lines) + "\n")
 
 
 def _assignments(table: Mapping[str, Any]) -> list[str]:

@@ -8,8 +8,8 @@ few times faster than the functions and as good as them to 1e-8.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 CELLS = 256
 
@@ -27,5 +27,5 @@ def curve_cells(shape: float) -> NDArray[np.float64]:
     knots = np.linspace(0.0, 1.0, CELLS + 1)
     slip = knots[1:-1] / (1.0 - knots[1:-1])
     values = np.concatenate([[shape * stiffness], np.sin(shape * np.arctan(stiffness * slip)) / slip, [0.0]])
-    spline = CubicSpline(knots, values)
+    spline = scipy.interpolate.CubicSpline(knots, values)
     return np.ascontiguousarray(spline.c[::-1].T * (1.0 / CELLS) ** np.arange(4))

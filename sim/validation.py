@@ -4,9 +4,30 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
+
+from nathlon.sim.errors import InputError
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def read_json(content: str | bytes, model: type[ModelT], where: object) -> ModelT:
+    """JSON as a model.
+
+    Args:
+        content: the JSON.
+        model: what it must be.
+        where: where it comes from, for the error.
+
+    Raises:
+        InputError: if it is none, or a field is missing, unknown or out of range.
+    """
+    try:
+        return model.model_validate_json(content)
+    except ValidationError as error:
+        raise InputError(f"{where}: {first_fault(error, model)}") from None
 
 
 def first_fault(error: ValidationError, model: type[BaseModel]) -> str:

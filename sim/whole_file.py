@@ -40,6 +40,30 @@ def whole_file(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Replace a file by a text, in UTF-8, or bytes; see `whole_file`.
+
+    Raises:
+        OSError: if it cannot take its place.
+    """
+    with whole_file(path) as partial:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def writing(path: Path, what: str = "") -> Iterator[None]:
+    """While something is written to a path, the circuit, say, or the map.
+
+    Raises:
+        InputError: instead of an OSError, naming the path.
+    """
+    try:
+        yield
+    except OSError as error:
+        said = f"the {what} cannot" if what else "cannot"
+        raise InputError(f"{path}: {said} be written: {error.strerror or error}") from None
+
+
 def check_output(path: Path, is_file: bool = False) -> None:
     """Make sure, before the work for it begins, that output can be written; nothing is left of the attempt.
 
@@ -50,14 +74,12 @@ def check_output(path: Path, is_file: bool = False) -> None:
     Raises:
         InputError: if nothing can be written there.
     """
-    try:
+    with writing(path):
         if is_file and path.is_dir():
             raise InputError(f"{path}: is a folder, expected a file to write")
         folders = [path.parent] if is_file else [path, *path.absolute().parents]
         with tempfile.TemporaryFile(dir=next(filter(os.path.lexists, folders), folders[0])):
             pass
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _sweep(folder: Path) -> None:

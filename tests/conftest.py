@@ -1,5 +1,6 @@
 """Settings of the whole suite, and what many of its modules use."""
 
+import asyncio
 import os
 import shutil
 from collections.abc import Iterator
@@ -66,10 +67,19 @@ def chromium() -> str:
     return executable
 
 
-@pytest.fixture(scope="module")
-def browser(chromium: str) -> Iterator[Browser]:
-    """Chromium; for one module, as Playwright's event loop would stand in the way of others' loops."""
+@pytest.fixture(scope="session")
+def running_chromium(chromium: str) -> Iterator[Browser]:
+    """One Chromium for all modules of a test process: to start it takes longer than to look at pages."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="module")
+def browser(running_chromium: Browser) -> Iterator[Browser]:
+    """Chromium, without the pages of modules before."""
+    yield running_chromium
+    for context in running_chromium.contexts:
+        context.close()
+    asyncio._set_running_loop(None)  # Playwright sets it at each call; others could not run their own loops

@@ -15,7 +15,7 @@ FormatName = Literal["4v4", "1v1", "2v2", "ffa8", "10v10", "gauntlet"]
 
 
 @dataclass(frozen=True)
-class Grid:
+class StartingOrder:
     """Who starts where in one race of a unit.
 
     Attributes:
@@ -44,7 +44,7 @@ class Format:
     teams: bool = True
     gauntlet: bool = False
 
-    def grids(self, sides: int, unit: int = 0) -> tuple[Grid, ...]:
+    def grids(self, sides: int, unit: int = 0) -> tuple[StartingOrder, ...]:
         """The grids of a unit of so many sides, as many: every side starts equally often from every place.
 
         Two teams start from odd and from even places, then the other way round. In a free-for-all the
@@ -55,20 +55,24 @@ class Format:
         """
         if self.teams:
             plain, mirror = (0, 1) * (self.cars // 2), (1, 0) * (self.cars // 2)
-            return Grid(False, plain), Grid(True, mirror)
+            return StartingOrder(False, plain), StartingOrder(True, mirror)
         if sides > self.cars:
             return resting(sides, self.cars, unit)
         zigzag = [place // 2 if place % 2 == 0 else -(place // 2 + 1) for place in range(self.cars)]
         return tuple(
-            Grid(sides == self.cars and 2 * shift >= sides, tuple((step + shift) % sides for step in zigzag))
+            StartingOrder(
+                sides == self.cars and 2 * shift >= sides, tuple((step + shift) % sides for step in zigzag)
+            )
             for shift in range(sides)
         )
 
 
-def resting(sides: int, places: int, unit: int) -> tuple[Grid, ...]:
+def resting(sides: int, places: int, unit: int) -> tuple[StartingOrder, ...]:
     """The grids of a unit of more sides than places, in which all rest equally often."""
     first = first_race(sides, places, unit)
-    return tuple(Grid(False, tuple((side + shift) % sides for side in first)) for shift in range(sides))
+    return tuple(
+        StartingOrder(False, tuple((side + shift) % sides for side in first)) for shift in range(sides)
+    )
 
 
 FORMATS: dict[str, Format] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nathlon.tournament.formats import Grid, resting
+from nathlon.tournament.formats import StartingOrder, resting
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Sides:
         """Whether two play against each other, or everybody for themselves."""
         return self.sides == 2
 
-    def grids(self, entrants: int, unit: int = 0) -> tuple[Grid, ...]:
+    def grids(self, entrants: int, unit: int = 0) -> tuple[StartingOrder, ...]:
         """Who of so many entrants takes each side, in every episode of a unit."""
         if self.teams:
-            return Grid(False, (0, 1)), Grid(True, (1, 0))
+            return StartingOrder(False, (0, 1)), StartingOrder(True, (1, 0))
         if entrants > self.sides:
             return resting(entrants, self.sides, unit)
         return tuple(
-            Grid(False, tuple((side + shift) % entrants for side in range(self.sides)))
+            StartingOrder(False, tuple((side + shift) % entrants for side in range(self.sides)))
             for shift in range(entrants)
         )

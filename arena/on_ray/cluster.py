@@ -17,7 +17,7 @@ CONNECT_S = 5.0
 """For somebody to answer at an address."""
 
 
-class Place(NamedTuple):
+class RayNode(NamedTuple):
     """A node that may have an actor.
 
     Attributes:
@@ -80,12 +80,12 @@ def _knock(address: str) -> None:
         socket.create_connection((host, int(port)), CONNECT_S).close()
 
 
-def places() -> dict[str, Place]:
+def places() -> dict[str, RayNode]:
     """The nodes that are there and have processors, by their ids."""
     import ray
 
     found = [
-        Place(node["NodeID"], node["NodeManagerHostname"], int(node["Resources"].get("CPU", 0)))
+        RayNode(node["NodeID"], node["NodeManagerHostname"], int(node["Resources"].get("CPU", 0)))
         for node in ray.nodes()
         if node["Alive"]
     ]

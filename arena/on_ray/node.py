@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from nathlon.arena.entrance import check_world
 from nathlon.arena.executor import Round
-from nathlon.arena.job import Answer, Job, Racing
+from nathlon.arena.job import Answer, Job, MatchJob
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.payload import Arrivals, Payload
 from nathlon.arena.pool import Pool
@@ -36,7 +36,7 @@ class Load(NamedTuple):
         files: that the node does not have yet, by the SHA-256 of their contents.
     """
 
-    groups: list[dict[int, Racing]]
+    groups: list[dict[int, MatchJob]]
     files: dict[str, bytes]
 
 
@@ -144,7 +144,7 @@ class Node:
                 self._backlog.append(jobs)
         return refused
 
-    def _unpacked(self, number: int, racing: Racing) -> Racing:
+    def _unpacked(self, number: int, racing: MatchJob) -> MatchJob:
         labels = zip(racing.match.entrants, racing.match.sources, strict=True)
         match = replace(racing.match, sources=tuple(self._arrivals.source(*each) for each in labels))
         wanted = racing.wanted and racing.wanted._replace(match=match)
@@ -163,7 +163,7 @@ class Node:
         return groups
 
     def _told(self, job: Job, answer: Answer) -> NodeEnded:
-        assert isinstance(job, Racing)
+        assert isinstance(job, MatchJob)
         # The pool may have done it as another job, but never changes the match.
         number = self._numbers.pop(id(job.match))
         folder = self._left_by(number)

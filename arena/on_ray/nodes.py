@@ -13,15 +13,15 @@ from typing import Any
 
 from nathlon.arena.executor import Executor, Round
 from nathlon.arena.grouping import group
-from nathlon.arena.job import Answer, Job, Racing
-from nathlon.arena.on_ray.cluster import Place, places
+from nathlon.arena.job import Answer, Job, MatchJob
+from nathlon.arena.on_ray.cluster import RayNode, places
 from nathlon.arena.on_ray.node import Load, Node, NodeEnded
 from nathlon.arena.output_log import OutputLog
 from nathlon.arena.payload import Payload, labels, send
 from nathlon.arena.queue import Where, facts_of, where_of
 from nathlon.arena.recorder import Recorded
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 log = logging.getLogger(__name__)
 
@@ -50,11 +50,11 @@ class _Hand:
         ready: whether its actor has ever answered.
     """
 
-    place: Place
+    place: RayNode
     actor: Any
     call: Any
-    given: dict[int, Racing] = field(default_factory=dict)
-    held: list[dict[int, Racing]] = field(default_factory=list)
+    given: dict[int, MatchJob] = field(default_factory=dict)
+    held: list[dict[int, MatchJob]] = field(default_factory=list)
     idle: int = 0
     prepared: set[Where] = field(default_factory=set)
     there: set[str] = field(default_factory=set)
@@ -73,7 +73,7 @@ class Nodes(Executor):
         self._hands: list[_Hand] = []
         self._losses: dict[str, int] = defaultdict(int)
         self._unfit: dict[str, str] = {}
-        self._there: dict[str, Place] = {}
+        self._there: dict[str, RayNode] = {}
         self._numbers = count()
         self._next_meeting = 0.0
         self.workers = 0
@@ -92,7 +92,7 @@ class Nodes(Executor):
         Raises:
             InputError: if no node can do them.
         """
-        queue: deque[list[Racing]] = deque()
+        queue: deque[list[MatchJob]] = deque()
         began, warned = time.monotonic(), False
         try:
             while True:
@@ -107,7 +107,7 @@ class Nodes(Executor):
                     warned = True
                 idle = sum(hand.idle for hand in free)
                 if idle and not queue:
-                    queue.extend([job for job in jobs if isinstance(job, Racing)] for jobs in feed(idle))
+                    queue.extend([job for job in jobs if isinstance(job, MatchJob)] for jobs in feed(idle))
                 for hand in free:
                     self._give(hand, [queue.popleft() for _ in range(min(hand.idle, len(queue)))])
                 if free and not queue and not any(hand.given for hand in self._hands):
@@ -131,7 +131,7 @@ class Nodes(Executor):
         self.workers = sum(hand.place.processors for hand in self._hands)
         self._next_meeting = time.monotonic() + MEET_S
 
-    def _start(self, place: Place) -> _Hand:
+    def _start(self, place: RayNode) -> _Hand:
         import ray
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -159,7 +159,7 @@ class Nodes(Executor):
                 f"engine 'ray': no node of the cluster had free processors for {WAIT_S:.0f} s, expected some"
             )
 
-    def _give(self, hand: _Hand, groups: Sequence[list[Racing]]) -> None:
+    def _give(self, hand: _Hand, groups: Sequence[list[MatchJob]]) -> None:
         """Give a node more to do, if it has nothing else to be called for; and let it go on."""
         hand.held = [{next(self._numbers): job for job in jobs} for jobs in groups]
         for jobs in hand.held:
@@ -179,7 +179,7 @@ class Nodes(Executor):
         hand.there |= payload.contents.keys()
         hand.held = []
 
-    def _news(self, queue: deque[list[Racing]]) -> Iterator[tuple[Job, Answer]]:
+    def _news(self, queue: deque[list[MatchJob]]) -> Iterator[tuple[Job, Answer]]:
         """Wait for news; results as they come, and into the queue what a lost node leaves."""
         import ray
 
@@ -212,7 +212,7 @@ class Nodes(Executor):
                     for ended in answer.ended:
                         yield _received(hand.given.pop(ended.number), ended, answer.processor)
 
-    def _lose(self, hand: _Hand, queue: deque[list[Racing]], reason: str, for_good: bool) -> None:
+    def _lose(self, hand: _Hand, queue: deque[list[MatchJob]], reason: str, for_good: bool) -> None:
         """Put what a node leaves before all else that waits; it may get another actor, unless for good."""
         self._dismiss(hand)
         self._losses[hand.place.id] += 1
@@ -244,13 +244,13 @@ class Nodes(Executor):
         ray.kill(hand.actor)
 
 
-def _packed(job: Racing) -> Racing:
+def _packed(job: MatchJob) -> MatchJob:
     """A job as it travels: its policies by their labels."""
     match = replace(job.match, sources=tuple(labels(job.match, shared=True) or ()))
     return replace(job, match=match, wanted=job.wanted and job.wanted._replace(match=match))
 
 
-def _received(job: Racing, ended: NodeEnded, processor: str) -> tuple[Racing, Answer]:
+def _received(job: MatchJob, ended: NodeEnded, processor: str) -> tuple[MatchJob, Answer]:
     """A job and its answer, with its recordings where they are wanted."""
     answer = ended.answer
     if isinstance(answer, Recorded):
@@ -260,8 +260,7 @@ def _received(job: Racing, ended: NodeEnded, processor: str) -> tuple[Racing, An
         return job, answer
     try:
         for name, content in ended.files.items():
-            with whole_file(folder / name) as partial:
-                partial.write_bytes(content)
+            write_whole(folder / name, content)
     except OSError as error:
         return job, InputError(f"{folder}: the recording cannot be written: {error.strerror}")
     return job, answer

@@ -32,7 +32,7 @@ from rich.progress import track as progress
 from benchmarks.lap_limit.flying import FlyingLaps, flying_laps
 from benchmarks.lap_limit.plots import plot
 from benchmarks.result import read_result, write_result
-from nathlon.policies.lap_limit.problem import Lap, fastest_lap
+from nathlon.policies.lap_limit.problem import OptimalLap, fastest_lap
 from nathlon.sim.car import load_car
 from nathlon.sim.track import load_track
 
@@ -42,7 +42,7 @@ CARS = ("gt3", "coupe", "prototype")
 Entry = dict[str, Any]
 
 
-def entry(circuit: str, car: str, lap: Lap, solve_s: float, driver: FlyingLaps) -> Entry:
+def entry(circuit: str, car: str, lap: OptimalLap, solve_s: float, driver: FlyingLaps) -> Entry:
     """One of `laps`."""
     finished = math.isfinite(driver.best_s)
     return {

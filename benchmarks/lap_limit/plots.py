@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.lap_limit.flying import FlyingLaps
-from nathlon.policies.lap_limit.problem import Lap
+from nathlon.policies.lap_limit.problem import OptimalLap
 from nathlon.sim.track import Track
 
 matplotlib.use("Agg")
@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 LIMIT, DRIVER = "#c8590b", "#1f6fb4"
 
 
-def plot(path: Path, title: str, track: Track, lap: Lap, driver: FlyingLaps) -> None:
+def plot(path: Path, title: str, track: Track, lap: OptimalLap, driver: FlyingLaps) -> None:
     """Write speed over distance, and both lines on the map, to an SVG file."""
     plt.rcParams.update({"font.family": "sans-serif", "font.size": 9, "svg.hashsalt": "nathlon"})
     figure, (speeds, plan) = plt.subplots(2, 1, figsize=(11, 11), height_ratios=(1, 2))

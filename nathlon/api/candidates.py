@@ -9,6 +9,7 @@ from nathlon.policies.policy import Policy
 from nathlon.policies.remote import local
 from nathlon.policies.sources.finding import Found, find
 from nathlon.policies.sources.handed_over import hand_over
+from nathlon.sim.errors import InputError
 
 Candidate = str | Path | Policy
 """A checkpoint, a folder or an address of them, `plugin:NAME`, or a policy as an object."""
@@ -19,6 +20,20 @@ Candidates = Candidate | Iterable[Candidate] | Mapping[str, Candidate]
 def named_sources(candidates: Candidates, people: bool = False, endings: Iterable[str] = ()) -> list[str]:
     """The sources of candidates, with a warning of what is set aside; see `find_candidates`."""
     return find_candidates(candidates, people, endings).warned()
+
+
+def one_source(
+    candidate: Candidate, people: bool = False, endings: Iterable[str] = (), name: str | None = None
+) -> str:
+    """The source of a candidate that is one policy, an object by `name`; see `find_candidates`.
+
+    Raises:
+        InputError: if it is none, or a folder of several.
+    """
+    sources = named_sources(candidate if name is None else {name: candidate}, people, endings)
+    if len(sources) != 1:
+        raise InputError(f"{candidate}: holds {len(sources)} checkpoints, expected one policy")
+    return sources[0]
 
 
 def find_candidates(candidates: Candidates, people: bool = False, endings: Iterable[str] = ()) -> Found:

@@ -23,8 +23,7 @@ from nathlon.lab.llm.chat import Endpoint
 from nathlon.reports.cars import car_index
 from nathlon.reports.coach_page import CoachDrawing, Sentences, Traces, write_coach_page
 from nathlon.results.coach import CoachFacts
-from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import check_output, whole_file
+from nathlon.sim.whole_file import check_output, write_whole, writing
 from nathlon.terminal.progress import stage_progress
 
 PHRASING = "phrasing.json"
@@ -116,19 +115,14 @@ def _write(
     folder: Path, log: RaceLog, coached: CoachedRace, notes: str, phrased: Phrased | None
 ) -> CoachResult:
     result = CoachResult(folder, coached.facts, notes if phrased is None else phrased.text or notes, phrased)
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(result.facts_file) as partial_file:
-            partial_file.write_text(coached.facts.model_dump_json(indent=1) + "\n", "utf-8")
-        with whole_file(result.text_file) as partial_file:
-            partial_file.write_text(result.text, "utf-8")
+        write_whole(result.facts_file, coached.facts.model_dump_json(indent=1) + "\n")
+        write_whole(result.text_file, result.text)
         if phrased is not None:
             said = [attempt.model_dump() for attempt in phrased.attempts]
-            with whole_file(folder / PHRASING) as partial_file:
-                partial_file.write_text(json.dumps(said, indent=1, ensure_ascii=False) + "\n", "utf-8")
+            write_whole(folder / PHRASING, json.dumps(said, indent=1, ensure_ascii=False) + "\n")
         write_coach_page(_drawing(log, coached, result.text), result.page)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     return result
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.api.candidates import Candidate, Candidates, named_sources
+from nathlon.api.candidates import Candidate, Candidates, named_sources, one_source
 from nathlon.api.selection import configured, entered
 from nathlon.arena.decision import Decision
 from nathlon.arena.entrance import endings_of
@@ -100,15 +100,11 @@ def gate(
         InputError: if a policy cannot drive, a candidate is the champion, a name or file is wrong, or the
             folder cannot be written.
     """
-    settings = configured(config, seed, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, workers=workers, world=world)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         endings = endings_of(pool, settings.world)
-        [reference, *more] = named_sources(champion, endings=endings)
-        if more:
-            raise InputError(f"{champion}: holds {len(more) + 1} checkpoints, expected one champion")
+        reference = one_source(champion, endings=endings)
         sources = named_sources(candidates, endings=endings)
         given = [reference, *sources]
         field, settings = entered(pool, Found(given, set(given)), settings)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.api.candidates import Candidate, named_sources
+from nathlon.api.candidates import Candidate, one_source
 from nathlon.api.selection import at_home, configured
 from nathlon.arena.pool import Pool
 from nathlon.arena.world_registry import load_world
@@ -20,7 +20,6 @@ from nathlon.selection.config import Config
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import KERNELS, MATRIX, RECORDINGS
 from nathlon.selection.single_run import single_run
-from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal.progress import stage_progress, worker_count
 
@@ -79,18 +78,13 @@ def matrix(
         InputError: if nothing can be driven, policy and baseline are the same, a name or file is wrong, or
             the folder cannot be written.
     """
-    settings = configured(config, seed, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
-    driver = _one(policy)
+    settings = configured(config, seed, workers=workers, world=world)
+    driver = one_source(policy)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         settings = at_home(pool, [driver], settings)
-        other = (
-            load_world(settings.world, settings.circuit, settings.car).baseline
-            if baseline is None
-            else _one(baseline)
-        )
+        where = settings.world, settings.circuit, settings.car
+        other = load_world(*where).baseline if baseline is None else one_source(baseline)
         output = OutputFolder(Path(out))
         plan = plan_cells(pool, driver, other, settings)
         pair = next(iter(plan.pairs.values()))
@@ -104,15 +98,3 @@ def matrix(
             write_matrix(report, output.root)
             write_matrix_page(report, output.root)
     return MatrixResult(output.root, report)
-
-
-def _one(candidate: Candidate) -> str:
-    """The source of a single policy.
-
-    Raises:
-        InputError: if it is none, or a folder of several.
-    """
-    source, *more = named_sources(candidate)
-    if more:
-        raise InputError(f"{candidate}: holds {len(more) + 1} checkpoints, expected one")
-    return source

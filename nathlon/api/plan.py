@@ -46,10 +46,7 @@ def plan(
     Raises:
         InputError: if a name or file is wrong, or nothing is new.
     """
-    settings = configured(config, pairs=pairs, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
-    settings = settings.suited
+    settings = configured(config, pairs=pairs, workers=workers, world=world).suited
     with ExitStack() as stack:
         target = str(store or settings.store)
         there = "://" in target or Path(target).exists()

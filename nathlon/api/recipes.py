@@ -81,9 +81,7 @@ def recipes(
     """
     given = [folders] if isinstance(folders, str | Path) else folders
     found = recipe_folders(map(str, given))
-    settings = configured(config, seed, pairs=pairs, workers=workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, pairs=pairs, workers=workers, world=world)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         files = checkpoints_of(found, endings_of(pool, settings.world))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 
@@ -20,11 +21,11 @@ from nathlon.reports.verdict import Verdict, verdict
 from nathlon.results.ranks import written_ranks
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
-from nathlon.selection.config import Config, read_config
-from nathlon.selection.evaluation import OnVerdict, evaluate
-from nathlon.selection.field import Exclusion, Field
+from nathlon.selection.config import Config, SectionT, read_config
+from nathlon.selection.field import EntryList, Exclusion
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.run import OPENED
+from nathlon.selection.single_selection import OnVerdict, single_selection
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable
 from nathlon.sim.process import typed
@@ -181,21 +182,15 @@ def select(
     Raises:
         InputError: if a checkpoint cannot drive, a name or file is wrong, or the folder cannot be written.
     """
-    settings = configured(config, seed, shortlist, pairs, workers)
-    if world is not None:
-        settings = settings.model_copy(update={"world": world})
+    settings = configured(config, seed, shortlist, pairs, workers, world)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
         found = find_candidates(checkpoints, endings=endings_of(pool, settings.world))
         with stage_progress(progress) as on_match:
             field, settings = entered(pool, found, settings, partial(on_match, OPENED))
             output = OutputFolder(Path(out), store)
-            selection = evaluate(field, output, settings, pool, on_match, on_verdict or _ignored)
+            selection = single_selection(field, output, settings, pool, on_match, on_verdict)
     return SelectionResult(output.root, selection, output.store)
-
-
-def _ignored(_: Summary) -> None:
-    """Nobody wants to be told."""
 
 
 def configured(
@@ -204,6 +199,7 @@ def configured(
     shortlist: int | None = None,
     pairs: int | None = None,
     workers: int | None = None,
+    world: str | None = None,
 ) -> Config:
     """A configuration, that of a file or the standard one, with what is given in its place.
 
@@ -214,19 +210,24 @@ def configured(
         config = Config()
     elif not isinstance(config, Config):
         config = read_config(Path(config))
-    committee, tournament = config.committee, config.tournament
-    if shortlist is not None:
-        committee = committee.model_copy(update={"shortlist": shortlist})
-    if pairs is not None:
-        tournament = tournament.model_copy(update={"pairs": pairs})
-    changed = {"seed": seed, "workers": workers}
-    given = {name: value for name, value in changed.items() if value is not None}
-    return config.model_copy(update={"committee": committee, "tournament": tournament, **given})
+    return _with(
+        config,
+        seed=seed,
+        workers=workers,
+        world=world,
+        committee=_with(config.committee, shortlist=shortlist),
+        tournament=_with(config.tournament, pairs=pairs),
+    )
+
+
+def _with(section: SectionT, **given: Any) -> SectionT:
+    """A section with what is given, all but None, in place of its own."""
+    return section.model_copy(update={name: value for name, value in given.items() if value is not None})
 
 
 def entered(
     pool: Pool, found: Found, config: Config, on_opened: Callable[[int, int], None] = quietly
-) -> tuple[Field, Config]:
+) -> tuple[EntryList, Config]:
     """Who enters of what was given and what is set aside, and the configuration for where they play.
 
     Raises:
@@ -236,7 +237,7 @@ def entered(
     where = config.circuit, config.car, config.world
     entrants, refused = enter_found(pool, found, *where, on_opened)
     excluded = tuple(Exclusion(printable(source), str(why), None) for source, why in refused.items())
-    return Field(tuple(entrants), excluded=excluded), config
+    return EntryList(tuple(entrants), excluded=excluded), config
 
 
 def at_home(pool: Pool, sources: list[str], config: Config) -> Config:

@@ -10,19 +10,19 @@ from pathlib import Path
 
 import polars as pl
 
-from nathlon.api.candidates import Candidate, named_sources
+from nathlon.api.candidates import Candidate, one_source
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import CAR, CIRCUIT
 from nathlon.arena.pool import Pool
 from nathlon.lab.stints.model import LapModel, fit
-from nathlon.lab.stints.planning import Plan, plans
+from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import Place, heavy, light, practise
 from nathlon.policies.sources import COMPOSITE, is_path
 from nathlon.sim.car import load_car, load_compounds
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules
 from nathlon.sim.scenario import load_scenario
-from nathlon.sim.whole_file import check_output, whole_file
+from nathlon.sim.whole_file import check_output, whole_file, write_whole
 from nathlon.terminal.progress import stage_progress, worker_count
 
 COMPOUNDS = ("racing-soft", "racing-medium", "racing-hard")
@@ -48,7 +48,7 @@ class StintsResult:
         folder: Path,
         laps: pl.DataFrame,
         model: LapModel,
-        planned: Sequence[Plan],
+        planned: Sequence[StopPlan],
         files: Sequence[Path],
     ) -> None:
         self.folder, self.laps, self.model = folder, laps, model
@@ -119,8 +119,8 @@ def stints(
     """
     folder = Path(out)
     check_output(folder)
-    [source, *others] = named_sources(policy)
-    if others or source.endswith(COMPOSITE):
+    source = one_source(policy)
+    if source.endswith(COMPOSITE):
         raise InputError(f"{source}: expected one policy that is no composite")
     if runs < 2:
         raise InputError(f"runs is {runs}, expected at least 2")
@@ -153,7 +153,7 @@ def _check_compounds(compounds: Sequence[str]) -> None:
         raise InputError(f"compounds is {', '.join(compounds)!r}, expected each once")
 
 
-def _write(folder: Path, source: str, name: str, plan: Plan) -> Path:
+def _write(folder: Path, source: str, name: str, plan: StopPlan) -> Path:
     """Write a plan as a composite."""
     path = folder / f"{plan.stops}-stops.toml"
     part = os.path.relpath(source, folder) if is_path(source) else source
@@ -165,6 +165,5 @@ def _write(folder: Path, source: str, name: str, plan: Plan) -> Path:
     for stint in plan.stints:
         lines += ["[[stint]]", f"laps = {stint.laps}", f'compound = "{stint.compound}"']
         lines += [f"fuel_kg = {stint.fuel_kg}"]
-    with whole_file(path) as partial_path:
-        partial_path.write_text("\n".join(lines) + "\n", "utf-8")
+    write_whole(path, "\n".join(lines) + "\n")
     return path

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import polars as pl
 
-from nathlon.api.candidates import Candidate, named_sources
+from nathlon.api.candidates import Candidate, one_source
 from nathlon.arena.entrance import enter_each
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.pool import Pool
@@ -23,7 +23,7 @@ from nathlon.reports.cars import car_index
 from nathlon.reports.twin_page import write_twin_page
 from nathlon.results.twin import Side, Twins, outcome
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import check_output
+from nathlon.sim.whole_file import check_output, writing
 from nathlon.terminal.progress import stage_progress
 
 RACES = "races"
@@ -106,7 +106,8 @@ def twin(
     check_output(folder)
     log = read_recording(path)
     index = car_index(log, str(car), path)
-    known = _Known(store, {name: _one_source(each, name) for name, each in (entrants or {}).items()})
+    given = {name: one_source(each, people=True, name=name) for name, each in (entrants or {}).items()}
+    known = _RaceSources(store, given)
     with Pool(2) as pool, stage_progress(progress, (RACES,)) as on_match:
         on_race = partial(on_match, RACES)
         if other is not None:
@@ -121,7 +122,7 @@ def twin(
     return _write(twins, folder)
 
 
-class _Known(NamedTuple):
+class _RaceSources(NamedTuple):
     """Where matches and policies of recorded races may be: a store that was named, and sources by name."""
 
     store: str | Path | None
@@ -134,21 +135,14 @@ class _Known(NamedTuple):
 
 
 def _enter(pool: Pool, policy: Candidate, log: RaceLog) -> Entrant:
-    [answer] = enter_each(pool, [_one_source(policy)], log.circuit, log.car)
+    [answer] = enter_each(pool, [one_source(policy, people=True)], log.circuit, log.car)
     if isinstance(answer, InputError):
         raise answer
     return answer
 
 
-def _one_source(policy: Candidate, name: str | None = None) -> str:
-    sources = named_sources(policy if name is None else {name: policy}, people=True)
-    if len(sources) != 1:
-        raise InputError(f"{policy}: holds {len(sources)} checkpoints, expected one policy")
-    return sources[0]
-
-
 def _two_recordings(
-    pool: Pool, paths: tuple[Path, Path], car: int, known: _Known, folder: Path, on_race: OnRace
+    pool: Pool, paths: tuple[Path, Path], car: int, known: _RaceSources, folder: Path, on_race: OnRace
 ) -> Twins:
     logs = read_recording(paths[0]), read_recording(paths[1])
     check_one_start(*logs, paths)
@@ -164,21 +158,17 @@ def _two_recordings(
 
 def _make(folder: Path) -> None:
     """Make the folder before races are run for it."""
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
 
 
 def _write(twins: Twins, folder: Path) -> TwinResult:
     from nathlon.reports.twin_replay import write_twin_replay  # Rerun takes seconds to load
 
     result = TwinResult(folder, twins)
-    try:
+    with writing(folder):
         write_recording(result.original, twins.original.log)
         write_recording(result.twin, twins.twin.log)
         write_twin_replay(twins, result.replay)
         write_twin_page(twins, result.page)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     return result

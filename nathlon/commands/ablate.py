@@ -187,9 +187,9 @@ def _publish(runs: Sequence[AblationRun], out: Path, duels: pl.DataFrame | None 
 
 
 def _print_effects(found: pl.DataFrame) -> None:
-    shown = new_table("Last checkpoints minus the base's, 95 % confidence intervals")
-    for column in ("Variant", "Seeds", "Measure", "Difference", "Interval"):
-        shown.add_column(column, justify="right" if column in ("Seeds", "Difference") else "left")
+    title = "Last checkpoints minus the base's, 95 % confidence intervals"
+    heads = ("Variant", "Seeds", "Measure", "Difference", "Interval")
+    shown = new_table(title, heads, ("Variant", "Measure", "Interval"))
     for row in found.iter_rows(named=True):
         cells = [str(row["seeds"]), MEASURES[row["measure"]]]
         if row["difference"] is None:

@@ -13,6 +13,7 @@ from nathlon.commands.selection import say_set_aside, stoppable
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given, find
 from nathlon.results.ranks import written_ranks
+from nathlon.results.words import figure
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -90,29 +91,23 @@ def _as_json(answer: BatteryAnswer, names: dict[str, str]) -> dict[str, Any]:
 
 
 def _print(answer: BatteryAnswer, names: dict[str, str]) -> None:
-    ranking = new_table("N-athlon with 95 % intervals")
-    for column in ("Rank", "Entrant", "Points"):
-        ranking.add_column(column, justify="right" if column in ("Rank", "Points") else "left")
+    ranking = new_table("N-athlon with 95 % intervals", ("Rank", "Entrant", "Points"))
     ranked = _named(answer.tables["battery"], names)
     for row, rank in zip(ranked, written_ranks(row["rank"] for row in ranked), strict=True):
-        points = f"{row['points']:.0f}"
-        if row["points_low"] is not None:
-            points += f" ({row['points_low']:.0f} to {row['points_high']:.0f})"
+        points = figure(row["points"], row["points_low"], row["points_high"], ".0f")
         ranking.add_row(rank, row["name"], points)
     print_table(ranking)
 
-    tests = new_table("Tests")
-    for column in ("Test", "500 points", "1,000 points", "Best", "Mean", "Points"):
-        tests.add_column(column, justify="left" if column in ("Test", "Best") else "right")
+    heads = ("Test", "500 points", "1,000 points", "Best", "Mean", "Points")
+    tests = new_table("Tests", heads, ("Test", "Best"))
     rows = _named(answer.tables["skills"], names)
     for test, marks in answer.marks.items():
         own = [row for row in rows if row["test"] == test]
         if not own:
             continue  # all its runs are void
         best = max(own, key=lambda row: row["points"])
-        mean = "–" if best["measure"] is None else f"{best['measure']:.2f}"
         worth = [f"{mark:.2f} {best['unit']}" for mark in (marks.base, marks.reference)]
-        tests.add_row(test, *worth, best["name"], mean, f"{best['points']:.0f}")
+        tests.add_row(test, *worth, best["name"], figure(best["measure"]), f"{best['points']:.0f}")
     print_table(tests)
     for test, reason in answer.set_aside.items():
         say(f"Set aside: {test}: {reason}")

@@ -42,9 +42,7 @@ def check_car(
         say(
             f"{power / 1000:.0f} kW, {mass:.0f} kg, {power / mass:.0f} W/kg, {3.6 * grip['top_m_s']:.0f} km/h"
         )
-        table = new_table("Accelerations, m/s²")
-        for column in ("At km/h", "Cornering", "Braking", "Driving"):
-            table.add_column(column, justify="right")
+        table = new_table("Accelerations, m/s²", ("At km/h", "Cornering", "Braking", "Driving"))
         for row in zip(
             TOLD_M_S, grip["cornering_m_s2"], grip["braking_m_s2"], grip["driving_m_s2"], strict=True
         ):

@@ -1,32 +1,61 @@
-"""What the commands of `nathlon committee` do."""
+"""`nathlon committee` and its commands."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
-import nathlon.selection.committee as committee
-from nathlon.arena.store import Store
-from nathlon.commands.place import Place
+import typer
+
+from nathlon.commands.groups import NAMES, CommandGroup
+from nathlon.commands.options import AsJson, StoreName
 from nathlon.results.ranks import written_rank
-from nathlon.selection.committee.ballots import Ballot
-from nathlon.selection.committee.decision import Decision, describe
-from nathlon.selection.committee.event_log import EventLog
-from nathlon.selection.committee.rules import Question
-from nathlon.selection.committee.sentences import names_in, sentence
+from nathlon.results.words import figure
 from nathlon.sim.errors import InputError
 from nathlon.terminal import new_table, print_json, print_table, say
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from nathlon.selection.committee.decision import CommitteeDecision
+    from nathlon.selection.committee.event_log import EventLog
+
 SHORTEST_ID = 6
 
+committee = CommandGroup("Ask the committee, vote and decide.")
 
-def show(place: Place, as_json: bool) -> None:
-    """Print the last decision on each question."""
-    with _event_log(place) as event_log:
+Question = Annotated[
+    Literal["shortlist", "selection"] | None,
+    typer.Option(help="Decision; not needed where only one is open."),
+]
+Member = Annotated[str, typer.Option(help="Your name, as in the configuration.")]
+Reason = Annotated[str, typer.Option(help="Reason, in a sentence.")]
+
+
+class RunPlace(NamedTuple):
+    """Where the committee's record is: the store, and the name of the run, or the last one."""
+
+    store: str
+    run: str | None
+
+
+@committee.callback()
+def place(
+    context: typer.Context,
+    store: StoreName,
+    run: Annotated[str | None, typer.Option(help="Name of the run; the last by default.")] = None,
+) -> None:
+    """Ask the committee, vote and decide."""
+    context.obj = RunPlace(store, run)
+
+
+@committee.command()
+def show(context: typer.Context, as_json: AsJson = False) -> None:
+    """Show what is asked, the evidence, what has been said, and what follows."""
+    from nathlon.selection.committee.decision import describe
+
+    with _event_log(context.obj) as event_log:
         decisions = event_log.decisions().values()
     if as_json:
         print_json([describe(decision).model_dump(mode="json") for decision in decisions])
@@ -37,17 +66,28 @@ def show(place: Place, as_json: bool) -> None:
         _print(decision)
 
 
+@committee.command()
 def vote(
-    place: Place,
-    question: Question | None,
-    member: str,
-    approve: str | None,
-    rank: str,
-    reason: str,
-    as_json: bool,
+    context: typer.Context,
+    member: Member,
+    reason: Reason,
+    approve: Annotated[
+        str | None,
+        typer.Option(
+            metavar=NAMES, help="Names of those that are fit, separated by commas; those ranked by default."
+        ),
+    ] = None,
+    rank: Annotated[
+        str, typer.Option(metavar=NAMES, help="Names, best first, separated by commas; need not be all.")
+    ] = "",
+    question: Question = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Cast a ballot; without `approve`, those that it ranks are approved."""
-    with _event_log(place) as event_log:
+    """Cast a ballot; it replaces what you said before."""
+    from nathlon.selection import committee
+    from nathlon.selection.committee.ballots import Ballot
+
+    with _event_log(context.obj) as event_log:
         decision = _pick(event_log, question, closed=False)
         ranked = _entrants(decision, rank)
         approved = ranked if approve is None else _entrants(decision, approve)
@@ -55,35 +95,61 @@ def vote(
         _report(event_log, decision, as_json)
 
 
+@committee.command()
 def compare(
-    place: Place, question: Question | None, member: str, better: str, worse: str, reason: str, as_json: bool
+    context: typer.Context,
+    member: Member,
+    better: Annotated[str, typer.Option(help="Name of the one that you prefer.")],
+    worse: Annotated[str, typer.Option(help="Name of the other.")],
+    reason: Reason,
+    question: Question = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Note an answer to "A or B?"."""
-    with _event_log(place) as event_log:
+    """Say which of two you prefer."""
+    from nathlon.selection import committee
+
+    with _event_log(context.obj) as event_log:
         decision = _pick(event_log, question, closed=False)
         first, second = (_entrant(decision.opened.candidates, name) for name in (better, worse))
         committee.compare(event_log, decision, member, first, second, reason)
         _report(event_log, decision, as_json)
 
 
-def decide(place: Place, question: Question | None, member: str, as_json: bool) -> None:
-    """Close a decision."""
-    with _event_log(place) as event_log:
+@committee.command()
+def decide(
+    context: typer.Context, member: Member, question: Question = None, as_json: AsJson = False
+) -> None:
+    """Close a decision by what has been said."""
+    from nathlon.selection import committee
+
+    with _event_log(context.obj) as event_log:
         decision = committee.close(event_log, _pick(event_log, question, closed=False), member)
         _report(event_log, decision, as_json)
 
 
-def reopen(place: Place, question: Question | None, member: str, reason: str, as_json: bool) -> None:
-    """Put a closed decision again."""
-    with _event_log(place) as event_log:
+@committee.command()
+def reopen(
+    context: typer.Context,
+    member: Member,
+    reason: Reason,
+    question: Question = None,
+    as_json: AsJson = False,
+) -> None:
+    """Put a closed decision again; what was said still counts."""
+    from nathlon.selection import committee
+
+    with _event_log(context.obj) as event_log:
         decision = _pick(event_log, question, closed=True)
         committee.reopen(event_log, decision, member, reason)
         _report(event_log, decision, as_json)
 
 
-def log(place: Place, as_json: bool) -> None:
-    """Print all entries."""
-    with _event_log(place) as event_log:
+@committee.command()
+def log(context: typer.Context, as_json: AsJson = False) -> None:
+    """List all that has ever been said, in order."""
+    from nathlon.selection.committee.sentences import names_in, sentence
+
+    with _event_log(context.obj) as event_log:
         entries = event_log.entries()
     if as_json:
         print_json([entry.describe() for entry in entries])
@@ -94,7 +160,10 @@ def log(place: Place, as_json: bool) -> None:
 
 
 @contextmanager
-def _event_log(place: Place) -> Iterator[EventLog]:
+def _event_log(place: RunPlace) -> Iterator[EventLog]:
+    from nathlon.arena.store import Store
+    from nathlon.selection.committee.event_log import EventLog
+
     with Store.open(place.store) as store:
         runs = [record.name for record in store.runs()]
         if not runs:
@@ -104,7 +173,7 @@ def _event_log(place: Place) -> Iterator[EventLog]:
         yield EventLog(store, place.run or runs[-1])
 
 
-def _pick(event_log: EventLog, question: Question | None, closed: bool) -> Decision:
+def _pick(event_log: EventLog, question: Question, closed: bool) -> CommitteeDecision:
     """The decision on a question, or else the one that is open or closed, as wanted."""
     decisions = event_log.decisions()
     if question is not None:
@@ -124,7 +193,7 @@ def _pick(event_log: EventLog, question: Question | None, closed: bool) -> Decis
     return found[0]
 
 
-def _entrants(decision: Decision, names: str) -> tuple[str, ...]:
+def _entrants(decision: CommitteeDecision, names: str) -> tuple[str, ...]:
     """Ids of the candidates in a list with commas."""
     stripped = [name.strip() for name in names.split(",")]
     return tuple(_entrant(decision.opened.candidates, name) for name in stripped if name)
@@ -140,8 +209,10 @@ def _entrant(candidates: Mapping[str, str], name: str) -> str:
     return found[0]
 
 
-def _report(event_log: EventLog, decision: Decision, as_json: bool) -> None:
+def _report(event_log: EventLog, decision: CommitteeDecision, as_json: bool) -> None:
     """Print the decision as it stands now."""
+    from nathlon.selection.committee.decision import describe
+
     now = event_log.decisions()[decision.opened.question]
     if as_json:
         print_json(describe(now).model_dump(mode="json"))
@@ -149,7 +220,9 @@ def _report(event_log: EventLog, decision: Decision, as_json: bool) -> None:
         _print(now)
 
 
-def _print(decision: Decision) -> None:
+def _print(decision: CommitteeDecision) -> None:
+    from nathlon.selection.committee.sentences import sentence
+
     wanted = decision.opened.seats
     state = "closed" if decision.result else "open"
     if decision.result is None and decision.waits_for:
@@ -169,47 +242,24 @@ def _print(decision: Decision) -> None:
         say(f"  Agreement of the members: {result.agreement:.2f} (1 is all alike, -1 contrary)")
 
 
-def _standings(decision: Decision) -> Table:
+def _standings(decision: CommitteeDecision) -> Table:
     """Evidence and standing of every candidate, from first to last."""
     result = decision.result or decision.tally()
     shown = {row["entrant"]: row for row in decision.opened.evidence.rows}
-    table = new_table(lean=True)
-    table.add_column("")
-    table.add_column("Entrant")
-    for column in (
-        "Points",
-        "Rank",
-        "Contacts a km",
-        "At fault a km",
-        "Off course",
-        "Faults",
-        "For",
-        "Favour",
-    ):
-        table.add_column(column, justify="right")
+    heads = ("Points", "Rank", "Contacts a km", "At fault a km", "Off course", "Faults", "For", "Favour")
+    table = new_table(None, ("", "Entrant", *heads), ("", "Entrant"), lean=True)
     for standing in result.standings:
         row = shown[standing.entrant]
         table.add_row(
             "*" if standing.chosen else "",
             row["name"],
-            _interval(row),
+            figure(row["points"], row["low"], row["high"], ".4g"),
             written_rank(row["rank"], row.get("tied", False)),
-            _figure(row["contacts_per_km"], ".2f"),
-            _figure(row["at_fault_per_km"], ".2f"),
-            _figure(row["off_course_share"], ".1%"),
+            figure(row["contacts_per_km"]),
+            figure(row["at_fault_per_km"]),
+            figure(row["off_course_share"], form=".1%"),
             str(row["faults"]),
             f"{standing.approved_by}/{result.ballots}",
             f"{standing.favour:.2f}",
         )
     return table
-
-
-def _interval(row: Mapping[str, Any]) -> str:
-    points = _figure(row["points"], ".4g")
-    if row["low"] is None or row["high"] is None:
-        return points
-    return f"{points} ({row['low']:.4g} to {row['high']:.4g})"
-
-
-def _figure(value: float | None, form: str) -> str:
-    return "–" if value is None else format(value, form)

@@ -77,7 +77,7 @@ def drive(
     sources = find_sources(entrants or [])
     need("uvicorn", "drive", "a test drive")
     from nathlon.lab.drive.blind import BlindTest
-    from nathlon.lab.drive.choice import Offer, Opponent
+    from nathlon.lab.drive.choice import DriveOpponent, Offer
     from nathlon.lab.drive.coached import CoachAfterwards
     from nathlon.lab.drive.finalists import champions, finalists
     from nathlon.lab.drive.room import Room
@@ -89,7 +89,7 @@ def drive(
         test = BlindTest(run, store or run / "store.sqlite", driver)
         offer, output = test.offer, test.output
     else:
-        opponents = Opponent.all(dict.fromkeys(sources))
+        opponents = DriveOpponent.all(dict.fromkeys(sources))
         offer = Offer.of(opponents or (finalists(run) if run else champions()), circuit, car)
         offer = offer._replace(difficulty=difficulty, temper=temper)
         output = OutputFolder(out or Path("runs/drive"))

@@ -17,6 +17,8 @@ from nathlon.terminal import new_table, print_json, print_table, say, warn
 if TYPE_CHECKING:
     from nathlon.api.gate import GateResult
 
+HEADS = ("Measure", "Decision", "Difference", "Bounds", "May be", "Units")
+
 
 def gate(
     checkpoints: Checkpoints,
@@ -57,9 +59,8 @@ def gate(
         print_json(result.report.model_dump(mode="json"))
     else:
         for candidate in result.report.candidates:
-            table = new_table(f"{candidate.name} against {result.report.champion}", lean=True)
-            for column in ("Measure", "Decision", "Difference", "Bounds", "May be", "Units"):
-                table.add_column(column, justify="left" if column in ("Measure", "Decision") else "right")
+            title = f"{candidate.name} against {result.report.champion}"
+            table = new_table(title, HEADS, HEADS[:2], lean=True)
             for finding in candidate.findings:
                 table.add_row(*cells(finding))
             print_table(table)

@@ -66,7 +66,7 @@ def _refuse_empty(command: TyperCommand | TyperGroup, ctx: Any, args: list[str])
             raise InputError(f"{name}: is empty, expected a value; is a variable of the shell not set?")
 
 
-class Group(typer.Typer):
+class CommandGroup(typer.Typer):
     """Commands that go together.
 
     Args:
@@ -87,7 +87,7 @@ class Group(typer.Typer):
         """See `typer.Typer.command`."""
         return super().command(name, cls=_Command, **options)
 
-    def add(self, panel: str, *commands: Callable[..., Any], **groups: Group) -> None:
+    def add(self, panel: str, *commands: Callable[..., Any], **groups: CommandGroup) -> None:
         """Add commands, and groups by their names, below a heading of `PANELS`."""
         for command in commands:
             self.command(rich_help_panel=panel)(command)

@@ -9,6 +9,7 @@ import typer
 
 from nathlon.commands.options import AsJson, Out, Workers
 from nathlon.commands.selection import print_places, print_verdict, stoppable
+from nathlon.results.words import figure
 from nathlon.sim.extras import need
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
@@ -52,23 +53,16 @@ def league(
 
 def _print_generations(generations: list[Generation]) -> None:
     """Who went on from each generation, with 95 % intervals."""
-    shown = new_table("Who went on, with 95 % intervals")
-    for head in ("Generation", "Entrant", "Points a race", "Contacts per km", "At fault per km", "Penalties"):
-        shown.add_column(head, justify="left" if head == "Entrant" else "right")
+    heads = ("Generation", "Entrant", "Points a race", "Contacts per km", "At fault per km", "Penalties")
+    shown = new_table("Who went on, with 95 % intervals", heads)
     for made in generations:
         best = made.member(made.parent)
         shown.add_row(
             str(made.number),
             best.name,
-            _interval(best.points_per_race, best.points_low, best.points_high, 2),
-            _interval(best.contacts_per_km, best.contacts_low, best.contacts_high, 3),
-            _interval(best.at_fault_per_km, best.at_fault_low, best.at_fault_high, 3),
+            figure(best.points_per_race, best.points_low, best.points_high),
+            figure(best.contacts_per_km, best.contacts_low, best.contacts_high, ".3f"),
+            figure(best.at_fault_per_km, best.at_fault_low, best.at_fault_high, ".3f"),
             f"{best.penalties:.2f}",
         )
     print_table(shown)
-
-
-def _interval(value: float | None, low: float | None, high: float | None, digits: int) -> str:
-    """A figure with its interval; what the races could not tell is a dash."""
-    known = "–" if value is None else f"{value:.{digits}f}"
-    return known if low is None or high is None else f"{known} ({low:.{digits}f} to {high:.{digits}f})"

@@ -66,9 +66,8 @@ def _print(report: MatrixReport, out: Path) -> None:
 
     worst = [cell for cell in report.ordered() if cell.verdict == "worse"][:SHOWN]
     if worst:
-        table = new_table("What got worse first", lean=True)
-        table.add_column("Cell")
-        table.add_column("Worse by")
+        heads = ("Cell", "Worse by")
+        table = new_table("What got worse first", heads, words=heads, lean=True)
         for cell in worst:
             table.add_row(cell.label, "; ".join(text for text, _ in differences(report, cell)))
         print_table(table)

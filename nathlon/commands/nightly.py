@@ -128,9 +128,8 @@ def status(
     if as_json:
         print_json({"runs": nights, "workers": [one._asdict() for one in workers], "disagreements": faults})
         return
-    table = new_table()
-    for column in ("Run", "Began (UTC)", "Status", "Entrants", "Filter", "Round robin", "Outcome"):
-        table.add_column(column)
+    heads = ("Run", "Began (UTC)", "Status", "Entrants", "Filter", "Round robin", "Outcome")
+    table = new_table(None, heads, words=heads)
     for night in nights:
         outcome: Any = night["facts"].get("outcome") or {}
         counts = night["tables"]

@@ -105,10 +105,9 @@ def pareto_table(entrants: Sequence[Entrant], answer: Answer) -> pl.DataFrame:
 
 
 def _print_front(front: pl.DataFrame, entered: int, objectives: Sequence[Objective]) -> None:
-    shown = new_table(f"{front.height} of {entered} checkpoints may be on the front")
     names = [objective.name for objective in objectives]
-    for column in ("Entrant", *names, "Probability", "Races"):
-        shown.add_column(column, justify="left" if column == "Entrant" else "right")
+    title = f"{front.height} of {entered} checkpoints may be on the front"
+    shown = new_table(title, ("Entrant", *names, "Probability", "Races"))
     for row in front.iter_rows(named=True):
         values = [f"{row[name]:.4g}" for name in names]
         shown.add_row(row["name"], *values, f"{row['nondominated_probability']:.2f}", str(row["races"]))

@@ -38,10 +38,9 @@ def plan(
     if as_json:
         print_json(told.model_dump(mode="json"))
         return
-    table = new_table("What is expected", lean=True)
     several = episodes(told.episode).capitalize()
-    for column in ("Stage", "Entrants", several, "At most", "Core-hours"):
-        table.add_column(column, justify="left" if column == "Stage" else "right")
+    heads = ("Stage", "Entrants", several, "At most", "Core-hours")
+    table = new_table("What is expected", heads, ("Stage",), lean=True)
     for stage in told.stages:
         if not stage.races:
             continue
@@ -56,9 +55,8 @@ def plan(
         )
     print_table(table)
     if told.budgets:
-        table = new_table("What the round robin finds", lean=True)
-        for column in ("Pairs of every two", several, f"Difference, points {an_episode(told.episode)}"):
-            table.add_column(column, justify="right")
+        found = ("Pairs of every two", several, f"Difference, points {an_episode(told.episode)}")
+        table = new_table("What the round robin finds", found, lean=True)
         for budget in told.budgets:
             table.add_row(f"{budget.pairs:,}", f"{budget.races:,}", f"{budget.effect:.1f}")
         print_table(table)

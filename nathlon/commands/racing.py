@@ -71,19 +71,15 @@ def race(
 
 
 def _print_qualifying(timed: pl.DataFrame) -> None:
-    table = new_table("Qualifying")
-    table.add_column("Entrant")
-    table.add_column("Lap s", justify="right")
+    table = new_table("Qualifying", ("Entrant", "Lap s"))
     for name, lap_s in timed.iter_rows():
         table.add_row(name, "no time" if lap_s is None else f"{lap_s:.3f}")
     print_table(table)
 
 
 def _print_race(title: str, results: pl.DataFrame) -> None:
-    table = new_table(title, lean=True)
-    columns = ("Place", "Grid", "Entrant", "Time s", "Gap s", "Lap s", "Off s", "Contacts", "Fault", "Pen.")
-    for column in columns:
-        table.add_column(column, justify="left" if column == "Entrant" else "right")
+    heads = ("Place", "Grid", "Entrant", "Time s", "Gap s", "Lap s", "Off s", "Contacts", "Fault", "Pen.")
+    table = new_table(title, heads, lean=True)
 
     def seconds(value: float | None) -> str:
         return "" if value is None else f"{value:.3f}"

@@ -66,9 +66,8 @@ def recipes(
 def _print(result: RecipesResult, out: Path) -> None:
     from nathlon.reports.recipes_page import CELLS, cells, headline
 
-    table = new_table("Ends of training runs", lean=True)
-    for column in ("Recipe", "Runs", *(head for _, head, _ in CELLS), "Best", "Scored", "Expected"):
-        table.add_column(column, justify="left" if column in ("Recipe", "Best") else "right")
+    heads = ("Recipe", "Runs", *(head for _, head, _ in CELLS), "Best", "Scored", "Expected")
+    table = new_table("Ends of training runs", heads, ("Recipe", "Best"), lean=True)
     for row in result.recipes.to_dicts():
         best = ("", "", "")
         if row["best"] is not None:

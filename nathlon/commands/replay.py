@@ -13,7 +13,7 @@ from nathlon.commands.options import AsJson, Out
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.sim.process import typed
-from nathlon.sim.whole_file import check_output
+from nathlon.sim.whole_file import check_output, writing
 from nathlon.terminal import print_json, say, tell, warn
 
 
@@ -157,10 +157,8 @@ def _recover(recording: Path, as_json: bool) -> None:
 
 def _written(path: Path, write: Callable[[], object]) -> Path:
     """The path, once it has been written."""
-    try:
+    with writing(path):
         write()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
     return path
 
 

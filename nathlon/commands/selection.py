@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -26,6 +26,7 @@ from nathlon.commands.options import (
 from nathlon.policies.remote import on_this_machine
 from nathlon.policies.sources.finding import check_given
 from nathlon.results.ranks import written_ranks
+from nathlon.results.words import figure
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import typed
 from nathlon.terminal import new_table, print_json, print_table, say, tell, warn
@@ -60,7 +61,8 @@ def demo(
 
     members = tuple(name.strip() for name in (committee or "").split(",") if name.strip())
     config, bundled = _with_members(members), [str(BUNDLED / "lindenring")]
-    result = _select(bundled, out, config, seed, shortlist, pairs, workers, as_json=as_json)
+    options = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs, "workers": workers}
+    result = _select(bundled, out, as_json, **options)
     if members:
         store = str(result.store)
         put_again(store, members[0])
@@ -115,22 +117,17 @@ def evaluate(
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
     check_given(on_this_machine(checkpoints))
-    _select(checkpoints, out, config, seed, shortlist, pairs, workers, world, store, as_json)
+    options = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs, "workers": workers}
+    _select(checkpoints, out, as_json, store, world=world, **options)
 
 
 def _select(
-    checkpoints: list[str],
-    out: Path,
-    config: Config | Path | None,
-    seed: int | None,
-    shortlist: int | None,
-    pairs: int | None,
-    workers: int | None,
-    world: str | None = None,
-    store: str | None = None,
-    as_json: bool = False,
+    checkpoints: list[str], out: Path, as_json: bool, store: str | None = None, **options: Any
 ) -> SelectionResult:
-    """Select, and print what came of it. Exits with 3 where somebody could not be judged."""
+    """Select, see `nathlon.select`, and print what came of it.
+
+    Exits with 3 where somebody could not be judged.
+    """
     from nathlon.arena.workers import start_server
 
     start_server()
@@ -141,15 +138,10 @@ def _select(
         result = select(
             checkpoints,
             out,
-            config=config,
-            seed=seed,
-            shortlist=shortlist,
-            pairs=pairs,
-            workers=workers,
-            world=world,
             store=store,
             progress=not as_json,
             on_verdict=None if as_json else _print_now,
+            **options,
         )
         if result.selection is None and as_json:
             print_json({"status": "waiting", "store": result.store})
@@ -270,27 +262,20 @@ def _print_ranking(summary: Summary) -> None:
     met = "tournament" not in summary.stages_set_aside
     touches = any(row.contacts_per_km is not None for row in ranking)
     means = any(row.mean is not None for row in ranking)
-    table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals")
     points = f"Points {summary.an_episode}" if met else "n-athlon points"
     heads = ["Rank", "Entrant", *([f"{summary.a_mean} played", *RESULTS] if means else [points])]
     heads += ["Contacts per km"] if touches else []
-    for column in [*heads, *([summary.episodes.capitalize()] if met else [])]:
-        table.add_column(column, justify="left" if column == "Entrant" else "right")
+    heads += [summary.episodes.capitalize()] if met else []
+    table = new_table(f"{'Round robin' if met else 'n-athlon'} with 95 % intervals", heads)
     for row, rank in zip(ranking, written_ranks(row.rank for row in ranking), strict=True):
         cells = [rank, row.name]
         if means:
             shares = (row.won, row.drawn, row.lost)
-            cells.append(_interval(row.mean, row.mean_low, row.mean_high))
+            cells.append(figure(row.mean, row.mean_low, row.mean_high))
             cells += ["–" if share is None else f"{share:.0%}" for share in shares]
         else:
-            cells.append(_interval(row.points_per_race, row.points_low, row.points_high))
+            cells.append(figure(row.points_per_race, row.points_low, row.points_high))
         if touches:
-            cells.append(_interval(row.contacts_per_km, row.contacts_low, row.contacts_high))
+            cells.append(figure(row.contacts_per_km, row.contacts_low, row.contacts_high))
         table.add_row(*cells, *([str(row.races)] if met else []))
     print_table(table)
-
-
-def _interval(value: float | None, low: float | None, high: float | None) -> str:
-    """A figure with its interval; what the races could not tell is a dash."""
-    shown = "–" if value is None else f"{value:.2f}"
-    return shown if low is None or high is None else f"{shown} ({low:.2f} to {high:.2f})"

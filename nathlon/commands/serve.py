@@ -42,7 +42,7 @@ def serve(
     """
     need("uvicorn", "drive", "the committee's room")
     from nathlon.lab.serve.folders import Folders
-    from nathlon.lab.serve.record import Record
+    from nathlon.lab.serve.record import RunsRecord
     from nathlon.lab.serve.server import serve_meeting
     from nathlon.lab.serve.tokens import Tokens
     from nathlon.lab.web.address import Address, is_loopback, is_unspecified
@@ -55,7 +55,7 @@ def serve(
     if is_unspecified(host):
         raise InputError(f"--host {host}: no browser calls it so, expected a name or address of this machine")
     tls = tls_context(cert, key) if cert and key else None
-    record = Record(store, Folders(store, out))
+    record = RunsRecord(store, Folders(store, out))
     members = member or record.members()
     if not members:
         raise InputError(f"{store}: nobody has been asked to vote yet, expected --member NAME")

@@ -54,9 +54,8 @@ def stints(
     if as_json:
         print_json(result.table.to_dicts())
         return
-    table = new_table(f"{scenario} on {circuit}, alone on the road")
-    for column in ("Stops", "Stints", "Expected s", "Behind s"):
-        table.add_column(column, justify="left" if column == "Stints" else "right")
+    heads = ("Stops", "Stints", "Expected s", "Behind s")
+    table = new_table(f"{scenario} on {circuit}, alone on the road", heads, ("Stints",))
     for row in result.table.iter_rows(named=True):
         behind = (
             f"{row['behind_s']:.1f} ({row['low_s']:.1f} to {row['high_s']:.1f})" if row["behind_s"] else ""

@@ -60,7 +60,7 @@ def _import_folder(
 ) -> None:
     """Import a folder of files, and draw a sheet of the circuits."""
     from nathlon.sim.track import load_track
-    from nathlon.sim.track.collection import Tried, import_folder
+    from nathlon.sim.track.collection import TriedFile, import_folder
     from nathlon.sim.track.map import draw_sheet
 
     if name is not None:
@@ -68,7 +68,7 @@ def _import_folder(
             f"--name is {name!r}, expected none for a folder: circuits are called like their files"
         )
 
-    def tell(tried: Tried) -> None:
+    def tell(tried: TriedFile) -> None:
         if tried.imported is None:
             warn(f"Left out     {tried.refusal}")
         elif not as_json:
@@ -164,9 +164,8 @@ def show_track(
     if as_json:
         print_json({"name": circuit.name, "length_m": circuit.length, "sections": sections, "map": path})
         return
-    table = new_table(f"{circuit.name}, {circuit.length:.0f} m")
-    for column in ("Section", "Kind", "From m", "To m", "Turn", "Least radius m"):
-        table.add_column(column, justify="left" if column in ("Section", "Kind", "Turn") else "right")
+    heads = ("Section", "Kind", "From m", "To m", "Turn", "Least radius m")
+    table = new_table(f"{circuit.name}, {circuit.length:.0f} m", heads, ("Section", "Kind", "Turn"))
     for row in sections:
         radius = row["least_radius_m"]
         table.add_row(

@@ -8,7 +8,7 @@ from typing import Literal
 import polars as pl
 
 from nathlon.results.part import ResultModel
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole
 
 VERSION = 1
 """Of `matrix.json`: raised when a field goes or changes its meaning, not when one is added."""
@@ -227,8 +227,7 @@ class MatrixReport(ResultModel):
 def write_matrix(report: MatrixReport, folder: Path) -> Path:
     """Write `matrix.json` and `matrix.csv` to a folder, each whole or not at all; the path of the first."""
     path = folder / "matrix.json"
-    with whole_file(path) as partial:
-        partial.write_text(report.model_dump_json(indent=1), encoding="utf-8")
+    write_whole(path, report.model_dump_json(indent=1))
     with whole_file(folder / "matrix.csv") as partial:
         report.frame().write_csv(partial)
     return path

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import polars as pl
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from nathlon.arena.voids import NotJudged
 from nathlon.arena.world_finding import RACING
@@ -18,8 +18,8 @@ from nathlon.results.forecast import Forecast
 from nathlon.results.part import ResultModel
 from nathlon.results.words import STAGES, an_episode, episodes
 from nathlon.sim.errors import InputError
-from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.validation import read_json
+from nathlon.sim.whole_file import write_whole
 
 VERSION = 1
 """Of `summary.json`: raised when a field goes or changes its meaning, not when one is added."""
@@ -354,8 +354,7 @@ def voided(not_judged: Iterable[NotJudged], names: Mapping[str, str]) -> tuple[V
 
 def write_summary(path: Path, summary: Summary) -> None:
     """Write `summary.json`, whole or not at all."""
-    with whole_file(path) as partial:
-        partial.write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+    write_whole(path, summary.model_dump_json(indent=1) + "\n")
 
 
 def read_summary(path: Path) -> Summary:
@@ -365,11 +364,9 @@ def read_summary(path: Path) -> Summary:
         InputError: if it cannot be read, is none, or is of a later version.
     """
     try:
-        summary = Summary.model_validate_json(path.read_bytes())
+        summary = read_json(path.read_bytes(), Summary, path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, Summary)}") from None
     if summary.version > VERSION:
         raise InputError(f"{path}: field version is {summary.version}, expected at most {VERSION}")
     return summary

@@ -1,4 +1,4 @@
-"""What stages are called, and what a world's users call an episode, in sentences."""
+"""What stages are called, what a world's users call an episode, and how figures are written."""
 
 from __future__ import annotations
 
@@ -19,3 +19,11 @@ def an_episode(episode: str) -> str:
 def episodes(episode: str) -> str:
     """Several of them."""
     return f"{episode}{'es' if episode.endswith(('s', 'x', 'ch', 'sh')) else 's'}"
+
+
+def figure(
+    value: float | None, low: float | None = None, high: float | None = None, form: str = ".2f"
+) -> str:
+    """A figure with its interval, if it is known; what the races could not tell is a dash."""
+    shown = "–" if value is None else format(value, form)
+    return shown if low is None or high is None else f"{shown} ({low:{form}} to {high:{form}})"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from nathlon.arena.engine import Engine
+from nathlon.arena.engine import MatchEngine
 from nathlon.arena.pool import Pool
 from nathlon.arena.queue_engine import QueueEngine
 from nathlon.arena.store import Store
@@ -13,7 +13,7 @@ from nathlon.selection.config import Config
 
 
 @contextmanager
-def engine_of(config: Config, store: Store, pool: Pool) -> Iterator[Engine]:
+def engine_of(config: Config, store: Store, pool: Pool) -> Iterator[MatchEngine]:
     """The engine that a configuration asks for.
 
     Raises:

@@ -28,7 +28,7 @@ class Exclusion:
 
 
 @dataclass(frozen=True)
-class Field:
+class EntryList:
     """Who takes part in a selection.
 
     Attributes:
@@ -52,7 +52,7 @@ class Field:
         return list({entrant.id: entrant for entrant in together}.values())
 
     @classmethod
-    def from_plan(cls, plan: Mapping[str, Any]) -> Field:
+    def from_plan(cls, plan: Mapping[str, Any]) -> EntryList:
         """The field of a night, from what its run was begun with."""
         stored = plan["field"]
         groups = {

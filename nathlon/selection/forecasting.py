@@ -71,7 +71,7 @@ def forecast(
 
     Args:
         config: how it is selected.
-        newcomers, incumbents, anchors: how many take part; see `nathlon.selection.field.Field`.
+        newcomers, incumbents, anchors: how many take part; see `nathlon.selection.field.EntryList`.
         habits: how earlier ones have gone.
         workers: processes.
         episode_s: what an episode of random policies took here, s, if one was played.

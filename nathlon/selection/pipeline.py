@@ -23,10 +23,10 @@ from nathlon.results.forecast import Forecast
 from nathlon.results.summary import MostVoid, Sent, SetAside, Summary, TestMarks, ranked, versions, voided
 from nathlon.selection.battery import BatteryAnswer, run_battery
 from nathlon.selection.committee import ask
-from nathlon.selection.committee.decision import Decision
+from nathlon.selection.committee.decision import CommitteeDecision
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.config import Config
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.forecasting import earlier, effect, forecast, habits_of
 from nathlon.selection.incident.hold import hold_incidents
 from nathlon.selection.pareto.filter import run_filter
@@ -45,7 +45,7 @@ ALIKE_DEVIATION = 1e-9
 """Points a race: what adding up in another order may leave of none."""
 
 
-def select(run: Run, field: Field, config: Config) -> Summary | None:
+def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     """Run the whole selection into the store, going on from what is there already.
 
     Args:
@@ -106,7 +106,7 @@ def select(run: Run, field: Field, config: Config) -> Summary | None:
     return None if sent.result is None else summary
 
 
-def _expected(run: Run, field: Field, config: Config) -> Forecast:
+def _expected(run: Run, field: EntryList, config: Config) -> Forecast:
     """What was expected of a run before it began."""
     kept: Any = run.store.facts(run.name).get("forecast")
     if kept is not None:
@@ -127,19 +127,19 @@ def _without(entrants: Sequence[Entrant], not_judged: Sequence[NotJudged]) -> li
     return [entrant for entrant in entrants if entrant.id not in left_out]
 
 
-def _chosen(decision: Decision) -> list[str]:
+def _chosen(decision: CommitteeDecision) -> list[str]:
     return [] if decision.result is None else list(decision.result.chosen)
 
 
 def _summary(
     run: Run,
-    field: Field,
+    field: EntryList,
     config: Config,
     tables: dict[str, pl.DataFrame],
     tested: BatteryAnswer,
     raced: Answer,
     records: pl.DataFrame | None,
-    sent: Decision,
+    sent: CommitteeDecision,
     stages_set_aside: dict[str, str],
     expected: Forecast,
     gone: Sequence[Entrant],
@@ -189,7 +189,7 @@ def _summary(
     )
 
 
-def remarks(field: Field, deviation: float | None, otherwise: str = "") -> tuple[str, ...]:
+def remarks(field: EntryList, deviation: float | None, otherwise: str = "") -> tuple[str, ...]:
     """What is said of a run beside its verdict.
 
     Args:

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 import polars as pl
 
-from nathlon.arena.engine import Engine
+from nathlon.arena.engine import MatchEngine
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.match import Match
@@ -93,13 +93,13 @@ class Run:
     on_match: OnMatch
     stages: list[Stage] = field(default_factory=list)
     status: str = DONE
-    other_engine: InitVar[Engine | None] = None
-    engine: Engine = field(init=False)
+    other_engine: InitVar[MatchEngine | None] = None
+    engine: MatchEngine = field(init=False)
     _noted: float = field(default=-math.inf, init=False)
     _ran: int = field(default=0, init=False)
     _run_again: set[str] = field(default_factory=set, init=False)
 
-    def __post_init__(self, other_engine: Engine | None) -> None:
+    def __post_init__(self, other_engine: MatchEngine | None) -> None:
         self.engine = other_engine or QueueEngine(self.store, self.pool)
         if interrupted := self.store.interrupted(self.name):
             self.store.forget(interrupted)

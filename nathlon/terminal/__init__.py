@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -21,12 +21,24 @@ def console(stderr: bool = False) -> Terminal:
     return Terminal(stderr=stderr)
 
 
-def new_table(title: str | None = None, lean: bool = False) -> Table:
-    """A table without rows; a lean one has a line below its head only."""
+def new_table(
+    title: str | None, columns: Iterable[str], words: Collection[str] = ("Entrant",), lean: bool = False
+) -> Table:
+    """A table without rows; a lean one has a line below its head only.
+
+    Args:
+        title: above it.
+        columns: their heads.
+        words: heads of columns that hold words, which stand on the left: numbers stand on the right.
+        lean: whether to leave out most lines.
+    """
     from rich.box import SIMPLE
     from rich.table import Table
 
-    return Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0)) if lean else Table(title=title)
+    table = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0)) if lean else Table(title=title)
+    for column in columns:
+        table.add_column(column, justify="left" if column in words else "right")
+    return table
 
 
 def print_table(table: Table) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from nathlon.policies.driver.speed_profile import Line, path_of
 from nathlon.sim.track import CURVATURE, KERB_LEFT, KERB_RIGHT, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
@@ -58,5 +58,5 @@ def lacking(track: Track, offset: Line) -> tuple[Line, Line]:
 def less(track: Track, space: Line, missing: Line) -> Line:
     """Room (m) without what is lacking around each row, half of it left in any case, (rows,)."""
     around = 2 * round(AROUND_M / track.spacing) + 1
-    left: Line = space - np.minimum(maximum_filter1d(missing, around, mode="wrap"), 0.5 * space)
+    left: Line = space - np.minimum(scipy.ndimage.maximum_filter1d(missing, around, mode="wrap"), 0.5 * space)
     return left

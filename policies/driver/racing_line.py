@@ -11,10 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.sparse import coo_array, csr_array, diags_array
-from scipy.sparse.linalg import splu
 
 from nathlon.policies.driver.envelope import SPEEDS, USED, WEIGHTS, Envelope, Table
 from nathlon.policies.driver.margins import lacking, less, room
@@ -130,7 +128,7 @@ class _Search:
 
     def line(self) -> Line:
         """The offsets at the rows of the track table."""
-        smooth = CubicSpline(
+        smooth = scipy.interpolate.CubicSpline(
             np.append(self.at, self.rows), np.append(self.offset, self.offset[0]), bc_type="periodic"
         )
         offsets: Line = smooth(np.arange(self.rows))
@@ -187,12 +185,12 @@ class _Search:
         time = np.sum(shape.stretch * road.spacing / np.sqrt(energy))
         return float(time + SMOOTHNESS / road.spacing * (change @ change) - barrier * held.sum())
 
-    def _matrix(self, *entries: _Entries) -> csr_array:
+    def _matrix(self, *entries: _Entries) -> scipy.sparse.csr_array:
         """A sparse (points, 2 points) matrix from columns and values; offsets are even, energies odd."""
         columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
         rows = np.tile(self.middle, len(entries))
         size = len(self.middle)
-        return coo_array((values, (rows, columns)), shape=(size, 2 * size)).tocsr()
+        return scipy.sparse.coo_array((values, (rows, columns)), shape=(size, 2 * size)).tocsr()
 
     def newton(self, barrier: float) -> tuple[Line, Line, float]:
         """Newton's step of offsets and energies, and how much the cost would fall by it, about twice."""
@@ -223,21 +221,21 @@ class _Search:
         limit = np.where(push > 0, car.traction, car.brake)
         limit_by_energy = np.where(push > 0, by_energy.traction, by_energy.brake)
 
-        def on_energy(values: Line) -> csr_array:
+        def on_energy(values: Line) -> scipy.sparse.csr_array:
             return self._matrix((2 * self.middle + 1, values))
 
-        used = diags_array(car.by_curvature) @ by_curvature + on_energy(by_energy.used)
+        used = scipy.sparse.diags_array(car.by_curvature) @ by_curvature + on_energy(by_energy.used)
         own = by_energy.resistance + by_energy.scrub * car.used**2 - 0.5 / (stretch * step)
         pushed = (
             on_energy(own)
             + self._matrix((2 * self.after + 1, 0.5 / (stretch * step)))
-            + diags_array(2 * car.scrub * car.used) @ used
-            - diags_array(gain / stretch) @ by_stretch
+            + scipy.sparse.diags_array(2 * car.scrub * car.used) @ used
+            - scipy.sparse.diags_array(gain / stretch) @ by_stretch
         )
         share = push / limit
-        shared = diags_array(1 / limit) @ pushed - on_energy(share / limit * limit_by_energy)
+        shared = scipy.sparse.diags_array(1 / limit) @ pushed - on_energy(share / limit * limit_by_energy)
         spare, reserve = self.grip**2 - car.used**2 - share**2, car.power - push
-        spared = -2 * (diags_array(car.used) @ used + diags_array(share) @ shared)
+        spared = -2 * (scipy.sparse.diags_array(car.used) @ used + scipy.sparse.diags_array(share) @ shared)
         reserved = on_energy(by_energy.power) - pushed
         changed = by_curvature[self.after] - by_curvature
         change = curvature[self.after] - curvature
@@ -251,7 +249,7 @@ class _Search:
         diagonal = np.empty(2 * len(offset))
         diagonal[::2] = barrier * (1 / to_low**2 + 1 / to_high**2)
         diagonal[1::2] = 0.75 * stretch * step * energy**-2.5
-        hessian = diags_array(diagonal) + smooth * (changed.T @ changed)
+        hessian = scipy.sparse.diags_array(diagonal) + smooth * (changed.T @ changed)
         for weight, matrix in (
             (step / np.sqrt(energy) / stretch, sideways),
             (barrier / spare**2, spared),
@@ -259,9 +257,9 @@ class _Search:
             (2 * barrier / spare, used),
             (2 * barrier / spare, shared),
         ):
-            hessian = hessian + matrix.T @ diags_array(weight) @ matrix
+            hessian = hessian + matrix.T @ scipy.sparse.diags_array(weight) @ matrix
         try:
-            move = splu(hessian.tocsc()).solve(-gradient)
+            move = scipy.sparse.linalg.splu(hessian.tocsc()).solve(-gradient)
         except RuntimeError:  # it is singular, or not of numbers
             raise NoLine from None
         return move[::2], move[1::2], -float(gradient @ move)

@@ -20,7 +20,7 @@ from nathlon.sim.world import World
 Indices = NDArray[np.int64]
 
 
-class Opponent:
+class SeatedOpponent:
     """A policy that may drive any of the opponents' cars, with a memory for each of them.
 
     Attributes:
@@ -90,19 +90,21 @@ class OpponentWrapper:
         self._reverse = observation.planned
         self._other_races, self._other_cars = _seats(np.arange(races), others)
         self._views: dict[ObservationSpec, View] = {}
-        self._opponents: list[Opponent] = []
+        self._opponents: list[SeatedOpponent] = []
         self._shares: list[Indices] = []
         if self.others:
             self._opponents = [self._engage(policy) for policy in opponents]
             self._who = np.add.outer(np.arange(races), np.arange(self.others)) % len(opponents)
             self._share_out()
 
-    def _engage(self, policy: Policy) -> Opponent:
+    def _engage(self, policy: Policy) -> SeatedOpponent:
         spec = policy.observation_spec
         if spec not in self._views:
             show_plan(self.episodes.world, spec)
             self._views[spec] = self.episodes.watch(spec, self._other_races, self._other_cars)
-        return Opponent(policy, self._views[spec], self.episodes.world, self._other_races, self._other_cars)
+        return SeatedOpponent(
+            policy, self._views[spec], self.episodes.world, self._other_races, self._other_cars
+        )
 
     def _share_out(self) -> None:
         self._shares = [np.flatnonzero(self._who == turn) for turn in range(len(self._opponents))]

@@ -59,7 +59,7 @@ COMBINED_SLIP = 1e-3  # below it the tyre's curve is flat
 Array = NDArray[np.float64]
 
 
-class Tyres(NamedTuple):
+class PerTyre(NamedTuple):
     """Four numbers or expressions: front left, front right, rear left, rear right."""
 
     front_left: ca.SX
@@ -161,7 +161,7 @@ def gradient_and_heave(
 
 def tyre_loads(
     mass: float, speed_squared: ca.SX, weight: ca.SX, carried_x: ca.SX, carried_y: ca.SX, p: CarParameters
-) -> Tyres:
+) -> PerTyre:
     """Normal loads, N; see `nathlon.sim.physics.chassis.set_loads`."""
     wheelbase = p.a + p.b
     downforce = 0.5 * AIR_DENSITY * p.downforce_area * speed_squared
@@ -177,7 +177,7 @@ def tyre_loads(
         0.5 * rear - roll_rear,
         0.5 * rear + roll_rear,
     )
-    return Tyres(*(positive(load, LOAD_WIDTH) for load in loads))
+    return PerTyre(*(positive(load, LOAD_WIDTH) for load in loads))
 
 
 def aside_of(lateral: ca.SX, x: float, y: float, sine: ca.SX, cosine: ca.SX, curvature: ca.SX) -> ca.SX:
@@ -223,7 +223,7 @@ def point_of_lap(car: Car) -> ca.Function:
         (-p.b, p.half_rear_track),
         (-p.b, -p.half_rear_track),
     )
-    asides = Tyres(*(aside_of(lateral, x, y, sine, cosine, curvature) for x, y in places))
+    asides = PerTyre(*(aside_of(lateral, x, y, sine, cosine, curvature) for x, y in places))
     force_x = force_y = moment = ca.SX(0.0)
     pulls, spins = [], []
     for wheel, (x, y) in enumerate(places):

@@ -70,7 +70,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Lap:
+class OptimalLap:
     """A lap at the limit.
 
     Attributes:
@@ -195,27 +195,25 @@ def matrix(values: sparse.sparray) -> ca.DM:
     return ca.DM(sparse.csc_matrix(values))
 
 
-def fastest_lap(track: Track, car: Car, step_s: float = STEP_S, verbose: bool = False) -> Lap:
+def fastest_lap(track: Track, car: Car) -> OptimalLap:
     """The lap of least time that the car's equations and the rules allow.
 
     Args:
         track: the circuit.
         car: the car, with a full tank and new tyres.
-        step_s: time from point to point, about.
-        verbose: whether IPOPT prints its progress.
     """
     rows = np.arange(len(track.table), dtype=np.float64) * track.spacing
     line = quasi_steady(track, car)
-    coarse = mesh(track, line.speed, COARSER * step_s)
+    coarse = mesh(track, line.speed, COARSER * STEP_S)
     guess = np.stack([around(track, row, coarse) for row in follow(line, car)])
-    rough = solve(track, car, coarse, guess, FIRST_BARRIER, verbose)
+    rough = solve(track, car, coarse, guess, FIRST_BARRIER)
     values = np.concatenate([rough.states, rough.controls])
-    fine = mesh(track, between(track, rough.distance, rough.states[0], rows), step_s)
+    fine = mesh(track, between(track, rough.distance, rough.states[0], rows), STEP_S)
     refined = np.stack([between(track, rough.distance, row, fine) for row in values])
-    return solve(track, car, fine, refined, SECOND_BARRIER, verbose)
+    return solve(track, car, fine, refined, SECOND_BARRIER)
 
 
-def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float, verbose: bool) -> Lap:
+def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float) -> OptimalLap:
     """The fastest lap on a mesh.
 
     Args:
@@ -223,7 +221,6 @@ def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float,
         distance: (n,) of the points along the centre line, m.
         guess: (14, n) states and controls to begin with.
         barrier: parameter of IPOPT's to begin with: the smaller, the closer it stays to the guess.
-        verbose: whether IPOPT prints its progress.
     """
     n = len(distance)
     steps = steps_of(track, distance)
@@ -272,9 +269,9 @@ def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float,
         {
             "jac_g": ca.Function("jac_g", [unknowns, nothing], [constraints, jacobian]),
             "hess_lag": ca.Function("hess_lag", [unknowns, nothing, cost_factor, factors], [hessian]),
-            "print_time": verbose,
+            "print_time": False,
             "error_on_fail": False,
-            "ipopt": {**IPOPT, "mu_init": barrier, "print_level": 5 if verbose else 0},
+            "ipopt": {**IPOPT, "mu_init": barrier, "print_level": 0},
         },
     )
     found = solver(x0=(guess / SCALE[:, None]).ravel("F"), lbx=least, ubx=most, lbg=lower, ubg=upper)
@@ -284,7 +281,7 @@ def solve(track: Track, car: Car, distance: Array, guess: Array, barrier: float,
     step_times = (
         steps * np.array(point_of_lap(car).map(n)(between_points[:split], values[split:], road)[1]).ravel()
     )
-    return Lap(
+    return OptimalLap(
         lap_s=float(step_times.sum()),
         distance=distance,
         step_s=step_times,

@@ -15,7 +15,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.sim.names import file_stem
 from nathlon.sim.secrets import concealed, secrets_of, shown
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole
 
 INDEX = ".index.json"
 """What is there: marks and digests by path."""
@@ -53,8 +53,7 @@ def mirrored(address: str, wanted: Callable[[str], bool]) -> Path:
             if not _is_held(folder, path, listed, index.get(path)):
                 index[path] = _fetched(remote, folder, path, listed, address)
     finally:
-        with whole_file(folder / INDEX) as partial:
-            partial.write_text(json.dumps(index, indent=1), "utf-8")
+        write_whole(folder / INDEX, json.dumps(index, indent=1))
     return folder
 
 

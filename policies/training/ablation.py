@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.log import CURVE_FILE, Status
 from nathlon.policies.training.run_folder import (
@@ -25,8 +23,8 @@ from nathlon.policies.training.state import STATE_FILE, load_state
 from nathlon.policies.training.trainer import Diverged, Trainer
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.validation import read_json
+from nathlon.sim.whole_file import write_whole
 
 Variant = Callable[[TrainingConfig], TrainingConfig]
 
@@ -197,13 +195,10 @@ def claim(out: Path, base: TrainingConfig) -> None:
     path = out / BASE_FILE
     try:
         if path.exists():
-            _compare(path, TrainingConfig.model_validate_json(read_text(path)), base)
+            _compare(path, read_json(read_text(path), TrainingConfig, path), base)
         else:
             out.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as partial:
-                partial.write_text(base.model_dump_json(indent=1), "utf-8")
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
+            write_whole(path, base.model_dump_json(indent=1))
     except OSError as error:
         raise InputError(f"{path}: cannot be read or written: {error.strerror}") from None
 

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from nathlon.sim.data_file import Section
 from nathlon.sim.episode import Episodes, Moment
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario_start import Angle, Metres, Speed
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 from nathlon.sim.world import Start
 
 SHARE = 0.2
@@ -63,10 +63,7 @@ def read_coach(path: Path, circuit: str, car: str) -> tuple[CoachedStart, ...]:
     Raises:
         InputError: if it cannot be read, is of another circuit or car, or holds none.
     """
-    try:
-        facts = _Facts.model_validate_json(read_text(path, "facts of the coach"))
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, _Facts)}") from None
+    facts = read_json(read_text(path, "facts of the coach"), _Facts, path)
     for field, found, wanted in (("circuit", facts.raced.circuit, circuit), ("car", facts.raced.car, car)):
         if found != wanted:
             raise InputError(f"{path}: {field} is {found!r}, expected {wanted!r} as in the training")

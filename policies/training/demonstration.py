@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.driver.shown_plan import show_plan
-from nathlon.policies.environments.opponents import Opponent
+from nathlon.policies.environments.opponents import SeatedOpponent
 from nathlon.policies.policy import Batch, Policy
 from nathlon.sim.episode import Episodes
 
@@ -34,7 +34,7 @@ class Demonstrators:
         self._seats = [np.flatnonzero(turns == turn) for turn in range(len(policies))]
         show_plan(episodes.world, *(policy.observation_spec for policy in policies))
         self._drivers = [
-            Opponent(policy, view, episodes.world, races[seats], cars[seats])
+            SeatedOpponent(policy, view, episodes.world, races[seats], cars[seats])
             for policy, seats in zip(policies, self._seats, strict=True)
             for view in [episodes.watch(policy.observation_spec, races[seats], cars[seats])]
         ]

@@ -31,6 +31,7 @@ from nathlon.policies.training.state import read_tensors, write_tensors
 from nathlon.policies.weights import mean_network
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.whole_file import writing
 
 TAUGHT = (1.0, 0.5, 0.25, 0.1)
 """Share of the cars that the teacher drives in the first rounds; none from then on."""
@@ -224,10 +225,8 @@ class Imitation:
             tensors[name][..., : layer.shape[-1]] = layer
         card = self._card.model_copy(update={"step": self.updates, "transitions": self.transitions})
         path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
-        try:
+        with writing(path):
             save_checkpoint(path, tensors, card)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         network = load_checkpoint(path).network
         laps = mean_laps(evaluate_laps(pair, self._spec, network, self.seed) for pair in self._evaluated)
         row = [[self._rounds, self.updates, self.transitions, loss, *laps]]

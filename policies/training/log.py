@@ -14,10 +14,9 @@ from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
 from nathlon.policies.training.evaluation import LapEvaluation
-from nathlon.policies.training.stint import Tally
-from nathlon.sim.errors import InputError
+from nathlon.policies.training.stint import RolloutTally
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole, writing
 
 CURVE_FILE = "curve.csv"
 CURVE = ("updates", "transitions", "wall_s", "lap_s", "off_course_share", "mean_q", "entropy")
@@ -51,13 +50,13 @@ class TrainingLog:
             _cut(self._curve, updates)
         self._writer = SummaryWriter(str(folder / "tensorboard"))
         self._laps: deque[float] = deque(maxlen=LATELY)
-        self._tally = Tally()
+        self._tally = RolloutTally()
 
     def close(self) -> None:
         """Write what is not written yet."""
         self._writer.close()
 
-    def note(self, tally: Tally) -> None:
+    def note(self, tally: RolloutTally) -> None:
         """Take in what happened in rollouts."""
         self._laps.extend(tally.laps)
         self._tally.add(tally)
@@ -66,7 +65,7 @@ class TrainingLog:
         self, updates: int, transitions: int, updates_per_s: float, metrics: Mapping[str, Tensor]
     ) -> Status:
         """Write the scalars since the last call: learner's metrics, each component of the reward a step."""
-        tally, self._tally = self._tally, Tally()
+        tally, self._tally = self._tally, RolloutTally()
         off_course = tally.off_course_s / max(tally.driven_s, 1e-9)
         lap_s = float(np.mean(self._laps)) if self._laps else math.nan
         scalars = {f"learner/{name}": float(value) for name, value in metrics.items()}
@@ -109,8 +108,5 @@ def _cut(curve: Path, updates: int) -> None:
     kept = [line for line in lines if not (at := line.split(",")[0]).isdecimal() or int(at) <= updates]
     if len(kept) == len(lines):
         return
-    try:
-        with whole_file(curve) as partial:
-            partial.write_text("".join(kept), "utf-8", newline="")
-    except OSError as error:
-        raise InputError(f"{curve}: cannot be written: {error.strerror}") from None
+    with writing(curve):
+        write_whole(curve, "".join(kept))

@@ -25,7 +25,7 @@ from nathlon.sim.track import load_track
 from nathlon.sim.track.generating import write_generated
 from nathlon.sim.track.styles import STYLES
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 PAIRS = "pairs"
 """Folder of a run in which the files of its circuits and cars are."""
@@ -174,8 +174,7 @@ def _make(note: Path, kind: str, number: int, variety: Variety) -> None:
         made = None
     else:
         made = pair._replace(lap_s=driver.lap_s)
-    with whole_file(note) as partial:
-        partial.write_text(json.dumps(made), "utf-8")
+    write_whole(note, json.dumps(made))
 
 
 def _generated(folder: Path, seed: int, variety: Variety) -> Pair:

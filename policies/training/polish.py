@@ -39,9 +39,10 @@ from nathlon.policies.training.polish_state import CURVE, PolishState, load_stat
 from nathlon.policies.training.proximal import improve
 from nathlon.policies.training.state import STATE_FILE
 from nathlon.policies.training.trial import Driven
-from nathlon.policies.training.trial_pool import Plan, TrialPool
+from nathlon.policies.training.trial_pool import TrialPool, TrialSetup
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.whole_file import writing
 
 STARTS = 16
 """Differing ones in a round."""
@@ -185,11 +186,11 @@ class Polish:
             return study(self._actor, self._origin, driven, rate, settings.batch, rng)
         return improve(self._actor, driven, settings.deviation, rate, settings.batch, rng)
 
-    def _plans(self, rng: np.random.Generator) -> list[Plan]:
+    def _plans(self, rng: np.random.Generator) -> list[TrialSetup]:
         """The trials of a round; of a variety each start is on a pair of its own."""
         together = 1 if self._config.variety else SIDE_BY_SIDE
         return [
-            Plan(rollouts, self._draw.draw(rng), min(together, count - first), int(rng.integers(2**63)))
+            TrialSetup(rollouts, self._draw.draw(rng), min(together, count - first), int(rng.integers(2**63)))
             for rollouts, count in self._races
             for first in range(0, count, together)
         ]
@@ -213,10 +214,8 @@ class Polish:
             }
         )
         path = self._folder / "checkpoints" / f"round-{self.rounds:05d}.safetensors"
-        try:
+        with writing(path):
             save_checkpoint(path, tensors, card)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         network = load_checkpoint(path).network
         laps = mean_laps(
             evaluate_laps(pair, card.observation, network, self._seed) for pair in self._evaluated

@@ -17,7 +17,7 @@ from nathlon.policies.training.log import CURVE_FILE
 from nathlon.policies.training.state import STATE_FILE, write_tensors
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import open_regular
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, writing
 
 CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")
 COUNTS, WEIGHTS, CURVE_KEY = "counts", "weights", "curve"
@@ -98,12 +98,9 @@ def write_curve(folder: Path, columns: Sequence[str], curve: NDArray[np.float64]
         InputError: if it cannot be written.
     """
     path = folder / CURVE_FILE
-    try:
-        with whole_file(path) as partial, partial.open("w", newline="") as file:
-            sheet = csv.writer(file)
-            sheet.writerow(columns)
-            for *counts, gain, lap_s, off_course in curve.tolist():
-                figures = (f"{gain:.3f}", f"{lap_s:.3f}", f"{off_course:.4f}")
-                sheet.writerow([*map(int, counts), *figures])
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    with writing(path), whole_file(path) as partial, partial.open("w", newline="") as file:
+        sheet = csv.writer(file)
+        sheet.writerow(columns)
+        for *counts, gain, lap_s, off_course in curve.tolist():
+            figures = (f"{gain:.3f}", f"{lap_s:.3f}", f"{off_course:.4f}")
+            sheet.writerow([*map(int, counts), *figures])

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import parent_process
-from threading import Thread
 
 import torch
 
-from nathlon.policies.child_processes import FreshProcesses, starting_processes
+from nathlon.policies.child_processes import FreshProcesses, obey_parent, starting_processes
 
 
 def start_processes(count: int | None = None) -> ProcessPoolExecutor:
@@ -25,14 +21,5 @@ def start_processes(count: int | None = None) -> ProcessPoolExecutor:
 
 
 def _begin() -> None:
-    # Ctrl-C reaches the whole group; the process that started these decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    obey_parent()
     torch.set_num_threads(1)
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    assert parent is not None, "it was started by one"
-    parent.join()
-    os._exit(1)

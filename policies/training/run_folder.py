@@ -11,7 +11,7 @@ from nathlon.policies.training.config import TrainingConfig
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole, writing
 
 CONFIG_FILE = "run.json"
 CHECKPOINTS = "checkpoints"
@@ -26,12 +26,9 @@ def make_run_folder(folder: Path, config: TrainingConfig, seed: int) -> None:
     path = folder / CONFIG_FILE
     if path.exists():
         raise InputError(f"{folder}: holds a training run already; resume it or choose another folder")
-    try:
+    with writing(folder):
         (folder / CHECKPOINTS).mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as partial:
-            partial.write_text(json.dumps({"seed": seed, "config": config.model_dump()}, indent=1), "utf-8")
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+        write_whole(path, json.dumps({"seed": seed, "config": config.model_dump()}, indent=1))
 
 
 def read_run_folder(folder: Path) -> tuple[TrainingConfig, int]:

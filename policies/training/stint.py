@@ -17,7 +17,7 @@ from nathlon.policies.training.rollout import Rollout, Step
 
 
 @dataclass
-class Tally:
+class RolloutTally:
     """What happened in some steps of rollouts.
 
     Attributes:
@@ -33,7 +33,7 @@ class Tally:
     off_course_s: float = 0.0
     components: dict[str, float] = field(default_factory=dict)
 
-    def add(self, other: Tally) -> None:
+    def add(self, other: RolloutTally) -> None:
         """Take in another tally."""
         self.laps += other.laps
         self.steps += other.steps
@@ -43,7 +43,7 @@ class Tally:
             self.components[name] = self.components.get(name, 0.0) + value
 
 
-class Stint:
+class RolloutStint:
     """Races of some rollouts on one pair at a time."""
 
     def __init__(
@@ -65,7 +65,7 @@ class Stint:
         self._pair = self._draw.draw(self._rng)
         self._rollout = Rollout(self._config, self._rollouts, self._pair, self._rng)
         self._rollout.meet(*self._met)
-        self._driven = Tally()
+        self._driven = RolloutTally()
         self._left_s = np.inf if self._config.variety is None else self._config.variety.stint_s
 
     @property
@@ -78,7 +78,7 @@ class Stint:
         self._met = current, past
         self._rollout.meet(current, past)
 
-    def step(self, action: NDArray[np.float32]) -> tuple[Step, Tally]:
+    def step(self, action: NDArray[np.float32]) -> tuple[Step, RolloutTally]:
         """Advance all races by one step; the last one of a stint cuts off all episodes.
 
         Args:
@@ -97,12 +97,12 @@ class Stint:
         return step, tally
 
 
-def _tally(rollout: Rollout, step: Step, components: dict[str, Rewards]) -> Tally:
+def _tally(rollout: Rollout, step: Step, components: dict[str, Rewards]) -> RolloutTally:
     """What happened in the last step of a rollout; demonstrations tell nothing of the learner."""
     laps, rollout.laps = rollout.laps, []
     driven_s, rollout.driven_s = rollout.driven_s, 0.0
     off_course_s, rollout.off_course_s = rollout.off_course_s, 0.0
     if rollout.demonstrated:
-        return Tally()
+        return RolloutTally()
     sums = {name: float(value[step.valid].sum()) for name, value in components.items()}
-    return Tally(laps, int(step.valid.sum()), driven_s, off_course_s, sums)
+    return RolloutTally(laps, int(step.valid.sum()), driven_s, off_course_s, sums)

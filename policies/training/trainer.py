@@ -29,9 +29,10 @@ from nathlon.policies.training.state import (
     save_state,
     write_tensors,
 )
-from nathlon.policies.training.worker import Experience, Gathered, News
+from nathlon.policies.training.worker import Experience, Gathered, News, WorkerSetup
 from nathlon.policies.training.worker_pool import MakeWorkers, WorkerPool, local_workers
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import writing
 
 ACTION_SIZE = 2
 LOG_EVERY = 250
@@ -195,7 +196,7 @@ class Trainer:
     def _worker_pool(self, pairs: Sequence[Pair], make: MakeWorkers) -> WorkerPool:
         # Episodes to come must not repeat those before a stop.
         seed = np.random.SeedSequence([self.seed, self.updates])
-        return make(self.config, pairs, self.learner.policy_network, self._news(), seed)
+        return make(WorkerSetup(self.config, pairs, self.learner.policy_network, self._news(), seed))
 
     def _news(self) -> News:
         past = tuple(sorted((self.folder / CHECKPOINTS).glob("*.safetensors")))
@@ -265,10 +266,8 @@ class Trainer:
             created_by={"nathlon": version("nathlon"), "torch": version("torch")},
         )
         path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
-        try:
+        with writing(path):
             save_checkpoint(path, self.learner.policy_tensors(), card)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         laps = mean_laps(
             evaluate_laps(pair, self._spec, lambda seen: self.learner.act(seen, stochastic=False), self.seed)
             for pair in self._evaluated

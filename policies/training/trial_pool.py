@@ -18,7 +18,7 @@ from nathlon.policies.training.trial import Drive, Trial
 from nathlon.sim.errors import InputError
 
 
-class Plan(NamedTuple):
+class TrialSetup(NamedTuple):
     """A trial to be driven.
 
     Attributes:
@@ -47,7 +47,7 @@ class TrialPool:
         self._config, self._checkpoint = config, checkpoint
         self._processes = start_processes(config.workers) if config.workers else None
 
-    def drive(self, plans: Sequence[Plan], network: Mlp | EncodedMlp) -> Iterator[Drive]:
+    def drive(self, plans: Sequence[TrialSetup], network: Mlp | EncodedMlp) -> Iterator[Drive]:
         """What comes of each of the trials, in their order.
 
         Args:
@@ -74,6 +74,6 @@ class TrialPool:
             self._processes.shutdown(cancel_futures=True)
 
 
-def _drive(config: TrainingConfig, checkpoint: Path, network: Mlp | EncodedMlp, plan: Plan) -> Drive:
+def _drive(config: TrainingConfig, checkpoint: Path, network: Mlp | EncodedMlp, plan: TrialSetup) -> Drive:
     trial = Trial(config, plan.rollouts, plan.pair, plan.starts, checkpoint)
     return trial.drive(network, np.random.default_rng(plan.seed))

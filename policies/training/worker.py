@@ -17,7 +17,7 @@ from nathlon.policies.qrsac.networks import Perceptron, act
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.pairs import Pair, PairDraw
 from nathlon.policies.training.rollout import Step
-from nathlon.policies.training.stint import Stint, Tally
+from nathlon.policies.training.stint import RolloutStint, RolloutTally
 from nathlon.sim.observation import ObservationSpec
 
 
@@ -60,7 +60,7 @@ class Gathered(NamedTuple):
     """What one step of a worker brought: the experience of each rollout, and the tally of all."""
 
     experience: list[Experience]
-    tally: Tally
+    tally: RolloutTally
 
 
 class News(NamedTuple):
@@ -70,36 +70,41 @@ class News(NamedTuple):
     past: tuple[Path, ...]
 
 
+class WorkerSetup(NamedTuple):
+    """What rollout workers begin with.
+
+    Attributes:
+        config: the training run.
+        pairs: of circuit and car to drive.
+        network: the policy that drives the learner's cars.
+        news: its parameters to begin with.
+        seed: of all that is drawn.
+    """
+
+    config: TrainingConfig
+    pairs: Sequence[Pair]
+    network: Perceptron
+    news: News
+    seed: np.random.SeedSequence
+
+
 class RolloutWorker:
     """Steps all rollouts of a configuration."""
 
-    def __init__(
-        self,
-        config: TrainingConfig,
-        pairs: Sequence[Pair],
-        network: Perceptron,
-        news: News,
-        seed: np.random.SeedSequence,
-    ) -> None:
+    def __init__(self, setup: WorkerSetup) -> None:
         """Rollouts at their start.
-
-        Args:
-            config: the training run.
-            pairs: of circuit and car to drive.
-            network: the policy that drives the learner's cars.
-            news: its parameters to begin with.
-            seed: of all that is drawn.
 
         Raises:
             InputError: if a rollout of the configuration cannot be made.
         """
+        config, pairs, network, news, seed = setup
         exploration, *streams = seed.spawn(1 + len(config.rollouts))
         draw = PairDraw(pairs)
         self._generator = torch.Generator().manual_seed(int(exploration.generate_state(1)[0]))
         self._policy = CurrentPolicy(config.observation.spec(), network, torch.from_numpy(news.parameters))
         self._network = network
         self._worlds = [
-            [Stint(config, rollouts, draw, rng) for rng in _generators(stream, rollouts)]
+            [RolloutStint(config, rollouts, draw, rng) for rng in _generators(stream, rollouts)]
             for rollouts, stream in zip(config.rollouts, streams, strict=True)
         ]
         self.hear(news)
@@ -114,7 +119,7 @@ class RolloutWorker:
         """Advance every rollout by one step."""
         seen = [stint.observation for stint in chain(*self._worlds)]
         actions = act(self._network, self._policy.parameters, np.concatenate(seen), self._generator)
-        experience, tally, first = [], Tally(), 0
+        experience, tally, first = [], RolloutTally(), 0
         for worlds in self._worlds:
             parts = []
             for stint in worlds:

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from multiprocessing.connection import Connection, wait
 from typing import Protocol
 
-import numpy as np
 import torch
 
-from nathlon.policies.child_processes import FreshProcesses
+from nathlon.policies.child_processes import FreshProcesses, obey_parent
 from nathlon.policies.incoming import Incoming, UnreadableError
 from nathlon.policies.patience import LOOK_S
-from nathlon.policies.qrsac.networks import Perceptron
-from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.pairs import Pair
-from nathlon.policies.training.worker import Gathered, News, RolloutWorker
+from nathlon.policies.training.worker import Gathered, News, RolloutWorker, WorkerSetup
 from nathlon.sim.errors import InputError
 
 STEPS_AHEAD = 2
@@ -48,21 +43,13 @@ class WorkerPool(Protocol):
         """End the workers."""
 
 
-MakeWorkers = Callable[[TrainingConfig, Sequence[Pair], Perceptron, News, np.random.SeedSequence], WorkerPool]
-"""Starts the workers of a configuration; for the arguments see `RolloutWorker`."""
+MakeWorkers = Callable[[WorkerSetup], WorkerPool]
+"""Starts the workers of a configuration."""
 
 
-def local_workers(
-    config: TrainingConfig,
-    pairs: Sequence[Pair],
-    network: Perceptron,
-    news: News,
-    seed: np.random.SeedSequence,
-) -> WorkerPool:
+def local_workers(setup: WorkerSetup) -> WorkerPool:
     """Workers on this machine: processes, as many as the configuration says, or this one."""
-    if config.workers:
-        return ProcessWorkers(config, pairs, network, news, seed)
-    return LocalWorkers(RolloutWorker(config, pairs, network, news, seed))
+    return ProcessWorkers(setup) if setup.config.workers else LocalWorkers(RolloutWorker(setup))
 
 
 class LocalWorkers:
@@ -84,22 +71,15 @@ class LocalWorkers:
 class ProcessWorkers:
     """Workers in processes of their own, which go on stepping until they are `STEPS_AHEAD`."""
 
-    def __init__(
-        self,
-        config: TrainingConfig,
-        pairs: Sequence[Pair],
-        network: Perceptron,
-        news: News,
-        seed: np.random.SeedSequence,
-    ) -> None:
-        """Start the processes, as many as the configuration says; for the arguments see `RolloutWorker`."""
+    def __init__(self, setup: WorkerSetup) -> None:
+        """Start the processes, as many as the configuration says."""
         context = FreshProcesses()
         self._pipes: list[Connection] = []
         self._incoming: list[Incoming] = []
         self._processes = []
-        for stream in seed.spawn(config.workers):
+        for stream in setup.seed.spawn(setup.config.workers):
             here, there = context.Pipe()
-            arguments = (there, config, pairs, network, news, stream)
+            arguments = (there, setup._replace(seed=stream))
             process = context.Process(target=_serve, args=arguments, daemon=True)
             process.start()
             there.close()
@@ -109,7 +89,7 @@ class ProcessWorkers:
         # Sent by a thread: a worker that waits until its own message is read takes in none.
         self._sender = ThreadPoolExecutor(1)
         self._news: dict[int, News] = {}
-        for index in range(config.workers):
+        for index in range(setup.config.workers):
             for _ in range(STEPS_AHEAD):
                 self._ask(index)
 
@@ -155,19 +135,11 @@ class ProcessWorkers:
             pipe.close()
 
 
-def _serve(
-    pipe: Connection,
-    config: TrainingConfig,
-    pairs: Sequence[Pair],
-    network: Perceptron,
-    news: News,
-    seed: np.random.SeedSequence,
-) -> None:
-    # Ctrl-C reaches the whole group; the learner's process decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _serve(pipe: Connection, setup: WorkerSetup) -> None:
+    obey_parent()
     torch.set_num_threads(1)
     try:
-        worker = RolloutWorker(config, pairs, network, news, seed)
+        worker = RolloutWorker(setup)
     except InputError as error:
         pipe.send(error)
         return

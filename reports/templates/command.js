@@ -1,3 +1,3 @@
 // A command that somebody is to type into a shell.
 const quoted = (word) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replaceAll("'", `'"'"'`)}'`);
-const typed = (words) => words.map(quoted).join(" ");
+export const typed = (words) => words.map(quoted).join(" ");

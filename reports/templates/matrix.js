@@ -1,17 +1,12 @@
-"use strict";
+// The map of a matrix: every cell, in the colours of a measure.
 
-const SVG = "http://www.w3.org/2000/svg";
-const data = JSON.parse(document.getElementById("data").textContent);
-const many = data.dimensions.map((dimension, n) => n).filter((n) => data.dimensions[n].levels.length > 1);
+import { byId, dataOf, h } from "./race/element.js";
+
+const data = dataOf("data");
+const many = [...data.dimensions.keys()].filter((n) => data.dimensions[n].levels.length > 1);
 const WORDS = ["no sign", "unconfirmed", "worse"];
+/** @type {{ measure: number, down: Set<number>, chosen: number | null }} */
 const state = { measure: -1, down: new Set(many.filter((n) => ["scenario", "place"].includes(data.dimensions[n].field))), chosen: null };
-
-function element(name, attributes = {}, text = null, space = null) {
-  const made = space ? document.createElementNS(space, name) : document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  if (text !== null) made.textContent = text;
-  return made;
-}
 
 /* By how many margins a finding is worse; what has no margin is seen in widths of its interval. */
 function margins(finding, measure) {
@@ -54,7 +49,7 @@ function draw() {
   const down = many.filter((n) => state.down.has(n)), across = many.filter((n) => !state.down.has(n));
   const rows = axis(down), columns = axis(across);
   const rowOf = new Map(rows.map((key, n) => [key.join(), n])), columnOf = new Map(columns.map((key, n) => [key.join(), n]));
-  const room = Math.max(400, document.getElementById("grid").clientWidth);
+  const room = Math.max(400, byId("grid").clientWidth);
   const named = (dimensions, key) => dimensions.map((n, k) => data.dimensions[n].levels[key[k]]);
   const gutter = down.map((n) => 14 + 7.1 * Math.max(...data.dimensions[n].levels.map((text) => text.length)));
   const left = gutter.reduce((sum, width) => sum + width, 0) + 4;
@@ -65,7 +60,7 @@ function draw() {
   const heights = across.map((n, k) => (upright[k] ? 12 + 6.3 * Math.max(...data.dimensions[n].levels.map((text) => text.length)) : 18));
   const tops = heights.map((_, k) => heights.slice(0, k).reduce((sum, one) => sum + one, 0));
   const top = heights.reduce((sum, one) => sum + one, 0) + 6;
-  const svg = element("svg", { width: left + side * columns.length + 12, height: top + height * rows.length + 4, tabindex: 0, role: "img", "aria-label": "heat map of all cells" }, null, SVG);
+  const svg = h("svg:svg", { width: left + side * columns.length + 12, height: top + height * rows.length + 4, tabindex: 0, role: "img", "aria-label": "heat map of all cells" });
   /* A heading stands once over all that it has in common; left out where it would not fit. */
   across.forEach((_, k) => {
     for (let first = 0; first < columns.length;) {
@@ -74,9 +69,9 @@ function draw() {
       const text = named(across, columns[first])[k], width = side * (last - first);
       const fits = Math.floor((width - 4) / 6.6);
       const x = left + side * first;
-      if (upright[k]) svg.append(element("text", { x: 0, y: 0, transform: `translate(${x + side / 2 + 4} ${top - 8}) rotate(-90)` }, text, SVG));
-      else if (fits >= 3) svg.append(element("text", { x: x + 2, y: tops[k] + 13 }, text.length > fits ? "…" + text.slice(1 - fits) : text, SVG));
-      if (first) svg.append(element("line", { class: "split", x1: x - 0.5, x2: x - 0.5, y1: tops[k], y2: top }, null, SVG));
+      if (upright[k]) svg.append(h("svg:text", { x: 0, y: 0, transform: `translate(${x + side / 2 + 4} ${top - 8}) rotate(-90)` }, text));
+      else if (fits >= 3) svg.append(h("svg:text", { x: x + 2, y: tops[k] + 13 }, text.length > fits ? `…${text.slice(1 - fits)}` : text));
+      if (first) svg.append(h("svg:line", { class: "split", x1: x - 0.5, x2: x - 0.5, y1: tops[k], y2: top }));
       first = last;
     }
   });
@@ -84,48 +79,55 @@ function draw() {
   down.forEach((_, k) => {
     rows.forEach((key, n) => {
       if (n && rows[n - 1].slice(0, k + 1).join() === key.slice(0, k + 1).join()) return;
-      svg.append(element("text", { x, y: top + height * n + height / 2 + 4 }, named(down, key)[k], SVG));
-      if (n && k === 0) svg.append(element("line", { class: "split", x1: 0, x2: left, y1: top + height * n - 0.5, y2: top + height * n - 0.5 }, null, SVG));
+      svg.append(h("svg:text", { x, y: top + height * n + height / 2 + 4 }, named(down, key)[k]));
+      if (n && k === 0) svg.append(h("svg:line", { class: "split", x1: 0, x2: left, y1: top + height * n - 0.5, y2: top + height * n - 0.5 }));
     });
     x += gutter[k];
   });
   places = new Map();
-  data.cells.forEach((cell, number) => {
-    const row = rowOf.get(down.map((n) => cell[0][n]).join()), column = columnOf.get(across.map((n) => cell[0][n]).join());
+  const rects = data.cells.map((cell, number) => {
+    const [row, column] = [rowOf.get(down.map((n) => cell[0][n]).join()) ?? 0, columnOf.get(across.map((n) => cell[0][n]).join()) ?? 0];
     places.set(`${row},${column}`, number);
     const seen = look(cell), at = { x: left + side * column, y: top + height * row };
-    svg.append(element("rect", { ...at, width: side, height, class: shade(seen.value), "data-cell": number, "data-at": `${row},${column}` }, null, SVG));
-    if (seen.verdict === 2) svg.append(element("circle", { cx: at.x + side / 2, cy: at.y + height / 2, r: 2.6 }, null, SVG));
+    const rect = h("svg:rect", { ...at, width: side, height, class: shade(seen.value), "data-cell": number, "data-at": `${row},${column}` });
+    svg.append(rect);
+    if (seen.verdict === 2) svg.append(h("svg:circle", { cx: at.x + side / 2, cy: at.y + height / 2, r: 2.6 }));
+    return rect;
   });
-  const frame = element("rect", { class: "chosen", width: side, height, visibility: "hidden" }, null, SVG);
+  const frame = h("svg:rect", { class: "chosen", width: side, height, visibility: "hidden" });
   svg.append(frame);
   const choose = (number) => {
-    const rect = svg.querySelector(`[data-cell="${number}"]`);
+    const rect = rects[number];
     if (!rect) return;
     state.chosen = number;
-    frame.setAttribute("x", rect.getAttribute("x"));
-    frame.setAttribute("y", rect.getAttribute("y"));
+    for (const name of ["x", "y"]) frame.setAttribute(name, rect.getAttribute(name) ?? "");
     frame.setAttribute("visibility", "visible");
     tell(data.cells[number]);
   };
-  svg.addEventListener("pointerover", (event) => { if (event.target.dataset.cell) choose(Number(event.target.dataset.cell)); });
+  /** The cell of an event, if it has one. */
+  const cellOf = (/** @type {Event} */ { target }) => (target instanceof SVGElement && target.dataset.cell ? Number(target.dataset.cell) : null);
+  svg.addEventListener("pointerover", (event) => {
+    const over = cellOf(event);
+    if (over !== null) choose(over);
+  });
   svg.addEventListener("click", (event) => {
-    const path = event.target.dataset.cell && data.cells[Number(event.target.dataset.cell)][3];
+    const pressed = cellOf(event);
+    const path = pressed !== null && data.cells[pressed][3];
     if (path) location.href = path;
   });
   svg.addEventListener("keydown", (event) => {
     const step = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1] }[event.key];
     if (!step) return;
     event.preventDefault();
-    const rect = state.chosen === null ? null : svg.querySelector(`[data-cell="${state.chosen}"]`);
-    let [row, column] = rect ? rect.dataset.at.split(",").map(Number) : [-step[0], -step[1]];
+    const at = state.chosen === null ? null : rects[state.chosen].dataset.at;
+    let [row, column] = at ? at.split(",").map(Number) : [-step[0], -step[1]];
     for (let tries = 0; tries < Math.max(rows.length, columns.length); tries++) {
       row += step[0];
       column += step[1];
       if (places.has(`${row},${column}`)) return choose(places.get(`${row},${column}`));
     }
   });
-  document.getElementById("grid").replaceChildren(svg);
+  byId("grid").replaceChildren(svg);
   if (state.chosen !== null) choose(state.chosen);
 }
 
@@ -137,25 +139,25 @@ function number(value, measure, sign) {
 }
 
 function tell(cell) {
-  const detail = document.getElementById("detail");
+  const detail = byId("detail");
   const title = many.map((n) => data.dimensions[n].levels[cell[0][n]]).join(", ") || "the only cell";
-  const table = element("table"), head = element("tr");
-  for (const text of ["Measure", data.names[0], data.names[1], "Worse by", "95 % interval", "Decision"]) head.append(element("th", { scope: "col" }, text));
-  const body = element("tbody");
+  const table = h("table"), head = h("tr");
+  for (const text of ["Measure", data.names[0], data.names[1], "Worse by", "95 % interval", "Decision"]) head.append(h("th", { scope: "col" }, text));
+  const body = h("tbody");
   cell[2].forEach((finding, n) => {
-    const [worse, low, high, policy, baseline, verdict] = finding, { name, unit, relative } = data.measures[n], row = element("tr");
-    row.append(element("th", { scope: "row" }, name));
-    row.append(element("td", {}, `${number(policy, n, false)} ${policy === null ? "" : unit}`), element("td", {}, `${number(baseline, n, false)} ${baseline === null ? "" : unit}`));
-    row.append(element("td", {}, worse === null ? "not measured" : `${number(worse, n, true)} ${relative ? "%" : unit}`), element("td", {}, worse === null ? "" : `${number(low, n, true)} to ${number(high, n, true)}`));
-    row.append(element("td", { class: ["", "cannot", "fail"][verdict] }, WORDS[verdict]));
+    const [worse, low, high, policy, baseline, verdict] = finding, { name, unit, relative } = data.measures[n], row = h("tr");
+    row.append(h("th", { scope: "row" }, name));
+    row.append(h("td", {}, `${number(policy, n, false)} ${policy === null ? "" : unit}`), h("td", {}, `${number(baseline, n, false)} ${baseline === null ? "" : unit}`));
+    row.append(h("td", {}, worse === null ? "not measured" : `${number(worse, n, true)} ${relative ? "%" : unit}`), h("td", {}, worse === null ? "" : `${number(low, n, true)} to ${number(high, n, true)}`));
+    row.append(h("td", { class: ["", "cannot", "fail"][verdict] }, WORDS[verdict]));
     body.append(row);
   });
-  const thead = element("thead");
+  const thead = h("thead");
   thead.append(head);
   table.append(thead, body);
-  const runs = element("p", { class: "note" }, `${cell[1]} runs of each. `);
-  if (cell[3]) runs.append(element("a", { href: cell[3] }, "the worst run, side by side"));
-  detail.replaceChildren(element("h3", {}, title), table, runs);
+  const runs = h("p", { class: "note" }, `${cell[1]} runs of each. `);
+  if (cell[3]) runs.append(h("a", { href: cell[3] }, "the worst run, side by side"));
+  detail.replaceChildren(h("h3", {}, title), table, runs);
 }
 
 function remember() {
@@ -167,30 +169,31 @@ function recall() {
   const said = new URLSearchParams(location.hash.slice(1));
   const measure = data.measures.findIndex((one) => one.name === said.get("measure"));
   state.measure = measure;
-  if (said.has("down")) state.down = new Set(many.filter((n) => said.get("down").split("+").join(" ").split(" ").includes(data.dimensions[n].field)));
+  const down = said.get("down");
+  if (down !== null) state.down = new Set(many.filter((n) => down.split("+").join(" ").split(" ").includes(data.dimensions[n].field)));
 }
 
 function controls() {
-  const select = document.getElementById("measure");
-  select.append(element("option", { value: -1 }, "the worst measure"));
-  data.measures.forEach((measure, n) => select.append(element("option", { value: n }, measure.name)));
-  select.value = state.measure;
+  const select = byId("measure", HTMLSelectElement);
+  select.append(h("option", { value: -1 }, "the worst measure"));
+  data.measures.forEach((measure, n) => select.append(h("option", { value: n }, measure.name)));
+  select.value = String(state.measure);
   select.addEventListener("change", () => { state.measure = Number(select.value); remember(); draw(); });
-  const axes = document.getElementById("axes");
+  const axes = byId("axes");
   for (const n of many) {
-    const label = element("label"), box = element("input", { type: "checkbox", value: n });
+    const label = h("label"), box = h("input", { type: "checkbox", value: n });
     box.checked = state.down.has(n);
     box.addEventListener("change", () => { state.down[box.checked ? "add" : "delete"](n); remember(); draw(); });
     label.append(box, data.dimensions[n].name);
     axes.append(label);
   }
-  const key = document.getElementById("key");
+  const key = byId("key");
   for (const [name, text] of [["c-p3", "better"], ["c-0", "alike"], ["c-n1", "worse"], ["c-n2", "by a margin"], ["c-n4", "by four"]]) {
-    const entry = element("span");
-    entry.append(element("i", { class: name }), text);
+    const entry = h("span");
+    entry.append(h("i", { class: name }), text);
     key.append(entry);
   }
-  key.append(element("span", {}, "● proven"));
+  key.append(h("span", {}, "● proven"));
 }
 
 recall();

@@ -1,5 +1,12 @@
 // The page of its own: the player with traces of the followed car and what the stewards noted.
 
+import { clock } from "./numbers.js";
+import { byId, dataOf, h } from "./race/element.js";
+import { orderTable } from "./race/order.js";
+import { keepMoment, keyHints, momentOf, racePlayer } from "./race/player.js";
+import { openRecording } from "./race/recording.js";
+import { penOf, sized } from "./race/scene.js";
+
 const TRACE_S = 20;
 
 function tracesOf(player, canvas, of) {
@@ -7,13 +14,14 @@ function tracesOf(player, canvas, of) {
   const { race, time, samples, tickAt, moment, value } = recording;
   const fastest = Math.max(1, ...samples.speed.map((column) => column.reduce((a, b) => Math.max(a, b), 1)));
   player.on.push(() => {
-    const pen = canvas.getContext("2d");
+    const pen = penOf(canvas);
     const [width, height, ratio] = sized(canvas);
     pen.clearRect(0, 0, width, height);
     const car = state.followed >= 0 ? state.followed : time.length ? recording.order(tickAt(state.now))[0] : 0;
     of.textContent = race.cars[car]?.name ?? "";
     if (!time.length) return;
     const [tick, part] = moment(state.now);
+    /** @type {[import("./race/recording.js").SampleName, string, number, number, (v: number) => number, (v: number) => string][]} */
     const traces = [
       ["speed", "#e6e8eb", 0, 0.44, (v) => v / fastest, (v) => `${Math.round(3.6 * v)} km/h`],
       ["throttle", "#60c86e", 0.5, 0.22, (v) => v, (v) => `throttle ${Math.round(100 * v)} %`],
@@ -21,6 +29,7 @@ function tracesOf(player, canvas, of) {
       ["steering", "#fac850", 0.78, 0.22, (v) => 0.5 + v / 2, (v) => `steering ${Math.round(100 * v)} %`],
     ];
     const first = tickAt(state.now - TRACE_S);
+    /** @type {Record<number, number>} */
     const said = {};
     for (const [name, colour, from, share, scaled, words] of traces) {
       pen.strokeStyle = colour;
@@ -37,6 +46,7 @@ function tracesOf(player, canvas, of) {
       pen.fillStyle = colour;
       pen.font = `${11 * ratio}px system-ui, sans-serif`;
       said[from] = (said[from] ?? 0) + 1;
+      /** @type {[string, number, number]} */
       const place = [words(value(name, car, tick, part)), (4 + 96 * (said[from] - 1)) * ratio, height * from + 11 * ratio];
       pen.strokeStyle = "#1a1e24";
       pen.lineWidth = 4 * ratio;
@@ -76,15 +86,14 @@ function stewardsOf(player, list) {
 }
 
 async function start() {
-  const at = (id) => document.getElementById(id);
-  const { race, circuit, followed } = JSON.parse(at("race").textContent);
+  const { race, circuit, followed } = dataOf("race");
   const recording = await openRecording(race, circuit);
   const player = racePlayer(recording, { followed, ...momentOf(new URLSearchParams(location.hash.slice(1))) });
-  tracesOf(player, at("traces"), at("dials-of"));
-  stewardsOf(player, at("incidents"));
-  at("side").prepend(orderTable(player));
-  at("main").prepend(player.node);
-  at("foot").append(keyHints());
+  tracesOf(player, byId("traces", HTMLCanvasElement), byId("dials-of"));
+  stewardsOf(player, byId("incidents"));
+  byId("side").prepend(orderTable(player));
+  byId("main").prepend(player.node);
+  byId("foot").append(keyHints());
   document.addEventListener("keydown", player.key);
   keepMoment(player, (moment) => history.replaceState(null, "", `#${new URLSearchParams(moment)}`));
   player.on.push(() => (document.body.dataset.ready = "yes"));

@@ -1,8 +1,10 @@
-"use strict";
+// The page of the viewer that Rerun hands out.
+
+import { byId } from "./race/element.js";
 
 async function start() {
   await wasm_bindgen({ module_or_path: "re_viewer_bg.wasm" });
-  const canvas = document.getElementById("viewer");
+  const canvas = byId("viewer");
   const viewer = new wasm_bindgen.WebHandle({
     url: [`${location.origin}/race.rrd`],
     hide_welcome_screen: true,
@@ -12,11 +14,11 @@ async function start() {
   });
   canvas.hidden = false;
   await viewer.start(canvas);
-  document.getElementById("news").remove();
+  byId("news").remove();
   document.body.dataset.ready = "yes";
 }
 
 start().catch((error) => {
-  document.getElementById("viewer").hidden = true;
-  document.getElementById("news").textContent = `The viewer cannot start in this browser: ${error}`;
+  byId("viewer").hidden = true;
+  byId("news").textContent = `The viewer cannot start in this browser: ${error}`;
 });

@@ -7,9 +7,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
-from scipy.spatial import KDTree
 
 from nathlon.sim.track import (
     KERB_LEFT,
@@ -182,7 +181,7 @@ def _points(track: Track) -> NDArray[np.float64]:
 def _reach(track: Track, foot: NDArray[np.float64], out: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far land reaches from the foot of a wall, (rows,) m."""
     rows = len(track.table)
-    tree = KDTree(track.table[:, [X, Y]])
+    tree = scipy.spatial.KDTree(track.table[:, [X, Y]])
     reach = np.zeros(rows)
     for width in LAND_M:
         _, nearest = tree.query(foot + width * out)
@@ -190,7 +189,7 @@ def _reach(track: Track, foot: NDArray[np.float64], out: NDArray[np.float64]) ->
         # On the inside of a bend, many rows are nearly as near as a point's own.
         mine = np.minimum(gap, rows - gap) * track.spacing <= 0.3 * width + 2.0 * track.spacing
         reach = np.where((reach == 0.0) & mine, width, reach)
-    return np.asarray(minimum_filter1d(reach, 5, mode="wrap"))
+    return np.asarray(scipy.ndimage.minimum_filter1d(reach, 5, mode="wrap"))
 
 
 def _colours(track: Track) -> NDArray[np.float64]:
@@ -225,7 +224,7 @@ def _stretches(track: Track) -> tuple[NDArray[np.int64], NDArray[np.int64], NDAr
     """Which rows lie in sight of each block of rows: first, begin and end of `Scenery`."""
     line = track.table[:, [X, Y]]
     rows = len(line)
-    tree = KDTree(line)
+    tree = scipy.spatial.KDTree(line)
     begin: list[int] = []
     end: list[int] = []
     first = [0]

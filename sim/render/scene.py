@@ -91,7 +91,7 @@ class Strip(NamedTuple):
     there: NDArray[np.bool_]
 
 
-class Ground:
+class DrawnGround:
     """The road and all that lies beside it, ready to be drawn around any place."""
 
     def __init__(self, track: Track) -> None:

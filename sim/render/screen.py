@@ -15,7 +15,7 @@ os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 import pygame  # it greets on standard output unless told before
 
 from nathlon.sim.render.panels import Panels
-from nathlon.sim.render.scene import Camera, CarShape, Ground, Trails
+from nathlon.sim.render.scene import Camera, CarShape, DrawnGround, Trails
 
 SIZE, WIDTH_M = (800, 600), 150.0
 FINENESS = 2
@@ -53,7 +53,7 @@ class Screen:
         self._large = pygame.Surface((SIZE[0] * FINENESS, SIZE[1] * FINENESS), 0, 32)
         self._picture = pygame.Surface(SIZE, 0, 32)
         self._camera = Camera(self._large.get_size(), WIDTH_M)
-        self._ground = Ground(episodes.world.track)
+        self._ground = DrawnGround(episodes.world.track)
         self._shape = CarShape(episodes.world.car)
         self._trails = Trails()
         self._panels = Panels(episodes, names, self._colours)

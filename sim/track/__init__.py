@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
-from scipy.interpolate import CubicSpline
 
 from nathlon.sim.data_file import DATA, Section, find_data, read_toml
 from nathlon.sim.errors import InputError
@@ -219,7 +219,7 @@ def build_track(points: NDArray[np.float64], facts: CircuitFile) -> Track:
     """
     closed = np.vstack([points, points[:1]])
     chord = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed[:, :2], axis=0).T))])
-    line = CubicSpline(chord, closed[:, :3], bc_type="periodic")
+    line = scipy.interpolate.CubicSpline(chord, closed[:, :3], bc_type="periodic")
     fine = np.linspace(0.0, chord[-1], 20 * len(points) + 1)
     arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line(fine)[:, :2], axis=0).T))])
     length = float(arc[-1])

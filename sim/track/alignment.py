@@ -17,7 +17,7 @@ WORST_CONDITION = 1e9
 """Beyond, all straights that are free run the same way."""
 
 
-class Piece(NamedTuple):
+class Clothoid(NamedTuple):
     """A part of the road with curvature linear in the distance.
 
     Attributes:
@@ -35,12 +35,12 @@ class Piece(NamedTuple):
         return 0.5 * (self.enter + self.leave) * self.length
 
 
-def straight(length: float) -> Piece:
+def straight(length: float) -> Clothoid:
     """A straight of some metres."""
-    return Piece(length, 0.0, 0.0)
+    return Clothoid(length, 0.0, 0.0)
 
 
-def bend(turn: float, radius: float, transition: float) -> tuple[Piece, Piece, Piece]:
+def bend(turn: float, radius: float, transition: float) -> tuple[Clothoid, Clothoid, Clothoid]:
     """A clothoid, an arc and a clothoid.
 
     Args:
@@ -52,23 +52,23 @@ def bend(turn: float, radius: float, transition: float) -> tuple[Piece, Piece, P
     clothoid = transition * abs(turn) * radius
     arc = (1.0 - transition) * abs(turn) * radius
     return (
-        Piece(clothoid, 0.0, curvature),
-        Piece(arc, curvature, curvature),
-        Piece(clothoid, curvature, 0.0),
+        Clothoid(clothoid, 0.0, curvature),
+        Clothoid(arc, curvature, curvature),
+        Clothoid(clothoid, curvature, 0.0),
     )
 
 
-def turn_of(pieces: Sequence[Piece]) -> float:
+def turn_of(pieces: Sequence[Clothoid]) -> float:
     """Change of direction over some pieces, rad, + is left."""
     return sum(piece.turn for piece in pieces)
 
 
-def length_of(pieces: Sequence[Piece]) -> float:
+def length_of(pieces: Sequence[Clothoid]) -> float:
     """Length of some pieces, m."""
     return sum(piece.length for piece in pieces)
 
 
-def displacement(pieces: Sequence[Piece]) -> NDArray[np.float64]:
+def displacement(pieces: Sequence[Clothoid]) -> NDArray[np.float64]:
     """From the beginning of some pieces to their end, where they begin eastward; (2,), m."""
     length, enter, leave = np.array(pieces).T
     turns = 0.5 * (enter + leave) * length
@@ -81,7 +81,7 @@ def displacement(pieces: Sequence[Piece]) -> NDArray[np.float64]:
 
 
 def close(
-    bends: Sequence[Sequence[Piece]],
+    bends: Sequence[Sequence[Clothoid]],
     wanted: NDArray[np.float64],
     least: NDArray[np.float64],
     length: float,
@@ -121,7 +121,7 @@ def close(
 
 
 def sample(
-    pieces: Sequence[Piece], distance: NDArray[np.float64]
+    pieces: Sequence[Clothoid], distance: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """The line of some pieces from the origin eastward.
 
@@ -150,17 +150,17 @@ def sample(
     return position, heading, curvature
 
 
-def _rate(piece: Piece) -> float:
+def _rate(piece: Clothoid) -> float:
     """Change of curvature a metre, 1/m^2."""
     return (piece.leave - piece.enter) / piece.length if piece.length else 0.0
 
 
-def _turned(piece: Piece, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned(piece: Clothoid, distance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Change of direction from the beginning of a piece, rad."""
     return (piece.enter + 0.5 * _rate(piece) * distance) * distance
 
 
-def _along(piece: Piece, heading: float, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(piece: Clothoid, heading: float, distance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Displacement from the beginning of a piece, (n, 2), m, by Gauss's quadrature."""
     at = 0.5 * distance[:, None] * (NODES + 1.0)
     direction = heading + _turned(piece, at)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import CircuitFile
 from nathlon.sim.track.centre_line import BANK_ANGLE, COLUMNS
+from nathlon.sim.whole_file import writing
 
 DIGITS = tuple(5 if column == BANK_ANGLE else 3 for column in range(len(COLUMNS)))
 """After the point: millimetres, and as much at the edge of a banked road."""
@@ -67,7 +68,7 @@ def write_circuit(target: Path, circuit: Circuit, origin: str) -> Path:
         ",".join(f"{cell:.{digits}f}" for cell, digits in zip(row, DIGITS, strict=True))
         for row in circuit.points
     ]
-    try:
+    with writing(target, "circuit"):
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as partial:
             made = Path(partial) / target.name
@@ -77,8 +78,6 @@ def write_circuit(target: Path, circuit: Circuit, origin: str) -> Path:
             )
             (made / "circuit.toml").write_text(_toml(circuit.facts, origin), "utf-8")
             os.rename(made, target)
-    except OSError as error:
-        raise InputError(f"{target}: the circuit cannot be written: {error.strerror}") from None
     return target / "circuit.toml"
 
 

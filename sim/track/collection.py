@@ -15,7 +15,7 @@ from nathlon.sim.track.importing import Imported, import_circuit
 MOST_FILES = 2000
 
 
-class Tried(NamedTuple):
+class TriedFile(NamedTuple):
     """A file, and the circuit made of it or why there is none."""
 
     file: Path
@@ -59,8 +59,8 @@ def import_folder(
     out: Path,
     width: float | None = None,
     scale: float = 1.0,
-    tell: Callable[[Tried], object] = lambda tried: None,
-) -> list[Tried]:
+    tell: Callable[[TriedFile], object] = lambda tried: None,
+) -> list[TriedFile]:
     """Import every file of a folder that describes a circuit, each as a folder in `out`.
 
     Args:
@@ -76,9 +76,9 @@ def import_folder(
     names = _names(circuit_files(folder))
     for file, name in names:
         try:
-            one = Tried(file, import_circuit(file, name, out, width, scale))
+            one = TriedFile(file, import_circuit(file, name, out, width, scale))
         except InputError as error:
-            one = Tried(file, None, str(error))
+            one = TriedFile(file, None, str(error))
         tried.append(one)
         tell(one)
     return tried

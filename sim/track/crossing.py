@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import splu
-from scipy.spatial import KDTree
 
 from nathlon.sim.errors import InputError
 
@@ -52,7 +50,7 @@ def meetings(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[
     """
     steps = ends - starts
     reach = float(np.hypot(*steps.T).max())
-    middles = KDTree((starts + ends) / 2)
+    middles = scipy.spatial.KDTree((starts + ends) / 2)
     if middles.count_neighbors(middles, reach) > MOST_NEIGHBOURS * len(starts):
         raise InputError(ON_ITSELF)
     pairs = middles.query_pairs(reach, output_type="ndarray").astype(np.int64)
@@ -131,14 +129,14 @@ def bridge_heights(crossings: list[Crossing], rows: int, spacing: float) -> NDAr
     """
     if not crossings:
         return np.zeros(rows)
-    ahead = sparse.csc_array((np.ones(rows), (np.arange(rows), np.roll(np.arange(rows), -1))))
-    difference = ahead - sparse.eye_array(rows, format="csc")
+    ahead = scipy.sparse.csc_array((np.ones(rows), (np.arange(rows), np.roll(np.arange(rows), -1))))
+    difference = ahead - scipy.sparse.eye_array(rows, format="csc")
     second = difference @ difference
-    energy = sparse.eye_array(rows) + (RAMP_M / spacing) ** 4 * (second.T @ second)
+    energy = scipy.sparse.eye_array(rows) + (RAMP_M / spacing) ** 4 * (second.T @ second)
     apart = np.zeros((rows, len(crossings)))
     for number, crossing in enumerate(crossings):
         apart[crossing.second, number], apart[crossing.first, number] = 1.0, -1.0
-    give = splu(energy.tocsc()).solve(apart)
+    give = scipy.sparse.linalg.splu(energy.tocsc()).solve(apart)
     pull = np.linalg.solve(apart.T @ give, np.full(len(crossings), CLEARANCE_M))
     return np.asarray(give @ pull)
 

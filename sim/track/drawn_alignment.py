@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from nathlon.sim.track.alignment import Piece, bend, close, length_of, sample, straight
+from nathlon.sim.track.alignment import Clothoid, bend, close, length_of, sample, straight
 from nathlon.sim.track.styles import Shape, Style
 
 CLOCKWISE_SHARE = 0.7
@@ -36,16 +36,18 @@ class Bends(NamedTuple):
     transitions: NDArray[np.float64]
     links: NDArray[np.float64]
 
-    def pieces(self, side: float, stretch: float) -> list[Piece]:
+    def pieces(self, side: float, stretch: float) -> list[Clothoid]:
         """The pieces, turning to a side (+ is left) by a multiple of the turn."""
-        found: list[Piece] = []
+        found: list[Clothoid] = []
         for turn, radius, transition, link in zip(*self, strict=True):
             found += [*bend(side * stretch * turn, radius, transition), straight(link)]
             side = -side
         return found[:-1]
 
 
-def draw_alignment(style: Style, length: float, apart: float, rng: np.random.Generator) -> list[Piece] | None:
+def draw_alignment(
+    style: Style, length: float, apart: float, rng: np.random.Generator
+) -> list[Clothoid] | None:
     """One try at an alignment that begins with the longer part of the straight with the start line.
 
     Args:
@@ -97,7 +99,7 @@ def _draw_shape(shape: Shape, rng: np.random.Generator) -> Bends:
     )
 
 
-def _turned_once(drawn: list[Bends], rng: np.random.Generator) -> list[list[Piece]] | None:
+def _turned_once(drawn: list[Bends], rng: np.random.Generator) -> list[list[Clothoid]] | None:
     """The pieces of all bends, to sides by lot, so that the lap turns once round; None where it cannot."""
     way = -1.0 if rng.uniform() < CLOCKWISE_SHARE else 1.0
     single = np.array([len(bends.turns) == 1 for bends in drawn])
@@ -112,7 +114,7 @@ def _turned_once(drawn: list[Bends], rng: np.random.Generator) -> list[list[Piec
     return None
 
 
-def _keeps_apart(pieces: list[Piece], length: float, apart: float) -> bool:
+def _keeps_apart(pieces: list[Clothoid], length: float, apart: float) -> bool:
     rows = round(length / COARSE_M)
     position = sample(pieces, np.linspace(0.0, length, rows, endpoint=False))[0]
     one, other = KDTree(position).query_pairs(apart, output_type="ndarray").T

@@ -12,7 +12,7 @@ import numpy as np
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.track import Track, build_track
-from nathlon.sim.track.alignment import Piece, sample, straight
+from nathlon.sim.track.alignment import Clothoid, sample, straight
 from nathlon.sim.track.circuit_folder import DIGITS, Circuit, new_folder, write_circuit
 from nathlon.sim.track.drawn_alignment import draw_alignment
 from nathlon.sim.track.layout import (
@@ -95,14 +95,14 @@ def _draw_road(style: Style, lap: float, seed: int, rng: np.random.Generator) ->
     )
 
 
-def _from_the_line(alignment: list[Piece], rng: np.random.Generator) -> list[Piece]:
+def _from_the_line(alignment: list[Clothoid], rng: np.random.Generator) -> list[Clothoid]:
     """The lap from the start line on; the grid stands on the first straight too."""
     whole = alignment[0].length
     behind = rng.uniform(GRID_M, max(GRID_M, BEHIND_LINE * whole))
     return [straight(whole - behind), *alignment[1:], straight(behind)]
 
 
-def _road(pieces: list[Piece], lap: float, width: float, rng: np.random.Generator) -> Road:
+def _road(pieces: list[Clothoid], lap: float, width: float, rng: np.random.Generator) -> Road:
     rows = round(lap)
     position, heading, curvature = sample(pieces, np.arange(rows, dtype=np.float64))
     north = rng.uniform(0.0, 2.0 * np.pi)

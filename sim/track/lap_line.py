@@ -13,7 +13,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.track.centre_line import LEAST_POINTS, MOST_POINTS, SHARPEST_TURN, turns_between
 from nathlon.sim.track.closing import graded, lap_of
 from nathlon.sim.track.edges import middle_of
-from nathlon.sim.track.formats.outline import Outline
+from nathlon.sim.track.formats.outline import CircuitLine
 from nathlon.sim.track.projection import local_metres
 
 GUESSED_WIDTH_M = 10.0
@@ -47,7 +47,7 @@ class LapLine:
     notes: tuple[str, ...]
 
 
-def lap_line(outline: Outline, width: float | None = None, scale: float = 1.0) -> LapLine:
+def lap_line(outline: CircuitLine, width: float | None = None, scale: float = 1.0) -> LapLine:
     """Make the centre line of a lap of what a file tells.
 
     Args:
@@ -85,7 +85,7 @@ def lap_line(outline: Outline, width: float | None = None, scale: float = 1.0) -
     )
 
 
-def _in_metres(outline: Outline) -> tuple[Outline, list[str]]:
+def _in_metres(outline: CircuitLine) -> tuple[CircuitLine, list[str]]:
     """An outline in metres, near its first point, and what was converted."""
     line, notes = outline.line, []
     if len(line) < 2:
@@ -115,7 +115,7 @@ def _in_metres(outline: Outline) -> tuple[Outline, list[str]]:
     return replace(outline, line=line, right_edge=edge, surveyed=surveyed), notes
 
 
-def _scaled(outline: Outline, scale: float) -> Outline:
+def _scaled(outline: CircuitLine, scale: float) -> CircuitLine:
     def times(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
         return None if values is None else values * scale
 
@@ -129,7 +129,7 @@ def _scaled(outline: Outline, scale: float) -> Outline:
     )
 
 
-def _between(outline: Outline, right_edge: NDArray[np.float64]) -> Outline:
+def _between(outline: CircuitLine, right_edge: NDArray[np.float64]) -> CircuitLine:
     """The outline of the middle between two edges."""
     edges = []
     for edge in (outline.line, right_edge):
@@ -149,7 +149,7 @@ def _between(outline: Outline, right_edge: NDArray[np.float64]) -> Outline:
 
 
 def _widths(
-    outline: Outline, kept: NDArray[np.int64], width: float | None
+    outline: CircuitLine, kept: NDArray[np.int64], width: float | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], list[str]]:
     """Distances to the right and the left edge, m, and a note where they are guessed or replaced."""
     if width is None and outline.right is not None and outline.left is not None:

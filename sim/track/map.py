@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from nathlon.sim.errors import InputError
 from nathlon.sim.track import (
     CURVATURE,
     KERB_LEFT,
@@ -39,7 +38,7 @@ from nathlon.sim.track.plan import (
     draw_plan,
     wall_lines,
 )
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, writing
 
 SHEET_ROW, THUMBNAIL_IN, SHEET_DPI = 5, 4.0, 90
 """Circuits in a row of a sheet, and the side of each."""
@@ -55,11 +54,8 @@ def draw_map(track: Track, path: Path) -> None:
     # A dollar sign in a name begins no formula.
     with matplotlib.rc_context({"text.parse_math": False}):
         figure = _drawn(track)
-    try:
-        with whole_file(path) as partial:
-            figure.savefig(partial, format="png", facecolor=PAPER)
-    except OSError as error:
-        raise InputError(f"{path}: the map cannot be written: {error.strerror}") from None
+    with writing(path, "map"), whole_file(path) as partial:
+        figure.savefig(partial, format="png", facecolor=PAPER)
 
 
 def draw_sheet(tracks: Sequence[Track], path: Path) -> None:
@@ -81,11 +77,8 @@ def draw_sheet(tracks: Sequence[Track], path: Path) -> None:
         draw_ground(axes, track, np.ones(len(track.table), np.bool_), 1.0)
         axes.set_title(f"{track.name}\n{track.description}", fontsize=7, parse_math=False)
     figure.tight_layout()
-    try:
-        with whole_file(path) as partial:
-            figure.savefig(partial, format=path.suffix.lstrip(".") or "png", facecolor=PAPER)
-    except OSError as error:
-        raise InputError(f"{path}: the sheet cannot be written: {error.strerror}") from None
+    with writing(path, "sheet"), whole_file(path) as partial:
+        figure.savefig(partial, format=path.suffix.lstrip(".") or "png", facecolor=PAPER)
 
 
 def _drawn(track: Track) -> Figure:

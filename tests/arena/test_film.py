@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from nathlon.arena import film as film_module
-from nathlon.arena.film import SIDE, Camera, Film
+from nathlon.arena.film import SIDE, Film, FilmCamera
 from nathlon.arena.film_recording import holds_film, read_film, write_film
 from nathlon.arena.mcap_file import is_schema_of
 from nathlon.arena.recording import write_recording
@@ -28,14 +28,14 @@ def grey(level: int, height: int = 40, width: int = 60) -> NDArray[np.uint8]:
     return np.full((height, width, 3), level, np.uint8)
 
 
-def filmed(steps: int, step_s: float) -> Camera:
-    camera = Camera()
+def filmed(steps: int, step_s: float) -> FilmCamera:
+    camera = FilmCamera()
     for step in range(steps):
         camera(step * step_s, partial(grey, step % 256), step == steps - 1)
     return camera
 
 
-def film(camera: Camera) -> Film:
+def film(camera: FilmCamera) -> Film:
     seats = (("left", "a"), ("right", "b <&"))
     return Film(
         "w", "duel", "m" * 64, 3, 7, "0", seats, tuple(camera.time_s), tuple(camera.pictures), camera.note
@@ -51,7 +51,7 @@ def test_a_picture_is_taken_every_step_but_not_more_than_thirty_a_second() -> No
 
 def test_what_is_not_wanted_is_not_drawn() -> None:
     drawn: list[int] = []
-    camera = Camera()
+    camera = FilmCamera()
 
     def draw() -> NDArray[np.uint8]:
         drawn.append(step)
@@ -72,7 +72,7 @@ def test_a_long_film_keeps_its_end_and_says_that_it_was_thinned_out(monkeypatch:
 
 
 def test_large_pictures_are_made_smaller() -> None:
-    camera = Camera()
+    camera = FilmCamera()
     camera(0.0, lambda: grey(9, 3 * SIDE, 2 * SIDE), True)
     assert Image.open(io.BytesIO(camera.pictures[0])).size == (427, SIDE)
 
@@ -84,7 +84,7 @@ def test_what_is_no_picture_is_the_world_s_fault(drawn: object) -> None:
     with pytest.raises(
         WorldError, match=r"render gives .*, expected a picture \(height, width, 3\) of uint8"
     ):
-        Camera()(0.0, lambda: drawn, True)
+        FilmCamera()(0.0, lambda: drawn, True)
 
 
 def test_an_independent_reader_finds_every_picture_at_its_time(tmp_path: Path) -> None:

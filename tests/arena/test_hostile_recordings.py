@@ -15,7 +15,7 @@ from mcap_protobuf.schema import register_schema
 
 from nathlon.arena import _car_state_pb2 as pb
 from nathlon.arena import recording as recording_module
-from nathlon.arena.race_log import CAR_SAMPLE, Incident, RaceLog, Stretch
+from nathlon.arena.race_log import CAR_SAMPLE, Incident, NamedStretch, RaceLog
 from nathlon.arena.recording import read_recording, recover_recording, write_recording
 from nathlon.reports.player import render_player
 from nathlon.sim.errors import InputError
@@ -101,7 +101,7 @@ INCIDENT = Incident(1.0, "contact", (0, 1), "Car 0 runs into car 1.", fault=0)
         (replace(LOG, time_s=LOG.time_s + 1e6), "time_s"),
         (replace(LOG, car_length_m=np.inf), "car_length_m"),
         (replace(LOG, car_width_m=0.0), "car_width_m"),
-        (replace(LOG, sections=(Stretch("bend", "corner", 0.0, np.inf),)), "sections"),
+        (replace(LOG, sections=(NamedStretch("bend", "corner", 0.0, np.inf),)), "sections"),
         (replace(LOG, outline=replace(LOG.outline, left=LOG.outline.left * np.nan)), "left"),
         (replace(LOG, outline=replace(LOG.outline, centre=LOG.outline.centre * 0.0)), "centre"),
         (replace(LOG, incidents=(replace(INCIDENT, kind="murder"),)), "kind is 'murder'"),

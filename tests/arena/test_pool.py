@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from nathlon.arena.entrant import enter
 from nathlon.arena.grouping import CARS, MATCHES, fill, group
-from nathlon.arena.job import HOG_BYTES, Loss, Opening, Racing, again
+from nathlon.arena.job import HOG_BYTES, Loss, MatchJob, Opening, again
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
@@ -182,11 +182,11 @@ def test_no_group_has_more_matches_than_have_room_in_memory() -> None:
     assert fill(alone[0]) == MATCHES
 
 
-def job(name: str, **facts: object) -> Racing:
+def job(name: str, **facts: object) -> MatchJob:
     match = Match(
         "t", name, "1v1", "lindenring", "gt3", ("a", "b"), ("a", "b"), (Race(1, (Seat(0), Seat(1))),)
     )
-    return Racing(match, **facts)  # type: ignore[arg-type]
+    return MatchJob(match, **facts)  # type: ignore[arg-type]
 
 
 def test_what_a_lost_worker_leaves_is_run_again() -> None:

@@ -14,7 +14,7 @@ from nathlon.lab.drive.blind import BlindTest, letters
 from nathlon.lab.drive.choice import Choice
 from nathlon.selection.committee import close, vote
 from nathlon.selection.committee.ballots import Ballot
-from nathlon.selection.committee.decision import Decision, describe
+from nathlon.selection.committee.decision import CommitteeDecision, describe
 from nathlon.selection.committee.drives import ballot, opinions
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.committee.events import Answers, Drove
@@ -115,7 +115,7 @@ def test_while_a_member_drives_nothing_is_told_of_their_drives(tmp_path: Path) -
     with Store.open(tmp_path / "store.sqlite") as store:
         event_log = EventLog(store, RUN)
 
-        def asked() -> Decision:
+        def asked() -> CommitteeDecision:
             return event_log.decisions()["selection"]
 
         event_log.add(drove(*said).model_copy(update={"decision": asked().name}))

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from nathlon.arena.store import Store
-from nathlon.commands.committee_app import committee
+from nathlon.commands.committee import committee
 from nathlon.commands.selection import put_again
 from nathlon.selection.committee import ask as put
 from nathlon.selection.committee.event_log import EventLog

@@ -10,7 +10,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from nathlon.arena.race_log import Incident
-from nathlon.lab.drive.choice import Offer, Opponent, plan
+from nathlon.lab.drive.choice import DriveOpponent, Offer, plan
 from nathlon.lab.drive.frames import HEAD
 from nathlon.lab.drive.heat import DrivenHeat, Heat
 from nathlon.lab.drive.input_buffer import InputBuffer
@@ -64,7 +64,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_opponent_that_hangs_is_said_and_the_race_goes_on_without_it() -> None:
-    made = plan(choice(cars=2, seat=2, opponents=(0,)), Offer.of([Opponent.of("plugin:hangs")]))
+    made = plan(choice(cars=2, seat=2, opponents=(0,)), Offer.of([DriveOpponent.of("plugin:hangs")]))
     [guest] = made.policies
     assert isinstance(guest, PolicyApart)
     said: list[Incident] = []
@@ -124,4 +124,4 @@ def test_an_endless_graph_is_refused_when_it_is_offered(
     monkeypatch.setattr("nathlon.lab.drive.choice.FIRST_ANSWER_S", 1.0)
     path = endless(tmp_path / "endless.onnx")
     with pytest.raises(InputError, match=r"endless\.onnx: took more than 1 s to open, expected a policy"):
-        Opponent.of(str(path))
+        DriveOpponent.of(str(path))

@@ -15,7 +15,7 @@ from nathlon.arena.recorder import record_races
 from nathlon.arena.recording import read_recording, write_recording
 from nathlon.arena.store import Store
 from nathlon.lab.drive.aids import Controls
-from nathlon.lab.drive.choice import Choice, Offer, Opponent, plan
+from nathlon.lab.drive.choice import Choice, DriveOpponent, Offer, plan
 from nathlon.lab.drive.clock import FURTHEST_BEHIND_S
 from nathlon.lab.drive.frames import CAR, COUNTDOWN, DRIVING, FINISHED, HEAD, OUT, OVER, RACING, car_rows
 from nathlon.lab.drive.heat import DrivenHeat
@@ -167,7 +167,7 @@ def test_a_choice_that_cannot_be_is_refused(other: dict[str, object], said: str)
 
 
 def test_only_who_can_drive_there_is_offered_there() -> None:
-    made = Opponent("a.safetensors", "a", "lindenring", "gt3")
+    made = DriveOpponent("a.safetensors", "a", "lindenring", "gt3")
     assert made.drives("lindenring", "gt3")
     assert not made.drives("lindenring", "coupe")
     offered = Offer.of([made._replace(circuit="porto-sereno")])

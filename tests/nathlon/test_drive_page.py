@@ -17,6 +17,7 @@ from nathlon.sim.data_file import DATA
 from nathlon.sim.world import DYNAMICS_DT
 from tests.support.driven_page import MAP, Drive, serious
 from tests.support.drives import served
+from tests.support.page_modules import module
 
 PAD = """
 window.pad = { id: "Wheel (Vendor: 046d)", index: 0, connected: true, mapping: MAPPING, axes: AXES,
@@ -107,7 +108,8 @@ def race_with_keys(drive: Drive, clock: LedClock) -> None:
     drive.until("document.getElementById('result').open")
     drive.picture("result")
     assert drive.page.locator("#result h2").inner_text() == "Your race ended: stuck"
-    assert drive.page.evaluate("[1, 2, 3, 11].map(ordinal).join()") == "1st,2nd,3rd,11th"
+    places = drive.page.evaluate(f"[1, 2, 3, 11].map({module('drive/words.js')}.ordinal)")
+    assert places == ["1st", "2nd", "3rd", "11th"]
     assert drive.page.locator("#result tr.own td").nth(1).inner_text() == "Ada"
     assert drive.room.kept[-1].recording.exists()
     assert Path(drive.page.locator("#result code").nth(1).inner_text()).exists()
@@ -160,7 +162,8 @@ def test_a_wheel_is_calibrated_once_and_known_again(
     drive.until("!document.getElementById('calibrate').open")
     drive.page.reload()
     drive.until("document.querySelector('#choice button.first')")
-    read = "([x, y, z]) => { pad.axes = [x, y, z]; return newInputs(() => {}).read(); }"
+    inputs = f"{module('drive/inputs.js')}.newInputs(() => {{}})"
+    read = f"([x, y, z]) => {{ pad.axes = [x, y, z]; return {inputs}.read(); }}"
     assert drive.page.evaluate(read, [1, -0.9, 1])["steering"] == pytest.approx(1.0)
     assert drive.page.evaluate(read, [1, 0.45, 1])["steering"] == pytest.approx(-0.5)
     assert drive.page.evaluate(read, [1, 0, 0])["throttle"] == pytest.approx(0.5)
@@ -172,7 +175,8 @@ def test_what_is_drawn_lies_between_frames(browser: Browser, drives: tuple[Drive
     """With clocks of the test's own: frames come unevenly, and are drawn two and a half ticks late."""
     drive = Drive(browser, *drives)
     drawn = drive.page.evaluate(
-        """() => {
+        f"() => {{ const {{ newPlayback }} = {module('drive/link.js')};"
+        """
       const playback = newPlayback();
       const car = (x, yaw) => ({ x, y: 0, z: 0, yaw, pitch: 0, roll: 0, speed: 60, progress: x });
       const late = [0, 0.004, 0, 0.012, 0, 0, 0.009];

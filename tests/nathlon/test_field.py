@@ -15,7 +15,7 @@ from onnx import TensorProto, helper
 from nathlon.arena.entrant import enter, entrants_table
 from nathlon.arena.pool import Pool
 from nathlon.arena.store import Store
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
@@ -146,8 +146,8 @@ def test_names_of_files_are_shown_as_they_can_be(watched: Path, pool: Pool) -> N
     assert str(strange) in {entrant.source for entrant in new}
     assert [Path(item.source).name for item in excluded] == ["broken.safetensors"]
     with Store(watched.parent / "store.sqlite") as store:
-        store.begin_run("night", {"field": asdict(Field(tuple(new)))})
-        assert Field.from_plan(store.runs()[0].config).newcomers == tuple(new)
+        store.begin_run("night", {"field": asdict(EntryList(tuple(new)))})
+        assert EntryList.from_plan(store.runs()[0].config).newcomers == tuple(new)
         store.put_table("night", "entrants", entrants_table(new))
         sources = store.table("night", "entrants")["source"].to_list()
     assert f"{watched}/\\udcff.safetensors" in sources

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser
 from typer.testing import CliRunner
 
 from nathlon.arena.store import Store
-from nathlon.commands.committee_app import committee
+from nathlon.commands.committee import committee
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.committee.events import Voted
 from tests.support.committees import PEOPLE, RUN, ask, ids

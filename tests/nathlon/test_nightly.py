@@ -28,7 +28,7 @@ from nathlon.policies.checkpoint import read_checkpoint, save_checkpoint
 from nathlon.policies.sources.identity import policy_id
 from nathlon.results.summary import Sent, SetAside, read_summary
 from nathlon.selection.config import TEMPLATE, Config, read_config
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.nightly.night import GATE, HEALTH, NOT_JUDGED, OK, Night, awaited, judge, nightly, told
 from nathlon.selection.run import DONE, KERNELS, RECORDINGS, STAGES
 from nathlon.sim.errors import InputError
@@ -218,7 +218,7 @@ def test_an_empty_folder_is_told(tmp_path: Path) -> None:
     folder = tmp_path / "checkpoints"
     assert run(tmp_path).reason == f"Nothing is new: {folder} holds no checkpoint."
     entrant = enter(str(GOOD[0]), "lindenring", "gt3")
-    judged = Field((replace(entrant, source=str(folder / "a" / "step.safetensors")),))
+    judged = EntryList((replace(entrant, source=str(folder / "a" / "step.safetensors")),))
     with Store(tmp_path / "nathlon.sqlite") as store:
         store.begin_run("night-0001", {"world": {}, "field": asdict(judged)})
         store.end_run("night-0001", "done")
@@ -439,7 +439,7 @@ def test_a_newcomer_that_could_not_be_judged_has_one_more_night(tmp_path: Path) 
     source = str(shutil.copy(WEAK, tmp_path / "checkpoints"))
     config = Config(checkpoints=(str(tmp_path / "checkpoints"),))
     entrant = Entrant(policy_id(source), "weak", source, "qr-sac", "lindenring", "gt3", 1, 1)
-    plan = {"world": {}, "field": asdict(Field((entrant,)))}
+    plan = {"world": {}, "field": asdict(EntryList((entrant,)))}
     with Store(tmp_path / "store.sqlite") as store:
         for night, waiting in (("night-0001", 1), ("night-0002", 0)):
             assert awaited(config, store)[0] == 1

@@ -13,7 +13,7 @@ from polars.testing import assert_frame_equal
 
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.store import RunRecord, Store
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.nightly import pool as nights_pool
 from nathlon.selection.nightly.pool import best_first, rank_nights
 from nathlon.selection.run import CONFIDENCE
@@ -38,7 +38,7 @@ def race(store: Store, number: int) -> RunRecord:
     """A night, as one finds it before its pool is ranked."""
     names = (ANCHOR, *FIELDS[number])
     entrants = [Entrant(name, name, name, "QR-SAC", "lindenring", "gt3", 1, 1) for name in names]
-    field = Field(tuple(entrants[1:]), anchors=(entrants[0],))
+    field = EntryList(tuple(entrants[1:]), anchors=(entrants[0],))
     name = f"night-{number + 1:04d}"
     record = store.begin_run(name, {"world": {"config": "a", "code": "b"}, "field": asdict(field)})
     pace = {each: PACE[each] for each in names}

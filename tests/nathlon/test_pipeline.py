@@ -21,12 +21,12 @@ from nathlon.selection.battery import BatterySettings, skill_matches
 from nathlon.selection.battery.skill import load_skills
 from nathlon.selection.committee.rules import CommitteeSettings
 from nathlon.selection.config import Config
-from nathlon.selection.evaluation import evaluate
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.pareto.filter import FilterPlan, FilterSettings
 from nathlon.selection.publish.decider import deciding_race
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.round_robin import TournamentSettings, tournament_matches
+from nathlon.selection.single_selection import single_selection
 from nathlon.sim.errors import InputError
 from tests.support.checkpoints import BUNDLED, save_faulty
 
@@ -67,8 +67,8 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
         told.append(verdict)
 
     with Pool(2) as pool:
-        evaluate(
-            Field(tuple(entrants)),
+        single_selection(
+            EntryList(tuple(entrants)),
             OutputFolder(folder),
             CONFIG,
             pool,
@@ -138,8 +138,8 @@ def test_a_second_run_runs_nothing_and_says_the_same(
     done: list[tuple[str, int, int]] = []
     sent: list[tuple[Sent, ...]] = []
     with Pool(2) as pool:
-        evaluate(
-            Field(tuple(entrants)),
+        single_selection(
+            EntryList(tuple(entrants)),
             OutputFolder(run),
             CONFIG,
             pool,

@@ -109,6 +109,9 @@ with open(devnull, "w") as nowhere, redirect_stdout(nowhere):
     app(["--help"], standalone_mode=False)
 print(*sys.modules)
 
+import nathlon.policies.apart_host
+print(*sys.modules)
+
 import nathlon.commands.racing, nathlon.api.race
 print(*sys.modules)
 
@@ -120,14 +123,15 @@ from nathlon.policies.load import load_policy
 list(do([Opening("driver", load_policy, ("driver", "lindenring", "gt3"))], Watch()))
 print(*sys.modules)
 """
-"""Prints what is loaded once the package is imported, for the help, for a race, and in a worker."""
+"""Prints what is loaded once the package is imported, for help, a guest, a race, and in a worker."""
 
 
 def test_everything_is_loaded_where_it_is_used() -> None:
     printed = subprocess.check_output([sys.executable, "-c", LOADING], text=True).splitlines()
-    package, command_line, race, worker = (set(line.split()) for line in printed)
+    package, command_line, guest, race, worker = (set(line.split()) for line in printed)
     assert not {"typing", "importlib.abc", "importlib.resources", "typer"} & package
     assert not {"numpy", "numba", "torch", "polars", "pydantic", "gymnasium"} & command_line
+    assert not {"scipy.interpolate", "scipy.spatial", "scipy.ndimage", "scipy.sparse", "polars"} & guest
     unused = {"torch", "ray", "matplotlib", "rerun", "tensorboard", "sqlalchemy", "jinja2", "xlsxwriter"}
     assert not unused & race
     assert not unused & worker

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import nathlon
 from nathlon.lab.stints.model import LapModel, fit
-from nathlon.lab.stints.planning import Plan, plans
+from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import LAPS, SPARE_KG, Place, with_settings
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.sim.errors import InputError
@@ -60,7 +60,7 @@ def truth(stints: list[tuple[int, int]]) -> float:
     return total
 
 
-def of(plan: Plan) -> list[tuple[int, int]]:
+def of(plan: StopPlan) -> list[tuple[int, int]]:
     return [(COMPOUNDS.index(str(stint.compound)), stint.laps) for stint in plan.stints]
 
 

@@ -33,10 +33,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
 
 
 def wide_table() -> None:
-    table = new_table("Wide")
-    table.add_column("Entrant")
-    for head in WIDE:
-        table.add_column(head, justify="right")
+    table = new_table("Wide", ("Entrant", *WIDE))
     table.add_row("amber", *WIDE.values())
     print_table(table)
 

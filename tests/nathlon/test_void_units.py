@@ -20,7 +20,7 @@ from nathlon.arena.world_registry import load_world
 from nathlon.judge.gate.gate import run_gate
 from nathlon.judge.matrix.cells import plan_cells
 from nathlon.judge.matrix.matrix import run_matrix
-from nathlon.judge.recipes.grouping import TrainingRun
+from nathlon.judge.recipes.grouping import RecipeRun
 from nathlon.judge.recipes.scores import score
 from nathlon.judge.recipes.summary import summarise
 from nathlon.reports.gate import junit, markdown
@@ -217,7 +217,7 @@ def trained(folder: Path, spoil: Spoil) -> tuple[pl.DataFrame, pl.DataFrame]:
     """RECIPES and SCORES of two recipes of two training runs each."""
     names = [f"{recipe}{seed}" for recipe in ("base", "more") for seed in range(2)]
     world, (reference, *ends) = duellists(folder, "reference", *names)
-    attempts = [TrainingRun(one.name[:4], one.name, (one,)) for one in ends]
+    attempts = [RecipeRun(one.name[:4], one.name, (one,)) for one in ends]
     config = configured(folder, world, "[tournament]\npairs = 3\n")
     scores = score(begun(folder, [reference, *ends], spoil), attempts, [reference], config)
     return summarise(scores, np.random.default_rng(1)), scores

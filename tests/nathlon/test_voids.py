@@ -24,9 +24,9 @@ from nathlon.arena.world_registry import load_world
 from nathlon.reports.verdict import verdict
 from nathlon.results.selection import Selection
 from nathlon.selection.config import read_config
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.nightly.night import HEALTH, judge
-from nathlon.selection.pipeline import select
+from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.publish.gathering import gather
 from nathlon.selection.run import Run
 from tests.nathlon.test_world_selection import settings
@@ -91,7 +91,7 @@ def selected(folder: Path, spoil: Spoil, ending: str = "simulator_fault") -> tup
     engine = Here(store, {entrant.id: entrant.name for entrant in entrants}, spoil, ending)
     pool: Any = OwnProcess()
     run = Run(store, "run", (1,), pool, lambda *_: None, other_engine=engine)
-    assert select(run, Field(entrants), config) is not None
+    assert run_pipeline(run, EntryList(entrants), config) is not None
     return gather(store, "run"), engine
 
 

@@ -13,7 +13,7 @@ import nathlon
 from nathlon.arena.store import Store
 from nathlon.commands.selection import print_verdict
 from nathlon.selection.config import read_config
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.nightly.night import nightly
 from nathlon.selection.pipeline import ALIKE, remarks
 from tests.support.command_line import nathlon as command
@@ -73,7 +73,7 @@ def test_the_better_policy_is_sent_from_a_duel(tmp_path: Path, players: list[str
 
 def test_it_is_said_where_all_pairs_come_out_alike() -> None:
     """Intervals of width zero prove nothing where every episode is the same one."""
-    field = Field((), notes=("folder holds no checkpoint.",))
+    field = EntryList((), notes=("folder holds no checkpoint.",))
     assert remarks(field, None) == remarks(field, 0.1) == field.notes
     assert remarks(field, 1e-17) == (*field.notes, ALIKE)
 

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from nathlon.policies.driver.speed_profile import Path, Profile
 from nathlon.policies.lap_limit.guess import follow
 from nathlon.policies.lap_limit.model import CONTROLS, STATES, point_of_lap
-from nathlon.policies.lap_limit.problem import FIRST_BARRIER, Lap, solve
+from nathlon.policies.lap_limit.problem import FIRST_BARRIER, OptimalLap, solve
 from nathlon.sim.car import Car, CarParameters, load_car, parameters
 from nathlon.sim.kernel import kernel
 from nathlon.sim.physics.chassis import AIR_DENSITY, GRAVITY, Rates, advance
@@ -100,13 +100,13 @@ def test_equations_are_the_simulators(name: str) -> None:
         np.testing.assert_allclose(balance[4:], their_balance[4:], rtol=0.02, atol=0.25)
 
 
-def lap_of_narrow_circle(car: Car, radius: float, speed: float, points: int) -> Lap:
+def lap_of_narrow_circle(car: Car, radius: float, speed: float, points: int) -> OptimalLap:
     """The fastest lap of a circle with walls so close that the car has no choice of line."""
     track = circle(radius, WALL_M, WALL_M)
     still = np.zeros(len(track.table))
     path = Path(still + 1.0 / radius, still + track.spacing, still, still, still)
     guess = follow(Profile(still, still, path, still + 1.0, still + speed, 0.0), car)[:, :points]
-    return solve(track, car, np.arange(points) * track.length / points, guess, FIRST_BARRIER, False)
+    return solve(track, car, np.arange(points) * track.length / points, guess, FIRST_BARRIER)
 
 
 def test_narrow_circle_is_driven_at_the_limit_of_grip() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,13 +21,13 @@ from nathlon.policies.training.log import Status
 from nathlon.policies.training.on_ray import runs
 from nathlon.policies.training.on_ray import workers as workers_module
 from nathlon.policies.training.on_ray.actor import Begin, RolloutActor
-from nathlon.policies.training.on_ray.run_actor import Report, RunActor, Start
+from nathlon.policies.training.on_ray.run_actor import Report, RunActor, RunStart
 from nathlon.policies.training.on_ray.runs import train_on_cluster
 from nathlon.policies.training.on_ray.travel import Arrived, needed, pack
 from nathlon.policies.training.on_ray.workers import RayWorkers
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.trainer import Trainer
-from nathlon.policies.training.worker import News, RolloutWorker
+from nathlon.policies.training.worker import News, RolloutWorker, WorkerSetup
 from nathlon.policies.training.worker_pool import STEPS_AHEAD, LocalWorkers
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
@@ -92,7 +92,7 @@ def news_of(throttle: float) -> News:
 
 
 def workers_of(config: TrainingConfig = CONFIG) -> RayWorkers:
-    return RayWorkers(config, [PAIR], NETWORK, news_of(3.0), np.random.SeedSequence(1))
+    return RayWorkers(WorkerSetup(config, [PAIR], NETWORK, news_of(3.0), np.random.SeedSequence(1)))
 
 
 def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_it_may_be_ahead(
@@ -102,7 +102,7 @@ def test_a_worker_does_what_one_here_does_and_hears_news_within_the_steps_that_i
     import ray
 
     [seed] = np.random.SeedSequence(1).spawn(1)
-    here = RolloutWorker(CONFIG, [PAIR], NETWORK, news_of(3.0), seed)
+    here = RolloutWorker(WorkerSetup(CONFIG, [PAIR], NETWORK, news_of(3.0), seed))
     workers = workers_of()
     throttle: list[float] = []
     starts: list[np.ndarray] = []
@@ -161,9 +161,9 @@ def test_actors_refuse_what_they_cannot_do() -> None:
     with pytest.raises(InputError, match=r"^rollout worker 1 on .* has another nathlon"):
         rollouts.begin(begin._replace(code="other"), np.random.SeedSequence(1), news_of(3.0))
     with pytest.raises(InputError, match=r"^training of base on .* has another nathlon"):
-        run.train(Start("other", CROWDED, 1, [], {}))
+        run.train(RunStart("other", CROWDED, 1, [], {}))
     with pytest.raises(InputError, match=f"^{REFUSAL}"):
-        run.train(Start(fingerprint(), CROWDED, 1, [], {}))
+        run.train(RunStart(fingerprint(), CROWDED, 1, [], {}))
 
 
 @pytest.mark.usefixtures("here")
@@ -172,7 +172,7 @@ def test_an_actor_whose_run_diverges_says_so() -> None:
         update={"workers": 0, "reward": CONFIG.reward.model_copy(update={"progress": 1e300})}
     )
     actor = RunActor("training of base")
-    assert "training diverged" in actor.train(Start(fingerprint(), steep, 1, [], {}))
+    assert "training diverged" in actor.train(RunStart(fingerprint(), steep, 1, [], {}))
     assert not [name for name in actor.report().files if "checkpoints" in name]
 
 
@@ -226,15 +226,9 @@ def test_a_run_goes_on_against_its_own_checkpoints(cluster: Cluster, tmp_path: P
     assert (last.updates, len(last.checkpoints)) == (8, 4)
 
 
-def in_this_process(
-    config: TrainingConfig,
-    pairs: Sequence[Pair],
-    network: Perceptron,
-    news: News,
-    seed: np.random.SeedSequence,
-) -> LocalWorkers:
+def in_this_process(setup: WorkerSetup) -> LocalWorkers:
     """One worker, whatever the configuration says."""
-    return LocalWorkers(RolloutWorker(config, pairs, network, news, seed))
+    return LocalWorkers(RolloutWorker(setup))
 
 
 def test_a_cluster_needs_to_know_how_many_workers(cluster: Cluster, tmp_path: Path) -> None:
@@ -269,7 +263,7 @@ def test_whole_runs_come_to_what_they_come_to_here(
     class Brief(RunActor):  # travels by value from here
         """The first of the base halts at its first status, which comes after a checkpoint."""
 
-        def train(self, start: Start) -> str:
+        def train(self, start: RunStart) -> str:
             self._halts = self._name == "training of base, seed 1" and not halted.exists()
             if self._halts:
                 halted.touch()
@@ -315,7 +309,7 @@ def test_whole_runs_come_to_what_they_come_to_here(
 
 def test_how_a_run_ends_is_told(member: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Ending(RunActor):  # travels by value from here
-        def train(self, start: Start) -> str:
+        def train(self, start: RunStart) -> str:
             if start.seed == 1:
                 return "training diverged"
             raise InputError(REFUSAL)

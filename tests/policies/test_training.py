@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -26,7 +26,7 @@ from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.rollout import Rollout
 from nathlon.policies.training.state import RunState, load_state, save_state
 from nathlon.policies.training.trainer import Trainer
-from nathlon.policies.training.worker import News, RolloutWorker
+from nathlon.policies.training.worker import News, RolloutWorker, WorkerSetup
 from nathlon.policies.training.worker_pool import ProcessWorkers, Take
 from nathlon.sim.errors import InputError
 from nathlon.sim.state import CAR_STATE
@@ -215,15 +215,8 @@ def test_a_run_that_diverges_stops_and_keeps_its_last_checkpoint(tmp_path: Path)
 class TwoWorkers:
     """Two workers in this process, of which the second is another one from the tenth step on."""
 
-    def __init__(
-        self,
-        config: TrainingConfig,
-        pairs: Sequence[Pair],
-        network: Perceptron,
-        news: News,
-        seed: np.random.SeedSequence,
-    ) -> None:
-        self._workers = [RolloutWorker(config, pairs, network, news, each) for each in seed.spawn(2)]
+    def __init__(self, setup: WorkerSetup) -> None:
+        self._workers = [RolloutWorker(setup._replace(seed=each)) for each in setup.seed.spawn(2)]
         self._steps = 0
 
     def take(self, wait_for_one: bool) -> Take:
@@ -265,7 +258,7 @@ def test_processes_pass_messages_both_ways_that_no_pipe_holds() -> None:
     config = changed(workers=2, rollouts=rollouts)
     network = Perceptron((config.observation.spec().size, 512, 512, 4))
     news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
-    workers = ProcessWorkers(config, [PAIR], network, news, np.random.SeedSequence(1))
+    workers = ProcessWorkers(WorkerSetup(config, [PAIR], network, news, np.random.SeedSequence(1)))
     taken: dict[int, list[np.ndarray]] = {0: [], 1: []}
 
     def exchange() -> None:
@@ -282,7 +275,7 @@ def test_processes_pass_messages_both_ways_that_no_pipe_holds() -> None:
     assert min(map(len, taken.values())) >= 5
     seeds = np.random.SeedSequence(1).spawn(2)
     for seen, seed in zip(taken.values(), seeds, strict=True):
-        here = RolloutWorker(config, [PAIR], network, news, seed).step()
+        here = RolloutWorker(WorkerSetup(config, [PAIR], network, news, seed)).step()
         np.testing.assert_array_equal(seen[0], here.experience[0].observation)
 
 
@@ -330,7 +323,7 @@ def test_a_worker_that_does_not_end_its_message_ends_the_run(monkeypatch: pytest
     config = changed(workers=1)
     network = Perceptron((config.observation.spec().size, 8, 4))
     news = News(network.initial(torch.Generator().manual_seed(1)).numpy(), ())
-    workers = ProcessWorkers(config, [PAIR], network, news, np.random.SeedSequence(1))
+    workers = ProcessWorkers(WorkerSetup(config, [PAIR], network, news, np.random.SeedSequence(1)))
     with pytest.raises(InputError, match="rollout worker 1 sends what cannot be read: the rest of a message"):
         workers.take(wait_for_one=True)
     workers.close()

@@ -12,7 +12,7 @@ from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import load_checkpoint
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.trial import GROUP, Drive
-from nathlon.policies.training.trial_pool import Plan, TrialPool
+from nathlon.policies.training.trial_pool import TrialPool, TrialSetup
 from nathlon.sim.errors import InputError
 from tests.support.trainings import polishing
 
@@ -22,7 +22,7 @@ CHECKPOINT = BUNDLED / "lindenring" / "lindenring-wake-028k.safetensors"
 def test_it_does_not_matter_how_many_processes_drive() -> None:
     """And one that ends is no traceback."""
     config = polishing({"scenario": "1v0", "races": 1, "learners": 1})
-    plans = [Plan(config.rollouts[0], Pair("lindenring", "gt3"), 1, seed) for seed in (1, 2)]
+    plans = [TrialSetup(config.rollouts[0], Pair("lindenring", "gt3"), 1, seed) for seed in (1, 2)]
     network = load_checkpoint(CHECKPOINT).network
     found: list[list[Drive]] = []
     for workers in (0, 2):

@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, Page
 from nathlon.arena.race_log import RaceLog
 from nathlon.reports.player import write_player
 from tests.support.opened_page import faults, overhear, picture, shown
+from tests.support.page_modules import module
 from tests.support.race_logs import LAP_M, STRAIGHT_M, oval_height, oval_point, oval_race
 
 NO_WEBGL = """() => {
@@ -139,7 +140,8 @@ def test_trackside_cameras_stand_outside_of_bends_and_near_enough(
     watched = Watched(browser, tmp_path, log, 0.0)
     cameras = watched.page.evaluate(
         "async () => { const { race, circuit } = JSON.parse(document.getElementById('race').textContent);"
-        " return tracksideCameras(await openRecording(race, circuit)); }"
+        f" const recording = await {module('race/recording.js')}.openRecording(race, circuit);"
+        f" return {module('race/trackside.js')}.tracksideCameras(recording); }}"
     )
     along = np.array([camera["along"] for camera in cameras])
     # The oval turns left: its wall on the outside is 10 m to the right. Its outline has a row every 5 m.

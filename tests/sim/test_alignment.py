@@ -10,18 +10,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import fresnel
 
-from nathlon.sim.track.alignment import Piece, bend, close, displacement, length_of, sample, straight, turn_of
+from nathlon.sim.track.alignment import (
+    Clothoid,
+    bend,
+    close,
+    displacement,
+    length_of,
+    sample,
+    straight,
+    turn_of,
+)
 
 
 def test_a_straight_an_arc_and_a_clothoid_end_where_their_closed_forms_say() -> None:
     np.testing.assert_allclose(displacement([straight(100.0)]), [100.0, 0.0], atol=1e-12)
-    half_circle = Piece(np.pi * 40.0, 1.0 / 40.0, 1.0 / 40.0)
+    half_circle = Clothoid(np.pi * 40.0, 1.0 / 40.0, 1.0 / 40.0)
     np.testing.assert_allclose(displacement([half_circle]), [0.0, 80.0], atol=1e-12)
     # Curvature s / A^2: Fresnel's integrals of s / (A sqrt(pi)), scaled.
     length, radius = 60.0, 50.0
     scale = np.sqrt(np.pi * length * radius)
     sine, cosine = fresnel(length / scale)
-    clothoid = Piece(length, 0.0, -1.0 / radius)
+    clothoid = Clothoid(length, 0.0, -1.0 / radius)
     np.testing.assert_allclose(displacement([clothoid]), [scale * cosine, -scale * sine], rtol=1e-12)
 
 

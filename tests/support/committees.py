@@ -12,7 +12,7 @@ from nathlon.arena.results import BATTERY
 from nathlon.selection.committee import ask as put
 from nathlon.selection.committee import vote
 from nathlon.selection.committee.ballots import Ballot
-from nathlon.selection.committee.decision import Decision
+from nathlon.selection.committee.decision import CommitteeDecision
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.committee.rules import CommitteeSettings
 from tests.support.race_results import rows
@@ -57,7 +57,7 @@ def results(**columns: Sequence[Any]) -> pl.DataFrame:
     return rows({"entrant": [entrant_id(n) for n in NAMES], "race": range(4), **columns}, 4)
 
 
-def ask(event_log: EventLog, settings: CommitteeSettings, **columns: Sequence[Any]) -> Decision:
+def ask(event_log: EventLog, settings: CommitteeSettings, **columns: Sequence[Any]) -> CommitteeDecision:
     return put(event_log, "shortlist", entrants(), {"battery": battery()}, results(**columns), settings)
 
 
@@ -66,7 +66,7 @@ def cast(event_log: EventLog, member: str, approve: str, rank: str = "") -> None
     vote(event_log, decision, member, Ballot(ids(approve), ids(rank)), f"as {member} saw it")
 
 
-def chosen(decision: Decision) -> str:
+def chosen(decision: CommitteeDecision) -> str:
     """Initials of those chosen, in their order."""
     assert decision.result is not None
     return "".join(entrant[0] for entrant in decision.result.chosen)

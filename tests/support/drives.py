@@ -15,7 +15,7 @@ import numpy as np
 
 from nathlon.lab.drive.aids import Aids
 from nathlon.lab.drive.blind import BlindTest
-from nathlon.lab.drive.choice import Choice, DrivePlan, Offer, Opponent, plan
+from nathlon.lab.drive.choice import Choice, DriveOpponent, DrivePlan, Offer, plan
 from nathlon.lab.drive.clock import Clock
 from nathlon.lab.drive.heat import DrivenHeat, Heat
 from nathlon.lab.drive.input_buffer import INPUT, InputBuffer
@@ -34,7 +34,7 @@ OPPONENTS = ("driver:pace=0.9", "driver:pace=0.8")
 
 
 def offer(circuit: str | None = None) -> Offer:
-    return Offer.of([Opponent.of(source) for source in OPPONENTS], circuit)
+    return Offer.of([DriveOpponent.of(source) for source in OPPONENTS], circuit)
 
 
 def choice(**other: Any) -> Choice:

@@ -13,7 +13,7 @@ from typing import Any
 from playwright.sync_api import Browser, Page
 
 from nathlon.lab.serve.folders import Folders
-from nathlon.lab.serve.record import Record
+from nathlon.lab.serve.record import RunsRecord
 from nathlon.lab.serve.server import MeetingServer, serve_meeting
 from nathlon.lab.serve.tokens import Tokens
 from nathlon.lab.web.address import Address
@@ -29,7 +29,7 @@ def met(
     tls: ssl.SSLContext | None = None,
 ) -> Iterator[MeetingServer]:
     """The room of a store's committee on a free port; races run so many times as fast as time."""
-    record = Record(str(store), Folders(str(store), None))
+    record = RunsRecord(str(store), Folders(str(store), None))
     address = Address("127.0.0.1", 0) if tls is None else Address("localhost", 0, tls=True)
 
     def serve(on_open: Callable[[MeetingServer], None]) -> Coroutine[Any, Any, None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.race_log import CAR_SAMPLE, Incident, Outline, RaceLog, Stretch
+from nathlon.arena.race_log import CAR_SAMPLE, Incident, NamedStretch, Outline, RaceLog
 from nathlon.sim.track import SURFACES
 
 STRAIGHT_M = 400.0
@@ -125,8 +125,8 @@ def oval_race(cars: int = 8, duration_s: float = 30.0, seed: int = 1) -> RaceLog
         car_width_m=1.95,
         outline=oval_outline(),
         sections=(
-            Stretch("first bend", "corner", STRAIGHT_M / 2, LAP_M / 2 - STRAIGHT_M / 2),
-            Stretch("back straight", "straight", LAP_M / 2 - STRAIGHT_M / 2, LAP_M / 2 + STRAIGHT_M / 2),
+            NamedStretch("first bend", "corner", STRAIGHT_M / 2, LAP_M / 2 - STRAIGHT_M / 2),
+            NamedStretch("back straight", "straight", LAP_M / 2 - STRAIGHT_M / 2, LAP_M / 2 + STRAIGHT_M / 2),
         ),
         time_s=time_s,
         samples=samples,

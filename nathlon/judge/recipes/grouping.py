@@ -15,7 +15,7 @@ from nathlon.sim.names import printable
 
 
 @dataclass(frozen=True)
-class TrainingRun:
+class RecipeRun:
     """A training run of a recipe.
 
     Attributes:
@@ -75,7 +75,7 @@ def attempts(
     circuit: str,
     car: str,
     world: str,
-) -> list[TrainingRun]:
+) -> list[RecipeRun]:
     """The training runs in folders of recipes, with these files.
 
     Checkpoints in one folder that state one seed are of one run; those that state none are told apart by
@@ -98,12 +98,12 @@ def attempts(
                 "expected one of its own"
             )
     return [
-        TrainingRun(name, run, tuple(checkpoints)) for name, runs in own.items() for run, checkpoints in runs
+        RecipeRun(name, run, tuple(checkpoints)) for name, runs in own.items() for run, checkpoints in runs
     ]
 
 
 def same_files(
-    runs: Sequence[TrainingRun], files: Mapping[str, Sequence[Path]], references: Iterable[Entrant]
+    runs: Sequence[RecipeRun], files: Mapping[str, Sequence[Path]], references: Iterable[Entrant]
 ) -> list[str]:
     """What of some training runs does not count for being the same as something else, in sentences.
 

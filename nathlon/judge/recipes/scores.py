@@ -12,7 +12,7 @@ import polars as pl
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import Match
 from nathlon.arena.voids import not_judged_by_meetings, units_met
-from nathlon.judge.recipes.grouping import TrainingRun
+from nathlon.judge.recipes.grouping import RecipeRun
 from nathlon.results.recipes import SCORES
 from nathlon.selection.config import Config
 from nathlon.selection.round_robin import Fixture, entered_there
@@ -44,7 +44,7 @@ class Task:
 
 
 def score(
-    run: Run, attempts: Sequence[TrainingRun], references: Sequence[Entrant], config: Config
+    run: Run, attempts: Sequence[RecipeRun], references: Sequence[Entrant], config: Config
 ) -> pl.DataFrame:
     """Race every checkpoint of some training runs in every task: SCORES.
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.arena.race_log import Stretch
+from nathlon.arena.race_log import NamedStretch
 from nathlon.lab.coach.lap import STEP_M, Lap
 
 SMOOTH_M = 10.0
@@ -66,7 +66,7 @@ class PartMarks:
     least_m_s: float
 
 
-def parts_of(sections: tuple[Stretch, ...], laps: tuple[Lap, Lap]) -> list[CoursePart]:
+def parts_of(sections: tuple[NamedStretch, ...], laps: tuple[Lap, Lap]) -> list[CoursePart]:
     """The parts of a lap, which follow each other without a gap.
 
     A gap before a section is its approach, and the end of a straight from where either lap brakes for the
@@ -98,7 +98,9 @@ def parts_of(sections: tuple[Stretch, ...], laps: tuple[Lap, Lap]) -> list[Cours
     ]
 
 
-def marks(lap: Lap, from_m: float, section: Stretch | CoursePart, until_m: float | None = None) -> PartMarks:
+def marks(
+    lap: Lap, from_m: float, section: NamedStretch | CoursePart, until_m: float | None = None
+) -> PartMarks:
     """What a driver does for a bend.
 
     Args:

@@ -13,23 +13,23 @@ from string import ascii_uppercase
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from nathlon.arena.store import Store
 from nathlon.arena.world_finding import RACING
-from nathlon.lab.drive.choice import Choice, DrivePlan, Offer, Opponent, entered, plan
+from nathlon.lab.drive.choice import Choice, DriveOpponent, DrivePlan, Offer, entered, plan
 from nathlon.lab.drive.difficulty import CHOSEN
 from nathlon.lab.drive.heat import DrivenHeat
 from nathlon.lab.drive.keeping import Kept, nearest
 from nathlon.policies.temper import FAIR
-from nathlon.selection.committee.decision import Decision
+from nathlon.selection.committee.decision import CommitteeDecision
 from nathlon.selection.committee.drives import ballot, cast_drives, check_may_drive, note_drive, opinions
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.committee.events import Answers, Drove, EventMoment, Scores
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import as_named, printable
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 
 AT_ONCE = 2
 """Finalists in a race: so many can be told apart while one drives, and "which of the two?" asks for them."""
@@ -101,7 +101,7 @@ class BlindTest:
             if entrant.id != row["entrant"]:
                 raise InputError(f"{row['source']}: has changed since the run, expected the same file")
         opponents = [
-            Opponent(row["source"], letter, circuit, car)
+            DriveOpponent(row["source"], letter, circuit, car)
             for letter, row in zip(self._letters, finalists, strict=True)
         ]
         self.offer = Offer(tuple(opponents), (circuit,), (car,))
@@ -109,7 +109,7 @@ class BlindTest:
         self._unanswered: tuple[DrivenHeat, Kept] | None = None
 
     @contextmanager
-    def _asked(self) -> Iterator[tuple[EventLog, Decision]]:
+    def _asked(self) -> Iterator[tuple[EventLog, CommitteeDecision]]:
         """The log, and the question as it stands now.
 
         Raises:
@@ -193,10 +193,7 @@ class BlindTest:
         """
         if self._unanswered is None:
             raise InputError("there is no race to answer for, expected one that has ended")
-        try:
-            answers = Questionnaire.model_validate_json(json.dumps(told))
-        except ValidationError as error:
-            raise InputError(f"the answers: {first_fault(error, Questionnaire)}") from None
+        answers = read_json(json.dumps(told), Questionnaire, "the answers")
         driven, kept = self._unanswered
         raced = self._raced(driven.plan)
         if set(answers.scores) != set(raced) or answers.better not in (None, *raced):
@@ -235,13 +232,13 @@ class BlindTest:
             cast_drives(event_log, decision, self._member)
         self.drop()
 
-    def _races(self, decision: Decision) -> dict[str, int]:
+    def _races(self, decision: CommitteeDecision) -> dict[str, int]:
         """How often each letter has been raced."""
         drives = decision.drives_of(self._member)
         raced = [answer.entrant for drove in drives for answer in drove.answers]
         return {letter: raced.count(entrant) for letter, entrant in self._letters.items()}
 
-    def _missing(self, decision: Decision) -> list[str]:
+    def _missing(self, decision: CommitteeDecision) -> list[str]:
         return [letter for letter, races in self._races(decision).items() if not races]
 
     def standing(self) -> dict[str, Any]:

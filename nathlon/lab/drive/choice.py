@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 from pydantic import Field as Bounds
 
 from nathlon.arena.entrance import home
@@ -31,7 +31,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.names import proper_name
 from nathlon.sim.scenario_start import MOST_CARS
 from nathlon.sim.track import load_track
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 
 MOST_LAPS = 20
 DRIVERS = tuple(f"{DRIVER}:pace={pace}" for pace in (1.0, 0.97, 0.94, 0.9, 0.85))
@@ -42,7 +42,7 @@ UNDER_WAY = "person under way"
 """Id of a person whose race has not ended, of which there are no inputs yet."""
 
 
-class Opponent(NamedTuple):
+class DriveOpponent(NamedTuple):
     """A policy that the person may race.
 
     Attributes:
@@ -57,7 +57,7 @@ class Opponent(NamedTuple):
     car: str | None
 
     @classmethod
-    def of(cls, source: str, name: str | None = None) -> Opponent:
+    def of(cls, source: str, name: str | None = None) -> DriveOpponent:
         """The opponent that a source gives.
 
         Raises:
@@ -67,7 +67,7 @@ class Opponent(NamedTuple):
         return opponent
 
     @classmethod
-    def all(cls, named: Mapping[str, str | None]) -> list[Opponent]:
+    def all(cls, named: Mapping[str, str | None]) -> list[DriveOpponent]:
         """The opponents that some sources give, by the names that they shall have; None for their own.
 
         Raises:
@@ -128,11 +128,8 @@ class Choice(BaseModel):
         Raises:
             InputError: if it is none.
         """
-        try:
-            # As JSON: strict models take no lists for tuples otherwise.
-            choice = cls.model_validate_json(json.dumps(value))
-        except ValidationError as error:
-            raise InputError(f"the choice: {first_fault(error, cls)}") from None
+        # As JSON: strict models take no lists for tuples otherwise.
+        choice = read_json(json.dumps(value), cls, "the choice")
         if choice.seat > choice.cars:
             raise InputError(f"the choice: seat is {choice.seat}, expected a place from 1 to {choice.cars}")
         if choice.cars > 1 and not choice.opponents and choice.difficulty == CHOSEN:
@@ -159,14 +156,16 @@ class Offer(NamedTuple):
         difficulty, temper: that are set at first; None for what the person has chosen last.
     """
 
-    opponents: tuple[Opponent, ...]
+    opponents: tuple[DriveOpponent, ...]
     circuits: tuple[str, ...]
     cars: tuple[str, ...]
     difficulty: Difficulty | None = None
     temper: TemperName | None = None
 
     @classmethod
-    def of(cls, opponents: Sequence[Opponent], circuit: str | None = None, car: str | None = None) -> Offer:
+    def of(
+        cls, opponents: Sequence[DriveOpponent], circuit: str | None = None, car: str | None = None
+    ) -> Offer:
         """Opponents and the built-in driver at several paces, shipped circuits and cars.
 
         Args:
@@ -181,7 +180,7 @@ class Offer(NamedTuple):
         circuit, car = circuit or there[0], car or there[1]
         load_track(circuit)
         load_car(car)
-        drivers = (Opponent.of(source) for source in DRIVERS)
+        drivers = (DriveOpponent.of(source) for source in DRIVERS)
         return cls(
             tuple({one.source: one for one in (*opponents, *drivers)}.values()),
             tuple(dict.fromkeys((circuit, *shipped("circuit")))),

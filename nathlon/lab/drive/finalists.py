@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from nathlon.arena.store import Store
-from nathlon.lab.drive.choice import Opponent
+from nathlon.lab.drive.choice import DriveOpponent
 from nathlon.policies import bundled
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import as_named
 
 
-def champions() -> list[Opponent]:
+def champions() -> list[DriveOpponent]:
     """The best bundled checkpoint of each circuit."""
-    return [Opponent.of(str(path)) for path in bundled.champions()]
+    return [DriveOpponent.of(str(path)) for path in bundled.champions()]
 
 
-def finalists(run: Path) -> list[Opponent]:
+def finalists(run: Path) -> list[DriveOpponent]:
     """Those that the last run in a folder has ranked, the best first.
 
     Raises:
@@ -28,5 +28,5 @@ def finalists(run: Path) -> list[Opponent]:
             known = {row["entrant"]: row for row in store.table(record.name, "entrants").to_dicts()}
             if ranked:
                 rows = [known[entrant] for entrant in ranked]
-                return Opponent.all({as_named(row["source"]): row["name"] for row in rows})
+                return DriveOpponent.all({as_named(row["source"]): row["name"] for row in rows})
     raise InputError(f"{run}: holds no run that has ranked anybody, expected the folder of a finished run")

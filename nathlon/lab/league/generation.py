@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 from scipy.special import expit
 
 from nathlon.arena.entrant import Entrant
 from nathlon.lab.league.settings import StopRule
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.validation import read_json
+from nathlon.sim.whole_file import write_whole, writing
 
 GENERATION_FILE = "generation.json"
 
@@ -192,12 +192,9 @@ def write_generation(folder: Path, generation: Generation) -> None:
         InputError: if it cannot be written.
     """
     path = folder / GENERATION_FILE
-    try:
+    with writing(path):
         folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as partial:
-            partial.write_text(generation.model_dump_json(indent=1) + "\n", "utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+        write_whole(path, generation.model_dump_json(indent=1) + "\n")
 
 
 def read_generation(folder: Path) -> Generation | None:
@@ -209,7 +206,4 @@ def read_generation(folder: Path) -> Generation | None:
     path = folder / GENERATION_FILE
     if not path.exists():
         return None
-    try:
-        return Generation.model_validate_json(read_text(path, "generation of a league"))
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, Generation)}") from None
+    return read_json(read_text(path, "generation of a league"), Generation, path)

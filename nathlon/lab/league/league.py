@@ -23,15 +23,15 @@ from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.training.config import Opponent, TrainingConfig
 from nathlon.policies.training.polish import Polish, Round
 from nathlon.results.selection import Selection
-from nathlon.selection.evaluation import evaluate
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.round_robin import run_round_robin
 from nathlon.selection.run import OnMatch
 from nathlon.selection.single_run import single_run
+from nathlon.selection.single_selection import single_selection
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole, writing
 
 LEAGUE_FILE = "league.json"
 STORE = "store.sqlite"
@@ -133,7 +133,7 @@ class League:
         sources = [*self._plan.sources, *(member.source for member in self.generations[-1].population)]
         entrants = enter_all(pool, sources, config.circuit, config.car)
         output = OutputFolder(self._folder / SELECTION, str(self.store))
-        return output, evaluate(Field(tuple(entrants)), output, config, pool, on_match, lambda _: None)
+        return output, single_selection(EntryList(tuple(entrants)), output, config, pool, on_match)
 
     def _polished(self, number: int, before: Generation, on_round: OnRound, on_pair: OnPair) -> Path:
         """The newcomer of a generation: its parent, polished among the population."""
@@ -145,11 +145,8 @@ class League:
         work = Polish(source, self.training(before), folder, settings.rounds, settings.seed + number)
         work.run(lambda done: on_round(number, done), on_pair)
         last = folder / "checkpoints" / f"round-{settings.rounds:05d}.safetensors"
-        try:
-            with whole_file(path) as partial:
-                shutil.copyfile(last, partial)
-        except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+        with writing(path), whole_file(path) as partial:
+            shutil.copyfile(last, partial)
         return path
 
     def training(self, generation: Generation) -> TrainingConfig:
@@ -175,14 +172,11 @@ def _claim(folder: Path, plan: LeaguePlan) -> None:
     }
     told = {name: hashlib.sha256(json.dumps(fact).encode()).hexdigest() for name, fact in facts.items()}
     path = folder / LEAGUE_FILE
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         if not path.exists():
-            with whole_file(path) as partial:
-                partial.write_text(json.dumps(told, indent=1) + "\n", "utf-8")
+            write_whole(path, json.dumps(told, indent=1) + "\n")
             return
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     try:
         found = json.loads(read_text(path, "league"))
     except ValueError:

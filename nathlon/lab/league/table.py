@@ -9,8 +9,7 @@ from pathlib import Path
 import polars as pl
 
 from nathlon.lab.league.generation import Generation
-from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole, writing
 
 GENERATIONS = pl.Schema(
     {
@@ -62,10 +61,7 @@ def write_table(folder: Path, generations: Sequence[Generation]) -> None:
         InputError: if it cannot be written.
     """
     told = table(generations)
-    try:
+    with writing(folder):
         with whole_file(folder / CSV) as partial:
             told.write_csv(partial)
-        with whole_file(folder / JSON) as partial:
-            partial.write_text(json.dumps(told.to_dicts(), indent=1) + "\n", "utf-8")
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+        write_whole(folder / JSON, json.dumps(told.to_dicts(), indent=1) + "\n")

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from nathlon.lab.llm.chat import Endpoint, Message, MessagePart
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 from nathlon.sim.whole_file import whole_file
 
 LARGEST_MIB = 4
@@ -90,10 +90,7 @@ class Transcripts(NamedTuple):
 
 
 def _read(path: Path) -> Exchange:
-    try:
-        return Exchange.model_validate_json(read_text(path, "transcript", LARGEST_MIB))
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, Exchange)}") from None
+    return read_json(read_text(path, "transcript", LARGEST_MIB), Exchange, path)
 
 
 def _digest(messages: Sequence[Message]) -> str:

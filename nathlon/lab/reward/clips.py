@@ -24,7 +24,7 @@ from nathlon.sim.instruments import QUANTITIES, Instruments, Transition
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole
 from nathlon.sim.world import DYNAMICS_HZ, World
 
 SCENARIO = str(Path(__file__).with_name("clip.toml"))
@@ -64,8 +64,7 @@ class Clips:
                 poses=self.poses.astype(np.float32),
             )
         # Last: where it is, the arrays are too.
-        with whole_file(folder / DRAWN) as partial:
-            partial.write_text(json.dumps({"name": self.name, "races": self.drawn}), "utf-8")
+        write_whole(folder / DRAWN, json.dumps({"name": self.name, "races": self.drawn}))
 
     @classmethod
     def load(cls, folder: Path) -> Clips:

@@ -16,7 +16,7 @@ from nathlon.lab.reward.clips import OTHERS, Studio
 from nathlon.lab.reward.judging import LONGEST_REMARK, ClipPair, ClipQuestion
 from nathlon.lab.web.connection import TOO_MUCH, Connection, Rate
 from nathlon.lab.web.one_page import OnePage
-from nathlon.reports.player import player_script, player_style
+from nathlon.reports.player import player_style
 from nathlon.reports.race_data import circuit_data
 from nathlon.reports.self_contained import render_page, script_data, template_text
 from nathlon.sim.names import printable
@@ -157,7 +157,7 @@ def pairs_page(studio: Studio, question: ClipQuestion, socket: str, token: str) 
     return render_page(
         "reward/pairs.html",
         player_style() + template_text("reward/page.css", "reward/pairs.css"),
-        [f'"use strict";\n\n{player_script()}\n{template_text("reward/pairs.js")}'],
+        "reward/pairs.js",
         connect=socket.rpartition("/")[0],
         task=question.task,
         longest=LONGEST_REMARK,

@@ -10,7 +10,7 @@ from PIL import Image
 
 from nathlon.lab.reward.clips import Clips, Studio
 from nathlon.sim.car import load_car
-from nathlon.sim.render.scene import Camera, CarShape, Ground
+from nathlon.sim.render.scene import Camera, CarShape, DrawnGround
 from nathlon.sim.state import CAR_STATE
 from nathlon.sim.track import load_track
 
@@ -31,7 +31,7 @@ class Painter:
     """
 
     def __init__(self, studio: Studio) -> None:
-        self._ground = Ground(load_track(studio.circuit))
+        self._ground = DrawnGround(load_track(studio.circuit))
         self._shape = CarShape(load_car(studio.car))
 
     def paint(self, clips: Clips, start: int) -> bytes:

@@ -13,7 +13,7 @@ from nathlon.lab.reward.candidates import Candidate, CandidateOutcome
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 KindT = TypeVar("KindT")
 LARGEST_MIB = 16
@@ -53,8 +53,7 @@ def read_record(path: Path, kind: TypeAdapter[KindT]) -> KindT:
 def write_paper(path: Path, kind: TypeAdapter[KindT], value: KindT) -> None:
     """Keep something, whole or not at all, in a folder that is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as partial:
-        partial.write_bytes(kind.dump_json(value, indent=1) + b"\n")
+    write_whole(path, kind.dump_json(value, indent=1) + b"\n")
 
 
 def ranked(outcomes: Sequence[CandidateOutcome]) -> tuple[CandidateOutcome, ...]:

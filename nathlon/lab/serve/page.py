@@ -6,8 +6,6 @@ from nathlon.lab.serve.wishes import LONGEST_REASON
 from nathlon.lab.web.address import Address
 from nathlon.reports.self_contained import render_page, script_data, template_text
 
-PARTS = ("link", "figures", "ballot", "decision", "races", "room")
-
 
 def room_page(address: Address, store: str) -> str:
     """The page for a server at an address; it holds no secret.
@@ -16,12 +14,11 @@ def room_page(address: Address, store: str) -> str:
         address: the only one to which its policy lets it connect.
         store: what members call it.
     """
-    parts = ["race/element.js", "rank.js", *(f"meeting/{part}.js" for part in PARTS)]
     session = {"socket": f"{address.socket}/room", "longest": LONGEST_REASON}
     return render_page(
         "meeting/page.html",
         template_text("meeting/page.css"),
-        [f'"use strict";\n\n{template_text(*parts)}'],
+        "meeting/room.js",
         connect=f"{address.socket} {address.origin}",
         frames=address.origin,
         store=store,

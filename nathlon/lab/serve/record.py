@@ -14,7 +14,7 @@ from nathlon.lab.serve.folders import Folders, runs_of
 from nathlon.lab.serve.live_report import races_to_look_at
 from nathlon.lab.serve.wishes import Compare, Decide, Reopen, Said, Vote
 from nathlon.selection.committee.ballots import Ballot
-from nathlon.selection.committee.decision import Decision, describe
+from nathlon.selection.committee.decision import CommitteeDecision, describe
 from nathlon.selection.committee.event_log import EventLog, fold
 from nathlon.selection.committee.events import Entry, Opened
 from nathlon.selection.committee.sentences import names_in, sentence
@@ -25,7 +25,7 @@ RUNS = "runs"
 """Under which addresses of the server the files of runs are."""
 
 
-class Record:
+class RunsRecord:
     """What is in a store of its runs and their committee. Its methods belong to one thread.
 
     Args:
@@ -153,7 +153,7 @@ class Record:
                 committee.reopen(event_log, decision, member, reason)
 
 
-def _check_candidates(decision: Decision, *entrants: str) -> None:
+def _check_candidates(decision: CommitteeDecision, *entrants: str) -> None:
     if not set(entrants) <= set(decision.opened.candidates):
         raise InputError("the ballot names somebody who is no candidate, expected candidates alone")
 
@@ -167,7 +167,7 @@ def _told(record: RunRecord) -> dict[str, Any]:
     }
 
 
-def _decision(decision: Decision) -> dict[str, Any]:
+def _decision(decision: CommitteeDecision) -> dict[str, Any]:
     settings = decision.opened.settings
     people = {"members": settings.members, "quorum": settings.quorum}
     return describe(decision).model_dump(mode="json") | people

@@ -19,7 +19,7 @@ from nathlon.lab.drive.room import Mailbox, Room
 from nathlon.lab.drive.server import quick_switching
 from nathlon.lab.drive.wheel import WheelSocket, deliver
 from nathlon.lab.serve.files import Files
-from nathlon.lab.serve.record import Record
+from nathlon.lab.serve.record import RunsRecord
 from nathlon.lab.serve.tokens import Tokens
 from nathlon.lab.serve.wishes import WISH, Look
 from nathlon.lab.web.access import Access
@@ -76,7 +76,7 @@ class MeetingServer:
 
     def __init__(
         self,
-        record: Record,
+        record: RunsRecord,
         store: str,
         tokens: Tokens,
         new_clock: Callable[[], Clock] = Clock,
@@ -232,7 +232,7 @@ class MeetingServer:
 
 
 async def serve_meeting(
-    record: Record,
+    record: RunsRecord,
     store: str,
     tokens: Tokens,
     address: Address,

@@ -15,7 +15,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.rules import Pit
 
 
-class Plan(NamedTuple):
+class StopPlan(NamedTuple):
     """A plan, and what it is expected to take.
 
     Attributes:
@@ -37,14 +37,14 @@ class Plan(NamedTuple):
         """Expected race time, s."""
         return float(model.seconds(self.counts)) + self.service_s
 
-    def behind(self, other: Plan, model: LapModel) -> tuple[float, float]:
+    def behind(self, other: StopPlan, model: LapModel) -> tuple[float, float]:
         """How much slower it is than another, s, and half the width of a 95 % interval of that."""
         counts = self.counts - other.counts
         gap = float(model.seconds(counts)) + self.service_s - other.service_s
         return gap, float(model.half_width(counts[None])[0])
 
 
-def plans(model: LapModel, laps: int, pit: Pit, capacity_kg: float, most_stops: int) -> list[Plan]:
+def plans(model: LapModel, laps: int, pit: Pit, capacity_kg: float, most_stops: int) -> list[StopPlan]:
     """The fastest plan of each number of stops, the fastest first.
 
     Each stint begins with what fuel it needs: whoever carries the fuel of later stints is slower, and saves
@@ -135,8 +135,8 @@ def _walk(rest: Sequence[Sequence[tuple[float, _Step | None]]], laps: int, stint
     return chosen
 
 
-def _plan(model: LapModel, laps: int, steps: list[_Step]) -> Plan:
+def _plan(model: LapModel, laps: int, steps: list[_Step]) -> StopPlan:
     counts = np.sum([step.counts for step in steps], axis=0)
     counts[STOP] -= 1.0
     counts[START] = 1.0
-    return Plan(tuple(step.stint for step in steps), counts, sum(step.service_s for step in steps[1:]))
+    return StopPlan(tuple(step.stint for step in steps), counts, sum(step.service_s for step in steps[1:]))

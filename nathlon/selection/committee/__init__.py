@@ -12,7 +12,7 @@ import polars as pl
 
 from nathlon.arena.entrant import Entrant
 from nathlon.selection.committee.ballots import Ballot
-from nathlon.selection.committee.decision import Decision
+from nathlon.selection.committee.decision import CommitteeDecision
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.committee.events import THE_RUN, Closed, Comparison, Opened, Reopened, Voted
 from nathlon.selection.committee.rules import SOURCES, CommitteeSettings, Question, gather
@@ -26,7 +26,7 @@ def ask(
     tables: Mapping[str, pl.DataFrame],
     results: pl.DataFrame,
     settings: CommitteeSettings,
-) -> Decision:
+) -> CommitteeDecision:
     """Ask who reaches the round robin (`shortlist`), or who is sent (`selection`).
 
     A question that is in the log already, on the same evidence, is not put again.
@@ -59,7 +59,7 @@ def ask(
     return decision
 
 
-def _voted(decision: Decision, member: str, ballot: Ballot, reason: str) -> Voted:
+def _voted(decision: CommitteeDecision, member: str, ballot: Ballot, reason: str) -> Voted:
     return Voted(
         decision=decision.name,
         member=member,
@@ -70,7 +70,7 @@ def _voted(decision: Decision, member: str, ballot: Ballot, reason: str) -> Vote
     )
 
 
-def vote(event_log: EventLog, decision: Decision, member: str, ballot: Ballot, reason: str) -> None:
+def vote(event_log: EventLog, decision: CommitteeDecision, member: str, ballot: Ballot, reason: str) -> None:
     """Cast a member's ballot.
 
     Args:
@@ -97,7 +97,7 @@ def vote(event_log: EventLog, decision: Decision, member: str, ballot: Ballot, r
 
 
 def compare(
-    event_log: EventLog, decision: Decision, member: str, better: str, worse: str, reason: str
+    event_log: EventLog, decision: CommitteeDecision, member: str, better: str, worse: str, reason: str
 ) -> None:
     """Note which of two entrants (ids) a member prefers.
 
@@ -121,7 +121,7 @@ def compare(
     )
 
 
-def close(event_log: EventLog, decision: Decision, member: str) -> Decision:
+def close(event_log: EventLog, decision: CommitteeDecision, member: str) -> CommitteeDecision:
     """Decide by what has been said, as one of the people on the committee.
 
     Raises:
@@ -136,12 +136,12 @@ def close(event_log: EventLog, decision: Decision, member: str) -> Decision:
     return _close(event_log, decision, member)
 
 
-def _close(event_log: EventLog, decision: Decision, author: str) -> Decision:
+def _close(event_log: EventLog, decision: CommitteeDecision, author: str) -> CommitteeDecision:
     event_log.add(Closed(decision=decision.name, member=author, result=decision.tally()))
     return event_log.decisions()[decision.opened.question]
 
 
-def reopen(event_log: EventLog, decision: Decision, member: str, reason: str) -> None:
+def reopen(event_log: EventLog, decision: CommitteeDecision, member: str, reason: str) -> None:
     """Put a decided question again, as one of the people on the committee.
 
     Raises:
@@ -154,25 +154,25 @@ def reopen(event_log: EventLog, decision: Decision, member: str, reason: str) ->
     event_log.add(Reopened(decision=decision.name, member=member, reason=reason))
 
 
-def _check(decision: Decision, member: str, reason: str) -> None:
+def _check(decision: CommitteeDecision, member: str, reason: str) -> None:
     check_may_vote(decision, member)
     _check_reason(reason)
 
 
-def check_may_vote(decision: Decision, member: str) -> None:
+def check_may_vote(decision: CommitteeDecision, member: str) -> None:
     """Raise InputError if the decision is closed, or the member unknown."""
     _check_open(decision)
     _check_member(decision, member)
 
 
-def _check_member(decision: Decision, member: str) -> None:
+def _check_member(decision: CommitteeDecision, member: str) -> None:
     members = decision.opened.settings.members
     if member not in members:
         known = f"one of {', '.join(members)}" if members else "members in the configuration"
         raise InputError(f"{member!r} is not on the committee, expected {known}")
 
 
-def _check_open(decision: Decision) -> None:
+def _check_open(decision: CommitteeDecision) -> None:
     if decision.result is not None:
         raise InputError(f"{decision.name} is closed; reopen it first")
 

@@ -24,7 +24,7 @@ from nathlon.selection.committee.events import (
 
 
 @dataclass
-class Decision:
+class CommitteeDecision:
     """A question and all that has been said about it.
 
     Attributes:
@@ -141,7 +141,7 @@ class Decision:
         )
 
 
-def describe(decision: Decision) -> Decided:
+def describe(decision: CommitteeDecision) -> Decided:
     """A decision as the summary says it; while it is open, the result is the one that would follow now."""
     names = decision.opened.candidates
     result = decision.result or decision.tally()

@@ -10,7 +10,7 @@ import numpy as np
 
 from nathlon.selection.committee import check_may_vote, vote
 from nathlon.selection.committee.ballots import Ballot, favour
-from nathlon.selection.committee.decision import Decision
+from nathlon.selection.committee.decision import CommitteeDecision
 from nathlon.selection.committee.event_log import EventLog
 from nathlon.selection.committee.events import Answers, Drove, Scores
 from nathlon.sim.errors import InputError
@@ -77,7 +77,7 @@ def ballot(said: Sequence[Opinion]) -> Ballot:
     return Ballot(tuple(one.entrant for one in said if one.approved), tuple(one.entrant for one in said))
 
 
-def note_drive(event_log: EventLog, decision: Decision, drove: Drove) -> None:
+def note_drive(event_log: EventLog, decision: CommitteeDecision, drove: Drove) -> None:
     """Note a test drive.
 
     Raises:
@@ -87,7 +87,7 @@ def note_drive(event_log: EventLog, decision: Decision, drove: Drove) -> None:
     event_log.add(drove)
 
 
-def check_may_drive(decision: Decision, member: str) -> None:
+def check_may_drive(decision: CommitteeDecision, member: str) -> None:
     """Raise InputError if the decision is closed, or the member unknown or has voted."""
     check_may_vote(decision, member)
     if member in decision.ballots():
@@ -96,7 +96,7 @@ def check_may_drive(decision: Decision, member: str) -> None:
         )
 
 
-def cast_drives(event_log: EventLog, decision: Decision, member: str) -> None:
+def cast_drives(event_log: EventLog, decision: CommitteeDecision, member: str) -> None:
     """Cast the ballot that follows from a member's test drives.
 
     Raises:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from nathlon.arena.store import Store
-from nathlon.selection.committee.decision import Decision
+from nathlon.selection.committee.decision import CommitteeDecision
 from nathlon.selection.committee.events import EVENT, Entry, Event, Opened
 from nathlon.selection.committee.rules import Question
 
@@ -30,19 +30,19 @@ class EventLog:
             for entry in self._store.log(LOG, self._run)
         ]
 
-    def decisions(self) -> dict[Question, Decision]:
+    def decisions(self) -> dict[Question, CommitteeDecision]:
         """The last decision on each question; one on other evidence takes the place of the one before."""
         return fold(self.entries())
 
 
-def fold(entries: Iterable[Entry]) -> dict[Question, Decision]:
+def fold(entries: Iterable[Entry]) -> dict[Question, CommitteeDecision]:
     """The last decision on each question, after all entries."""
-    decisions: dict[Question, Decision] = {}
+    decisions: dict[Question, CommitteeDecision] = {}
     for entry in entries:
         if isinstance(entry.event, Opened):
             current = decisions.get(entry.event.question)
             if current is None or current.opened != entry.event:
-                decisions[entry.event.question] = Decision(entry.event)
+                decisions[entry.event.question] = CommitteeDecision(entry.event)
         else:
             for decision in decisions.values():
                 decision.apply(entry)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, TypeAdapter
 
-from nathlon.selection.committee.rules import CommitteeSettings, Evidence, Question
+from nathlon.selection.committee.rules import CommitteeEvidence, CommitteeSettings, Question
 from nathlon.sim.data_file import Section
 
 THE_RUN: Final = "the run"
@@ -30,7 +30,7 @@ class Opened(Section):
     question: Question
     seats: int
     settings: CommitteeSettings
-    evidence: Evidence
+    evidence: CommitteeEvidence
 
     @property
     def decision(self) -> str:

@@ -72,7 +72,7 @@ class Rule(Section):
         """The name under which it votes."""
         return AUTOMATIC + self.name
 
-    def vote(self, evidence: Evidence) -> tuple[Ballot, str]:
+    def vote(self, evidence: CommitteeEvidence) -> tuple[Ballot, str]:
         """Its ballot and its reason."""
         failures = {row["entrant"]: self._failures(row) for row in evidence.rows}
         fit = tuple(entrant for entrant, failed in failures.items() if not failed)
@@ -124,7 +124,7 @@ class CommitteeSettings(Section):
         return self
 
 
-class Evidence(Section):
+class CommitteeEvidence(Section):
     """What the members are shown.
 
     Attributes:
@@ -148,7 +148,7 @@ def gather(
     entrants: Sequence[Entrant],
     tables: Mapping[str, pl.DataFrame],
     results: pl.DataFrame,
-) -> Evidence:
+) -> CommitteeEvidence:
     """What there is to know about the candidates of a question.
 
     Args:
@@ -182,7 +182,7 @@ def gather(
         .sort("points", descending=True, nulls_last=True, maintain_order=True)
     )
     digests = {name: _digest(table) for name, table in sorted(tables.items())}
-    return Evidence(rows=tuple(rows.to_dicts()), tables=digests)
+    return CommitteeEvidence(rows=tuple(rows.to_dicts()), tables=digests)
 
 
 def conduct(results: pl.DataFrame) -> pl.DataFrame:

@@ -11,7 +11,7 @@ from typing import Any
 from nathlon.policies.sources import DRIVER, PLUGIN
 from nathlon.selection.incident.freeze import Frozen
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole
 
 SCENARIO = ".scenario.toml"
 """What the names of scenarios end with, so that they are not taken for tests."""
@@ -39,8 +39,7 @@ def add_incident(folder: Path, frozen: Frozen, sources: Mapping[int, str]) -> Pa
     opponents = tuple(_kept(sources[car], folder) for car in frozen.others)
     skill = frozen.skill.model_copy(update={"scenario": scenario.name, "opponents": opponents})
     for file, section in ((scenario, frozen.scenario), (path, skill)):
-        with whole_file(file) as partial:
-            partial.write_text(toml(section.model_dump(mode="json", exclude_none=True)), "utf-8")
+        write_whole(file, toml(section.model_dump(mode="json", exclude_none=True)))
     return path
 
 

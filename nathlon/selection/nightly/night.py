@@ -22,12 +22,12 @@ from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
 from nathlon.selection.engines import engine_of
-from nathlon.selection.field import Exclusion, Field
+from nathlon.selection.field import EntryList, Exclusion
 from nathlon.selection.nightly.incumbents import incumbents, located
 from nathlon.selection.nightly.newcomers import newcomers
 from nathlon.selection.nightly.pool import best_first, rank_nights
 from nathlon.selection.nightly.watching import Watched, watch
-from nathlon.selection.pipeline import select
+from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.publish.output import POLICY_LOG, OutputFolder
 from nathlon.selection.publish.publish import publish
 from nathlon.selection.publish.recordings import record_tournament
@@ -118,7 +118,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch) -> Night:
             output = OutputFolder(Path(config.out) / night.name)
             pool.log.keep_in(output.root / POLICY_LOG)
             run = Run(store, night.name, (config.seed, number), pool, on_match, other_engine=engine)
-            if select(run, field, config) is None:
+            if run_pipeline(run, field, config) is None:
                 store.end_run(night.name, WAITING)
                 return Night(night.name, WAITING, OK, "The committee waits for its members to vote.", None)
             # At once: what is kept can be sent whatever becomes of the file.
@@ -146,7 +146,7 @@ def awaited(config: Config, store: Store | None) -> tuple[int, int, int]:
         InputError: if a watched path does not exist.
     """
     done = [] if store is None else [night for night in _nights(store) if night.status == DONE]
-    fields = [Field.from_plan(night.config) for night in done]
+    fields = [EntryList.from_plan(night.config) for night in done]
     anchors = {policy_id(anchor) for anchor in config.nightly.anchors}
     judged = set() if store is None else set(_judged(store, done))
     refused = set() if store is None else _refused(store, fields)
@@ -183,7 +183,7 @@ def judge(summary: Summary, entered: int, max_fault_share: float) -> tuple[int, 
     return OK, f"{summary.sent[0].name} is sent."
 
 
-def _quiet(field: Field) -> Night:
+def _quiet(field: EntryList) -> Night:
     """A night on which there is nobody new."""
     if field.excluded:
         reason = f"All that is new was set aside: {field.excluded[0].reason}."
@@ -218,13 +218,13 @@ class _Found(NamedTuple):
     """
 
     night: RunRecord | None
-    field: Field
+    field: EntryList
     name: str
 
 
 def _begin(
     store: Store, config: Config, pool: Pool, watched: Watched, found: _Found, on_match: OnMatch
-) -> tuple[RunRecord | None, Field]:
+) -> tuple[RunRecord | None, EntryList]:
     """The night that has been found, or else a new one; None if others have done meanwhile what was new."""
     while found.night is None and found.field.newcomers:
         plan = {"world": _world(config), "field": asdict(found.field)}
@@ -243,12 +243,12 @@ def _look(store: Store, config: Config, pool: Pool, watched: Watched, on_match: 
     for night in nights:
         if night.status in (DONE, ABANDONED):
             continue
-        field = _there(Field.from_plan(night.config), config, watched)
+        field = _there(EntryList.from_plan(night.config), config, watched)
         if night.config["world"] == _world(config) and field and all(intact(pool, field.entrants)):
             return _Found(night, field, name)
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
-    fields = [Field.from_plan(night.config) for night in done]
+    fields = [EntryList.from_plan(night.config) for night in done]
     judged = _judged(store, done)
     anchors = _anchors(pool, config)
     known = judged | {anchor.id: anchor.name for anchor in anchors}
@@ -259,16 +259,18 @@ def _look(store: Store, config: Config, pool: Pool, watched: Watched, on_match: 
     if not new:
         if not excluded:
             _check_full(watched, fields)
-        return _Found(None, Field((), anchors=anchors, excluded=tuple(excluded), notes=notes), name)
+        return _Found(None, EntryList((), anchors=anchors, excluded=tuple(excluded), notes=notes), name)
     best: list[Entrant] = []
     missing: tuple[str, ...] = ()
     if done:
         ranked = _ranked(store.table(done[-1].name, "pool"), fields, {anchor.id for anchor in anchors})
         best, missing = incumbents(pool, ranked, config.nightly.incumbents, watched, Path(config.out))
-    return _Found(None, Field(tuple(new), tuple(best), anchors, tuple(excluded), (*notes, *missing)), name)
+    return _Found(
+        None, EntryList(tuple(new), tuple(best), anchors, tuple(excluded), (*notes, *missing)), name
+    )
 
 
-def _check_full(watched: Watched, fields: Sequence[Field]) -> None:
+def _check_full(watched: Watched, fields: Sequence[EntryList]) -> None:
     """Raise InputError for an empty folder in which earlier nights found checkpoints."""
     sources = [Path(one.source) for field in fields for one in field.newcomers if is_path(one.source)]
     for folder in watched.empty:
@@ -278,13 +280,13 @@ def _check_full(watched: Watched, fields: Sequence[Field]) -> None:
             )
 
 
-def _refused(store: Store, fields: Sequence[Field]) -> set[str]:
+def _refused(store: Store, fields: Sequence[EntryList]) -> set[str]:
     """Keys of what was set aside before, on nights with newcomers and on others."""
     alone = [Exclusion(**entry.entry) for entry in store.log(EXCLUSION)]
     return {item.key for field in fields for item in field.excluded} | {item.key for item in alone}
 
 
-def _there(field: Field, config: Config, watched: Watched) -> Field | None:
+def _there(field: EntryList, config: Config, watched: Watched) -> EntryList | None:
     """The field of a night under way with the places where its files lie now; None if one is gone."""
     groups = [
         [located(entrant, watched, Path(config.out)) for entrant in group]
@@ -303,7 +305,7 @@ def _judged(store: Store, done: Sequence[RunRecord]) -> dict[str, str]:
     not_judged: Any = store.fact_of_runs(NOT_JUDGED)
     for night in done:
         missed = not_judged.get(night.name, ())
-        for entrant in Field.from_plan(night.config).newcomers:
+        for entrant in EntryList.from_plan(night.config).newcomers:
             tries[entrant.id] += 1
             if entrant.id not in missed or tries[entrant.id] == TRIES:
                 names[entrant.id] = entrant.name
@@ -321,7 +323,7 @@ def _anchors(pool: Pool, config: Config) -> tuple[Entrant, ...]:
     return tuple(enter_all(pool, config.nightly.anchors, config.circuit, config.car, config.world))
 
 
-def _ranked(ranking: pl.DataFrame, fields: Sequence[Field], anchors: Container[str]) -> list[Entrant]:
+def _ranked(ranking: pl.DataFrame, fields: Sequence[EntryList], anchors: Container[str]) -> list[Entrant]:
     """The entrants of earlier nights in the order of the pool, without anchors."""
     entrants = {entrant.id: entrant for field in fields for entrant in field.entrants}
     return [entrants[one] for one in best_first(ranking) if one in entrants and one not in anchors]

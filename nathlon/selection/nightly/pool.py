@@ -8,7 +8,7 @@ import polars as pl
 
 from nathlon.arena.match import BACKGROUND
 from nathlon.arena.store import RunRecord, Store
-from nathlon.selection.field import Field
+from nathlon.selection.field import EntryList
 from nathlon.selection.run import CONFIDENCE
 from nathlon.tournament.stopping import repeated
 from nathlon.tournament.tallies import Tally, rank_tally
@@ -41,7 +41,7 @@ def rank_nights(
     kept = max(KEPT, incumbents)
     for looks, record in enumerate(comparable[folded:], folded + 1):
         results = store.results_of_run(record.name, "tournament")
-        anchors = {anchor.id for anchor in Field.from_plan(record.config).anchors}
+        anchors = {anchor.id for anchor in EntryList.from_plan(record.config).anchors}
         ranking, tally = after(tally, results, anchors, kept, looks)
     return {"pool": ranking, "pool_cells": tally.cells, "pool_totals": tally.totals}
 

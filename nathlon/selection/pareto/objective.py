@@ -25,7 +25,7 @@ TIME_TRIAL: Final = "time_trial"
 
 
 @dataclass(frozen=True)
-class Quantity:
+class MeasuredRate:
     """What is measured: events for each unit of exposure, summed over runs.
 
     Attributes:
@@ -39,21 +39,21 @@ class Quantity:
     exposure: pl.Expr
 
 
-def _mean(value: pl.Expr, unit: str) -> Quantity:
-    return Quantity(unit, value, value.is_not_null())
+def _mean(value: pl.Expr, unit: str) -> MeasuredRate:
+    return MeasuredRate(unit, value, value.is_not_null())
 
 
-def _share(column: str) -> Quantity:
-    return Quantity("1", pl.col(column), pl.col("driven_s"))
+def _share(column: str) -> MeasuredRate:
+    return MeasuredRate("1", pl.col(column), pl.col("driven_s"))
 
 
-def _per_km(column: str) -> Quantity:
-    return Quantity("1/km", pl.col(column), pl.col("distance_m") / 1000)
+def _per_km(column: str) -> MeasuredRate:
+    return MeasuredRate("1/km", pl.col(column), pl.col("distance_m") / 1000)
 
 
 _let_down = pl.col("ending").is_in(POLICY_FAULTS)
 
-QUANTITIES: dict[str, Quantity] = {
+QUANTITIES: dict[str, MeasuredRate] = {
     "lap_s": _mean(pl.when(~_let_down).then("best_lap_s"), "s"),
     "race_time_s": _mean(pl.when(~_let_down).then("race_time_s"), "s"),
     "place": _mean(pl.col("place"), "place"),
@@ -73,7 +73,7 @@ OWN = "own."
 """Before the name of a measure that a world declares itself."""
 
 
-def quantity(measure: str) -> Quantity:
+def quantity(measure: str) -> MeasuredRate:
     """What a measure stands for: one of `QUANTITIES`, or the mean of a world's measure over runs.
 
     Raises:

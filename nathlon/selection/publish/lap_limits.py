@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from nathlon.sim.car import load_car
 from nathlon.sim.extras import need
 from nathlon.sim.track import load_track
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole
 
 SHIPPED = Path(__file__).parent.parent.parent / "data" / "lap_limits.json"
 """Which `python -m benchmarks.lap_limit.ship` writes from the benchmark's results."""
@@ -89,8 +89,7 @@ def keep_limit(circuit: str, car: str, limit_s: float) -> None:
     others = [other for other in _read(path).laps if (other.track, other.car_file) != own]
     content = _File(source="nathlon track limit", laps=(*others, entry))
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as partial:
-        partial.write_text(content.model_dump_json(indent=1) + "\n", "utf-8")
+    write_whole(path, content.model_dump_json(indent=1) + "\n")
 
 
 class PlaceDigests(NamedTuple):

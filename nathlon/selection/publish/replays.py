@@ -20,6 +20,7 @@ from nathlon.selection.publish.decider import DRIVEN, Notable, notable_races
 from nathlon.selection.publish.output import RACES, OutputFolder
 from nathlon.selection.publish.recordings import run_again, stored_match
 from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import writing
 
 FINAL = "final"
 """What the files of the deciding race are called; those of others are called after match and race."""
@@ -167,10 +168,8 @@ def record_stored_race(store: Store, address: str, folder: Path) -> Path:
             f"{store.name}: race is {number!r} of match {key[:10]}, expected KEY:RACE with a race "
             f"from 0 to {races - 1}"
         )
-    try:
+    with writing(folder, "recording"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: the recording cannot be written: {error.strerror}") from None
     with Pool(1) as pool:
         [(_, answer)] = run_again(store, {key: [int(number)]}, entrants, pool, folder)
     if isinstance(answer, InputError):

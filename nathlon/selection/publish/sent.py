@@ -20,7 +20,7 @@ from nathlon.results.summary import Sent, Summary
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import LONGEST_FILE, as_named, file_stem
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import whole_file, write_whole
 
 SENT = "sent"
 """Folder of the copies, in that of the selection."""
@@ -106,8 +106,7 @@ def _write(path: Path, facts: Mapping[str, Any]) -> None:
         head = f"[{name}]" if isinstance(value, dict) else f"[[{name}]]"
         for table in _tables(value):
             lines += ["", head, *(_line(*fact) for fact in table.items())]
-    with whole_file(path) as partial:
-        partial.write_text("\n".join(lines).lstrip() + "\n", "utf-8")
+    write_whole(path, "\n".join(lines).lstrip() + "\n")
 
 
 def _tables(value: Any) -> list[dict[str, Any]]:

@@ -27,7 +27,7 @@ class Begin(NamedTuple):
 
     Attributes:
         code: fingerprint of the files that decide how races go, which must be the same here.
-        config, pairs, network: as of `RolloutWorker`.
+        config, pairs, network: as of `WorkerSetup`.
         parcels: files that these name.
     """
 
@@ -59,7 +59,7 @@ class RolloutActor:
         import torch
 
         from nathlon.policies.training.on_ray.travel import Arrived
-        from nathlon.policies.training.worker import RolloutWorker
+        from nathlon.policies.training.worker import RolloutWorker, WorkerSetup
         from nathlon.sim.decisive import fingerprint
         from nathlon.sim.process import HOST
 
@@ -70,7 +70,7 @@ class RolloutActor:
         self._arrived.unpack(begin.parcels)
         config, pairs = self._arrived.config(begin.config), self._arrived.pairs(begin.pairs)
         heard = self._heard(news, checkpoints)
-        self._worker = RolloutWorker(config, pairs, begin.network, heard, seed)
+        self._worker = RolloutWorker(WorkerSetup(config, pairs, begin.network, heard, seed))
 
     def step(self, news: News | None, *checkpoints: Parcel) -> Gathered:
         """Advance every rollout by one step; observations are in half precision, as the learner keeps them.

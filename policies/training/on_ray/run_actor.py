@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from nathlon.policies.training.on_ray.travel import Parcel
 
 
-class Start(NamedTuple):
+class RunStart(NamedTuple):
     """What a run begins with, or goes on with.
 
     Attributes:
@@ -60,7 +60,7 @@ class RunActor:
         self._told: dict[str, tuple[int, int]] = {}
         self._status: Status | None = None
 
-    def train(self, start: Start) -> str:
+    def train(self, start: RunStart) -> str:
         """Train to the end of the configuration; why the run diverged, or ''.
 
         Raises:

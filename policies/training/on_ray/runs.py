@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from nathlon.policies.training.ablation import AblationRun, OnStatus
-from nathlon.policies.training.on_ray.run_actor import Report, RunActor, Start
+from nathlon.policies.training.on_ray.run_actor import Report, RunActor, RunStart
 from nathlon.policies.training.on_ray.travel import needed, pack
 from nathlon.policies.training.on_ray.workers import WAIT_S, WARN_S
 from nathlon.policies.training.run_folder import CONFIG_FILE
 from nathlon.policies.training.state import STATE_FILE
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.whole_file import write_whole, writing
 
 log = logging.getLogger(__name__)
 
@@ -108,13 +108,10 @@ class _Training:
         The state comes last, as where it was made: who goes on from it finds the others.
         """
         folder = trainee.run.folder
-        try:
+        with writing(folder):
             for name, content in sorted(report.files.items(), key=lambda file: file[0] == STATE_FILE):
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                with whole_file(folder / name) as partial:
-                    partial.write_bytes(content)
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
+                write_whole(folder / name, content)
         self._reported = True
         if STATE_FILE in report.files:
             trainee.losses = 0
@@ -139,7 +136,7 @@ class _Training:
             .remote(f"training of {run}")
         )
         parcels = [pack(name) for name in needed(run.config, [])]
-        start = Start(fingerprint(), run.config, run.seed, parcels, _files(run.folder))
+        start = RunStart(fingerprint(), run.config, run.seed, parcels, _files(run.folder))
         return _Trainee(run, actor, actor.train.remote(start), actor.report.remote(), losses)
 
     def _replace(self, lost: _Trainee) -> None:

@@ -5,19 +5,15 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
 import numpy as np
 
-from nathlon.policies.qrsac.networks import Perceptron
-from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.on_ray.actor import Begin, RolloutActor
 from nathlon.policies.training.on_ray.travel import needed, pack
-from nathlon.policies.training.pairs import Pair
-from nathlon.policies.training.worker import Experience, Gathered, News
+from nathlon.policies.training.worker import Experience, Gathered, News, WorkerSetup
 from nathlon.policies.training.worker_pool import STEPS_AHEAD, Take
 from nathlon.sim.decisive import fingerprint
 from nathlon.sim.errors import InputError
@@ -35,7 +31,7 @@ _actors = count(1)
 
 
 @dataclass(eq=False)
-class _Hand:
+class _RemoteWorker:
     """A rollout worker.
 
     Attributes:
@@ -88,28 +84,22 @@ class RayWorkers:
     replaced by another, with races of its own from their start.
     """
 
-    def __init__(
-        self,
-        config: TrainingConfig,
-        pairs: Sequence[Pair],
-        network: Perceptron,
-        news: News,
-        seed: np.random.SeedSequence,
-    ) -> None:
-        """Ask for the processes, as many as the configuration says; for the arguments see `RolloutWorker`.
+    def __init__(self, setup: WorkerSetup) -> None:
+        """Ask for the processes, as many as the configuration says.
 
         Raises:
             InputError: if a file that they need cannot be read.
         """
         import ray
 
+        config, pairs, network, news, self._seed = setup
         parcels = [pack(name) for name in needed(config, pairs)]
         self._begin = ray.put(Begin(fingerprint(), config, tuple(pairs), network, parcels))
-        self._seed, self._post = seed, _Post(news)
+        self._post = _Post(news)
         self._warned = False
         self._hands = [self._start() for _ in range(config.workers)]
 
-    def _start(self) -> _Hand:
+    def _start(self) -> _RemoteWorker:
         import ray
 
         number = next(_actors)
@@ -127,13 +117,15 @@ class RayWorkers:
         )
         [seed] = self._seed.spawn(1)
         letter, checkpoints = self._post.since(-1, 0)
-        hand = _Hand(actor, deque(), time.monotonic(), self._post.version, len(self._post.checkpoints))
+        hand = _RemoteWorker(
+            actor, deque(), time.monotonic(), self._post.version, len(self._post.checkpoints)
+        )
         hand.calls += [actor.ready.remote(), actor.begin.remote(self._begin, seed, letter, *checkpoints)]
         for _ in range(STEPS_AHEAD):
             self._ask(hand)
         return hand
 
-    def _ask(self, hand: _Hand) -> None:
+    def _ask(self, hand: _RemoteWorker) -> None:
         letter, checkpoints = self._post.since(hand.version, hand.known)
         hand.calls.append(hand.actor.step.remote(letter, *checkpoints))
         hand.version, hand.known = self._post.version, len(self._post.checkpoints)
@@ -211,7 +203,7 @@ class RayWorkers:
         for hand in self._hands:
             self._end(hand)
 
-    def _end(self, hand: _Hand) -> None:
+    def _end(self, hand: _RemoteWorker) -> None:
         import ray
 
         ray.kill(hand.actor)

@@ -1,5 +1,18 @@
 // Which view is shown follows from the address alone.
 
+import { all, byId, h, shown } from "../race/element.js";
+import { checkpoint } from "./checkpoint.js";
+import { committee } from "./committee.js";
+import { data, met } from "./data.js";
+import { here, missing, to } from "./dom.js";
+import { compare, leaderboard } from "./leaderboard.js";
+import { matchup, matchups } from "./matchups.js";
+import { nAthlon } from "./n_athlon.js";
+import { pareto } from "./pareto.js";
+import { raceView } from "./race.js";
+import { tonight } from "./tonight.js";
+
+/** @type {Record<string, [string | null, (rest: any) => import("../race/element.js").Child]>} */
 const VIEWS = {
   tonight: ["Tonight", tonight],
   leaderboard: ["Leaderboard", leaderboard],
@@ -12,14 +25,13 @@ const VIEWS = {
   race: [null, raceView],
   checkpoint: [null, checkpoint],
 };
-const missing = (what) => [h("h1", {}, "Not found"), h("p", {}, `This report has no such ${what}. `, link(to("tonight"), "Back to tonight"))];
 
-const main = document.querySelector("main");
+const main = byId("main");
 function show() {
   const { view, rest } = here();
-  main.replaceChildren(...[(VIEWS[view]?.[1] ?? (() => missing("view")))(rest)].flat(Infinity).filter(Boolean));
-  document.title = view === "tonight" ? data.title : `${main.querySelector("h1").textContent} – ${data.title}`;
-  for (const item of document.querySelectorAll("nav a")) {
+  main.replaceChildren(...shown([(VIEWS[view]?.[1] ?? (() => missing("view")))(rest)]));
+  document.title = view === "tonight" ? data.title : `${all("h1", main)[0].textContent} – ${data.title}`;
+  for (const item of all("nav a")) {
     if (item.dataset.view !== view) item.removeAttribute("aria-current");
     else {
       item.setAttribute("aria-current", "page");
@@ -34,6 +46,7 @@ const links = Object.entries(VIEWS).filter(([view, [title]]) => title && (met ||
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");
 const preferred = () => (prefersDark.matches ? "dark" : "light");
 const THEME = "nathlon-theme";
+/** @type {string | null} */
 let chosen = null;
 try {
   chosen = localStorage.getItem(THEME);
@@ -53,23 +66,23 @@ function paint() {
   themeButton.textContent = theme === "dark" ? "Light" : "Dark";
   themeButton.setAttribute("aria-label", `${themeButton.textContent} colours`);
 }
-document.querySelector("nav").append(h("div", { class: "views" }, links), themeButton);
+all("nav")[0].append(h("div", { class: "views" }, links), themeButton);
 prefersDark.addEventListener("change", paint);
 paint();
 
 // On paper nothing opens or scrolls: tables are whole, and as narrow as the sheet.
 const SHEET_PX = 1020;
 window.addEventListener("beforeprint", () => {
-  for (const more of document.querySelectorAll(".more:not([hidden])")) more.click();
+  for (const more of all(".more:not([hidden])")) more.click();
   for (const folded of main.querySelectorAll("details")) folded.open = true;
-  for (const wide of document.querySelectorAll(".scroll > table")) wide.style.zoom = Math.min(1, SHEET_PX / wide.scrollWidth);
+  for (const wide of all(".scroll > table")) wide.style.zoom = String(Math.min(1, SHEET_PX / wide.scrollWidth));
 });
 window.addEventListener("afterprint", () => {
-  for (const wide of document.querySelectorAll(".scroll > table")) wide.style.zoom = "";
+  for (const wide of all(".scroll > table")) wide.style.zoom = "";
 });
 
 // Addresses with a hash are views, so this link cannot be one.
-document.querySelector(".skip").addEventListener("click", (event) => {
+all(".skip")[0].addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
 });
@@ -78,4 +91,5 @@ window.addEventListener("hashchange", () => {
   scrollTo(0, 0);
   main.focus({ preventScroll: true });
 });
+addEventListener("chosen", show);
 show();

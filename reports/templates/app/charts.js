@@ -1,7 +1,32 @@
 // Bars with intervals, shades, and charts that are drawn anew when their width changes.
 
-// A function that draws bars of one column on a common axis from `origin`.
-function barScale(rows, [value, low, high], origin, kind, reference = null) {
+import { count, number } from "../numbers.js";
+import { h } from "../race/element.js";
+import { nameOf, skillsOf, tests } from "./data.js";
+import { entrantLink, plain } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+
+/**
+ * The least and the greatest of some numbers; 0 where there are none.
+ * @template One
+ * @param {Iterable<One>} rows
+ * @param {(row: One) => number | null} of
+ * @returns {[number, number]}
+ */
+export const extent = (rows, of) => {
+  const [low = 0, high = 0] = d3.extent(rows, of);
+  return [low, high];
+};
+
+/**
+ * A function that draws bars of one column on a common axis from `origin`.
+ * @param {any[]} rows
+ * @param {string[]} columns value, low, high
+ * @param {number} origin
+ * @param {string} kind
+ * @param {number | null} [reference]
+ */
+export function barScale(rows, [value, low, high], origin, kind, reference = null) {
   const [width, margin] = [120, 3];
   const known = rows.flatMap((row) => [row[value], row[low], row[high]]).filter((x) => x !== null && x !== undefined);
   const at = d3.scaleLinear([Math.min(origin, ...known), Math.max(origin, ...known)], [margin, width - margin]);
@@ -22,18 +47,21 @@ function barScale(rows, [value, low, high], origin, kind, reference = null) {
 
 // The shade of a heat map's cell: p1..p5 up to `largest`, n1..n5 down to its negative.
 const LEVELS = 5;
-const shade = (value, largest) => {
+export const shade = (value, largest) => {
   const level = largest > 0 ? Math.min(LEVELS, Math.ceil((LEVELS * Math.abs(value)) / largest)) : 0;
   return level === 0 ? "h0" : `${value > 0 ? "p" : "n"}${level}`;
 };
-const shadeKey = (shades, low, high) =>
+export const shadeKey = (shades, low, high) =>
   h("span", { class: "scale" }, h("span", {}, low), shades.map((one) => h("i", { class: one })), h("span", {}, high));
-const BLUES = ["h0", "p1", "p2", "p3", "p4", "p5"];
-const BOTH = ["n5", "n4", "n3", "n2", "n1", ...BLUES];
+export const BLUES = ["h0", "p1", "p2", "p3", "p4", "p5"];
+export const BOTH = ["n5", "n4", "n3", "n2", "n1", ...BLUES];
+
+/** What axes of charts have in common. */
+export const PLAIN_AXIS = /** @type {const} */ ({ labelAnchor: "center", labelArrow: "none" });
 
 // A figure whose chart `draw(width)` makes; the page's own style sheet has the rules of Plot's.
 const LEAST_PX = 200; // Narrower is only what is still being laid out.
-function chart(title, draw) {
+export function chart(title, draw) {
   const host = h("figure", {}, title && h("figcaption", {}, title));
   let drawn = 0;
   new ResizeObserver(() => {
@@ -54,14 +82,20 @@ function chart(title, draw) {
   return host;
 }
 
-const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
+/**
+ * How a chart that is drawn places values across, and back.
+ * @param {{ scale: (name: "x") => import("@observablehq/plot").Scale | undefined }} plot
+ */
+export const scaleOf = (plot) => /** @type {{ apply: (value: number) => number, invert: (x: number) => number }} */ (plot.scale("x"));
+
+export const tip = { lineHeight: 1.35, fontSize: 12, stroke: "var(--strong-rule)", maxRadius: 30 };
 
 // The mark of an entrant in a test: its mean has other points than the mean of the points that the runs have.
-const measuredAs = ({ measure, unit, runs }) => `mean over ${count(runs, "run")}, each scored by itself; mean mark ${number(measure, 3)} ${unit} of the runs that set one`;
+export const measuredAs = ({ measure, unit, runs }) => `mean over ${count(runs, "run")}, each scored by itself; mean mark ${number(measure, 3)} ${unit} of the runs that set one`;
 
 // The points of some entrants in every test, as one line each.
-const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamond2"], ["var(--third)", "triangle"]];
-function profile(chosen) {
+export const LINES = [["var(--survivor)", "circle"], ["var(--finalist)", "diamond2"], ["var(--third)", "triangle"]];
+export function profile(chosen) {
   const points = chosen.flatMap((index, line) =>
     tests.map((test) => {
       const skill = (skillsOf.get(index) ?? []).find((one) => one.test === test);
@@ -73,7 +107,7 @@ function profile(chosen) {
     Plot.plot({
       width, height: 60 + 30 * shown.length, marginLeft: width < 500 ? 126 : 150, marginRight: 20, marginTop: 20, marginBottom: 40,
       ariaLabel: "Points in every test",
-      x: { label: "points", labelAnchor: "center", labelArrow: "none", grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
+      x: { label: "points", ...PLAIN_AXIS, grid: true, domain: [0, 1.05 * Math.max(1000, ...points.map((point) => point.points))] },
       y: { type: "point", domain: shown, label: null },
       marks: [
         Plot.ruleX([500, 1000], { stroke: "var(--strong-rule)", strokeDasharray: "3 3" }),

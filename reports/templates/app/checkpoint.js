@@ -1,8 +1,23 @@
 // All there is to know about one entrant.
 
+import { ABSENT, capital, count, number, percent, signed } from "../numbers.js";
+import { h } from "../race/element.js";
+import { barScale, chart, extent, PLAIN_AXIS, profile, tip } from "./charts.js";
+import { QUESTIONS } from "./committee.js";
+import {
+  batteryOf, batteryRank, blames, carsOf, data, decisions, EACH, entrantByKey, entrants, EPISODE, EPISODES, groups, known, lapped, measured,
+  MEETINGS, met, nameOf, objectivesOf, onCircuit, ownCars, paretoOf, POINT_DIGITS, POINTS, RANK_DIGITS, rankingOf, rankWritten, skillsOf,
+  stageName, summary, tables, touches,
+} from "./data.js";
+import { chip, chips, empty, facts, gained, interval, link, missing, note, plain, raceHref, section, to } from "./dom.js";
+import { lapView } from "./lap.js";
+import { d3, Plot } from "./libraries.js";
+import { measuredIn, objectiveTitle } from "./pareto.js";
+import { dataTable, ownColumns } from "./table.js";
+
 const curves = groups(tables.curves, "checkpoints");
 
-function checkpoint([key]) {
+export function checkpoint([key]) {
   const card = entrantByKey.get(key);
   if (!card) return missing("entrant");
   const index = card.number;
@@ -46,10 +61,10 @@ function trained(card) {
   const starts = card.step === null ? [] : [...curves.keys()].filter((start) => card.source.startsWith(start));
   const start = d3.greatest(starts, (one) => one.length);
   if (start === undefined) return null;
-  const curve = curves.get(start);
+  const curve = curves.get(start) ?? [];
   const laps = curve.filter((row) => row.lap_s !== null);
   const kin = entrants.filter((one) => one.step !== null && one.source?.startsWith(start));
-  const label = { labelAnchor: "center", labelArrow: "none", domain: d3.extent(curve, (row) => row.updates), tickFormat: "~s" };
+  const label = { ...PLAIN_AXIS, domain: extent(curve, (row) => row.updates), tickFormat: "~s" };
   const line = (title, y, rows, height, extra) => chart(title, (width) => Plot.plot({
     width, height, marginLeft: 52, marginRight: 16, marginBottom: 38, ariaLabel: title, x: { ...label, label: "updates", ticks: width / 110, inset: 6 }, y: { label: null, grid: true, ...extra },
     marks: [
@@ -60,11 +75,11 @@ function trained(card) {
       Plot.tip(rows, Plot.pointer({ ...tip, x: "updates", y, title: (row) => `${number(row.updates)} updates\nlap ${number(row.lap_s, 3)} s\noff course ${percent(row.off_course_share, 1)} %` })),
     ],
   }));
-  const best = d3.min(laps, (row) => row.lap_s) ?? 0;
+  const [best, slowest] = extent(laps, (row) => row.lap_s);
   return section("Training",
     note(`Its training run was evaluated ${count(curve.length, "time")}. Solid line: this checkpoint. Dotted lines: others of the run in this report. Gaps: laps not completed.`),
     h("div", { class: "charts" },
-      laps.length ? line("Mean flying lap, s", "lap_s", laps, 240, { domain: [best - 0.5, Math.max(best + 1, Math.min(1.15 * best, d3.max(laps, (row) => row.lap_s)))] }) : empty("No lap was completed."),
+      laps.length ? line("Mean flying lap, s", "lap_s", laps, 240, { domain: [best - 0.5, Math.max(best + 1, Math.min(1.15 * best, slowest))] }) : empty("No lap was completed."),
       line("Time off course, %", (row) => 100 * row.off_course_share, curve, 240, { zero: true })));
 }
 
@@ -84,10 +99,10 @@ function ownMatchups(index) {
 function ballotsOn(card) {
   const found = decisions.flatMap((decision) => {
     const standing = decision.standings.find((one) => one.entrant === card.entrant);
-    return standing ? [[decision, standing]] : [];
+    return standing ? [{ decision, standing }] : [];
   });
   if (!found.length) return null;
-  return section("Committee", found.map(([decision, standing]) => [
+  return section("Committee", found.map(({ decision, standing }) => [
     h("p", {}, h("strong", {}, QUESTIONS[decision.question]), ` approved on ${standing.approved_by} of ${count(decision.ballots, "ballot")}, `,
       decision.open ? "not decided yet." : standing.chosen ? "chosen." : standing.fit ? "fit, but not chosen." : "not fit."),
     h("ul", {}, decision.said.filter((said) => said.event === "voted").map((ballot) => h("li", {},
@@ -96,17 +111,13 @@ function ballotsOn(card) {
   ]));
 }
 
-function ownCars(index) {
-  return racesOf(index).flatMap((race) => carsOf(race).filter((car) => car.entrant === index).map((car) => ({ ...car, race })));
-}
-
 function bestLaps(index) {
   const timed = ownCars(index).filter((car) => car.best_lap_s !== null).map((car) => ({ ...car, test: plain(car.race.test) }));
   if (!timed.length) return empty("It completed no flying lap.");
   const kinds = [...new Set(timed.map((car) => car.test))];
   return chart(null, (width) => Plot.plot({
     width, height: 60 + 26 * kinds.length, marginLeft: width < 500 ? 126 : 150, marginBottom: 40, inset: 6, ariaLabel: "Best lap of every run",
-    x: { label: "best lap of each run, and their median, s", labelAnchor: "center", labelArrow: "none", grid: true, nice: true }, y: { type: "point", domain: kinds, label: null },
+    x: { label: "best lap of each run, and their median, s", ...PLAIN_AXIS, grid: true, nice: true }, y: { type: "point", domain: kinds, label: null },
     marks: [
       Plot.dot(timed, { x: "best_lap_s", y: "test", r: 3, fill: "var(--survivor)", fillOpacity: 0.35 }),
       Plot.dot(timed, Plot.groupY({ x: "median" }, { x: "best_lap_s", y: "test", symbol: "diamond", r: 5, fill: "var(--finalist)", stroke: "var(--paper)" })),

@@ -1,18 +1,26 @@
 // What the committee was asked, what its members said, and what followed.
 
-const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };
+import { count, number, percent } from "../numbers.js";
+import { h } from "../race/element.js";
+import { rankText } from "../rank.js";
+import { blames, decisions, entrantOf, measured, MEETINGS, met, touches } from "./data.js";
+import { chip, empty, entrantLink, facts, note, scroll, section, time } from "./dom.js";
+
+/** @type {Record<string, string>} */
+export const QUESTIONS = { shortlist: met ? `Who goes on to the ${MEETINGS.toLowerCase()}?` : "Who is shortlisted?", selection: "Who is sent?" };
 
 // What members are shown of a candidate, as far as the world measures it.
-const SHOWN = [
+/** @type {[string, (one: any) => string][]} */
+const SHOWN = /** @type {any[]} */ ([
   ["Rank", (one) => rankText(one.rank, one.tied)],
   ["Points", (one) => number(one.points, 1)],
   touches && ["Contacts per km", (one) => number(one.contacts_per_km, 2)],
   touches && blames && ["At fault per km", (one) => number(one.at_fault_per_km, 2)],
   measured("off_course_s") && ["Off course, %", (one) => percent(one.off_course_share, 1)],
   ["Faults", (one) => number(one.faults)],
-].filter(Boolean);
+]).filter(Boolean);
 
-function committee() {
+export function committee() {
   return [
     h("h1", {}, "Committee"),
     note("Fit: approved on at least half of the ballots. Schulze's method orders those who are fit; favour breaks ties. Members named “rule:…” are automatic."),
@@ -21,7 +29,11 @@ function committee() {
 }
 
 function decisionView(decision) {
-  const named = (entrant) => (entrantOf.has(entrant) ? entrantLink(entrantOf.get(entrant).number) : entrant.slice(0, 12));
+  /** @param {string} entrant */
+  const named = (entrant) => {
+    const card = entrantOf.get(entrant);
+    return card ? entrantLink(card.number) : entrant.slice(0, 12);
+  };
   const list = (ids) => (ids.length ? ids.map((entrant, i) => [i > 0 && ", ", named(entrant)]) : "nobody");
   const row = new Map(decision.evidence.rows.map((one) => [one.entrant, one]));
   const late = new Set(decision.late);
@@ -36,7 +48,7 @@ function decisionView(decision) {
       h("tbody", {}, decision.standings.map((standing) => {
         const shown = row.get(standing.entrant);
         return h("tr", { class: standing.chosen ? "chosen" : null },
-          h("th", { scope: "row", class: "name" }, named(standing.entrant), " ", standing.chosen && chip("sent", decision.question === "selection" ? "sent" : "chosen"), shown.barred ? chip("barred", "barred") : null),
+          h("th", { scope: "row", class: "name" }, named(standing.entrant), " ", standing.chosen && chip("sent", decision.question === "selection" ? "sent" : "chosen"), shown?.barred ? chip("barred", "barred") : null),
           [`${standing.approved_by} of ${decision.ballots}`, standing.fit ? "yes" : "no", percent(standing.favour), ...SHOWN.map(([, cell]) => cell(shown))].map((text) => h("td", { class: "number" }, text)));
       })))) : empty("There were no candidates."),
     h("ol", { class: "ballots" }, decision.said.map((said) => h("li", {},

@@ -1,60 +1,60 @@
 // Numbers and addresses, and elements that many views have.
 
-const ABSENT = "–";
-const MINUS = "−";
-const formats = new Map();
-const number = (value, digits = 0) => {
-  if (value === null || value === undefined) return ABSENT;
-  if (!formats.has(digits)) {
-    formats.set(digits, new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }));
-  }
-  return formats.get(digits).format(value).replace(/^-(?=0[.0]*$)/, "").replace("-", MINUS);
-};
-const signed = (value, digits = 1) => (value > 0 && /[1-9]/.test(number(value, digits)) ? "+" : "") + number(value, digits);
-const percent = (share, digits = 0) => (share === null || share === undefined ? ABSENT : number(100 * share, digits));
-const count = (value, what) => `${number(value)} ${what}${value === 1 ? "" : "s"}`;
-const plain = (name) => name.replaceAll("_", " ");
-const duration = (seconds) => {
-  if (seconds < 60) return `${number(seconds, 1)} s`;
+import { typed } from "../command.js";
+import { ABSENT, number } from "../numbers.js";
+import { h } from "../race/element.js";
+import { candidates, entrants, nameOf, rankingOf, selection, sent } from "./data.js";
+
+export const plain = (name) => name.replaceAll("_", " ");
+export const duration = (seconds) => {
+  if (seconds < 59.95) return `${number(seconds, 1)} s`;
   const minutes = Math.floor(Math.round(seconds) / 60);
   if (minutes < 60) return `${minutes} min ${Math.round(seconds) % 60} s`;
   return `${number(Math.floor(minutes / 60))} h ${minutes % 60} min`;
 };
-const time = (stamp) => (stamp ? `${stamp.slice(0, 10)} ${stamp.slice(11, 16)} UTC` : ABSENT);
+export const time = (stamp) => (stamp ? `${stamp.slice(0, 10)} ${stamp.slice(11, 16)} UTC` : ABSENT);
 
 // An address is #/view/argument/...?key=value: what is chosen can be kept, sent and gone back to.
-const here = () => {
+export const here = () => {
   const [path, query] = location.hash.replace(/^#\/?/, "").split("?");
   const [view, ...rest] = path.split("/").map(decodeURIComponent);
   return { view: view || "tonight", rest, params: new URLSearchParams(query ?? "") };
 };
-const to = (view, rest = [], params = {}) => {
+export const to = (view, rest = [], params = {}) => {
   const query = new URLSearchParams(params).toString();
   return `#/${[view, ...rest].map(encodeURIComponent).join("/")}${query && `?${query}`}`;
 };
-const keep = (name, value) => {
+export const keep = (name, value) => {
   const { view, rest, params } = here();
   if (value === "" || value === null) params.delete(name);
   else params.set(name, value);
   history.replaceState(null, "", to(view, rest, params));
 };
-const fileHref = (path) => path.split("/").map(encodeURIComponent).join("/");
+// What is chosen from now on, and the view with it.
+export const choose = (name, value) => {
+  keep(name, value);
+  dispatchEvent(new Event("chosen"));
+};
+export const fileHref = (path) => path.split("/").map(encodeURIComponent).join("/");
 
-const link = (href, ...text) => h("a", { href }, ...text);
-const entrantLink = (number) => link(to("checkpoint", [entrants[number].key]), nameOf(number));
-const raceHref = (race) => to("race", [race.key.slice(0, 12), String(race.race)]);
-const note = (...text) => h("p", { class: "note" }, ...text);
-const empty = (text) => h("p", { class: "empty" }, text);
-const section = (title, ...children) => h("section", {}, h("h2", {}, title), ...children);
-const facts = (pairs) =>
+export const link = (href, ...text) => h("a", { href }, ...text);
+export const entrantLink = (number) => link(to("checkpoint", [entrants[number].key]), nameOf(number));
+export const raceHref = (race) => to("race", [race.key.slice(0, 12), String(race.race)]);
+export const note = (...text) => h("p", { class: "note" }, ...text);
+export const empty = (text) => h("p", { class: "empty" }, text);
+export const section = (title, ...children) => h("section", {}, h("h2", {}, title), ...children);
+export const facts = (pairs) =>
   h("dl", { class: "facts" }, pairs.filter(Boolean).map(([term, value, title]) => h("div", {}, h("dt", { title }, term), h("dd", {}, value))));
-const interval = (low, high, digits) =>
+export const interval = (low, high, digits) =>
   h("span", { class: "interval" }, low === null || high === null ? "" : `${number(low, digits)} to ${number(high, digits)}`);
-const scroll = (label, child) => h("div", { class: "scroll", role: "region", "aria-label": label, tabindex: "0", onkeydown: walk }, child);
-const chip = (kind, text, title) => h("span", { class: `chip ${kind}`, title }, text);
+export const scroll = (label, child) => h("div", { class: "scroll", role: "region", "aria-label": label, tabindex: "0", onkeydown: walk }, child);
+export const missing = (what) => [h("h1", {}, "Not found"), h("p", {}, `This report has no such ${what}. `, link(to("tonight"), "Back to tonight"))];
+export const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, typed(words)));
+export const gained = (places) => (places === 0 ? h("span", { class: "same" }, "=") : h("span", { class: places > 0 ? "gain" : "loss" }, `${places > 0 ? "▲" : "▼"}${Math.abs(places)}`));
+export const chip = (kind, text, title) => h("span", { class: `chip ${kind}`, title }, text);
 
 // What became of an entrant, in words beside its name.
-const chips = (index) => {
+export const chips = (index) => {
   const { entrant } = entrants[index];
   return [
     sent.has(entrant) && chip("sent", "sent", "the committee sends it"),

@@ -1,5 +1,13 @@
 // A lap against another line: a map in the colours of its speed, what was lost where, and a closer look.
 
+import { number, signed } from "../numbers.js";
+import { h } from "../race/element.js";
+import { barScale, chart, extent, scaleOf } from "./charts.js";
+import { data, entrantByKey, entrants, groups, nameOf, ownCars, paretoOf, tables } from "./data.js";
+import { choose, command, empty, facts, here, link, note, raceHref } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+import { dataTable } from "./table.js";
+
 const course = tables.course;
 const lapOf = groups(tables.laps, "entrant");
 const KMH = 3.6;
@@ -9,30 +17,31 @@ const LIMIT = "the fastest lap that the car and the rules allow, by optimal cont
 const overLimit = (lap) => (data.limit === null || lap === null || lap === undefined ? null : lap / data.limit);
 
 // Of tables of entrants, where the limit is known.
-const limitColumn = () => (data.limit === null ? [] : [{
+export const limitColumn = () => (data.limit === null ? [] : [{
   key: "limit", head: "Mean / limit", first: "ascending", title: `mean best lap of the time trials over the limit of ${number(data.limit, 3)} s: ${LIMIT}`,
   value: (row) => overLimit(paretoOf.get(row.entrant)?.lap_s), cell: (row) => number(overLimit(paretoOf.get(row.entrant)?.lap_s), 3),
 }]);
-const limitNote = () => (data.limit === null ? "" : ` Mean / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
+export const limitNote = () => (data.limit === null ? "" : ` Mean / limit: mean best lap of the time trials over ${number(data.limit, 3)} s, ${LIMIT}.`);
 
-function lapView(index) {
+export function lapView(index) {
   const lap = lapOf.get(index);
   if (!lap) return lapCommand(index);
   const others = [...lapOf.keys()].filter((other) => other !== index);
-  const asked = entrantByKey.get(here().params.get("against"))?.number;
-  const against = others.includes(asked) ? asked : null;
-  const other = against === null ? course : lapOf.get(against);
+  const asked = entrantByKey.get(here().params.get("against") ?? "")?.number;
+  const against = others.find((one) => one === asked) ?? null;
+  const other = lapOf.get(against ?? -1) ?? course;
   const names = { own: nameOf(index), other: against === null ? "built-in driver's line" : nameOf(against) };
   const rows = lap.map((row, i) => ({ ...row, other: other[i], lost: row.time_s - other[i].time_s }));
   const stretches = sectionsOf(rows);
-  const place = placeOn(rows, names, d3.greatest(stretches, (one) => one.lost)?.slowest ?? 0);
+  const place = placeOn(rows, d3.greatest(stretches, (one) => one.lost)?.slowest ?? 0);
   const last = rows.length - 1;
-  const choice = h("label", {}, "Against ", h("select", { onchange: (event) => { keep("against", event.target.value); show(); } },
+  const [trial, time] = [bestTrial(index), `${number(lap[last].time_s, 3)} s`];
+  const choice = h("label", {}, "Against ", h("select", { onchange: (event) => choose("against", event.target.value) },
     h("option", { value: "" }, "the built-in driver's line"),
     others.map((one) => h("option", { value: entrants[one].key, selected: one === against }, nameOf(one)))));
   return [
     facts([
-      ["Best time trial", link(raceHref(bestTrial(index).race), `${number(lap[last].time_s, 3)} s`)],
+      ["Best time trial", trial ? link(raceHref(trial.race), time) : time],
       ...limitFacts(lap[last].time_s),
       data.limit !== null && ["Mean lap / limit", number(overLimit(paretoOf.get(index)?.lap_s), 3), "of the best laps of all its time trials, as in the leaderboard"],
       [against === null ? "Built-in driver's line" : nameOf(against), [number(other[last].time_s, 3), " s"]],
@@ -76,11 +85,11 @@ function lapCommand(index) {
 
 // The named sections of the circuit in the order of the lap.
 function sectionsOf(rows) {
-  const begins = course.map((row, i) => i).filter((i) => i === 0 || course[i].section !== course[i - 1].section);
+  const begins = d3.range(course.length).filter((i) => i === 0 || course[i].section !== course[i - 1].section);
   const found = begins.map((begin, i) => {
     const end = begins[i + 1] ?? rows.length - 1;
     const own = d3.range(begin, end + 1);
-    const slowest = d3.least(own, (one) => rows[one].speed_m_s);
+    const slowest = d3.least(own, (one) => rows[one].speed_m_s) ?? begin;
     return {
       name: course[begin].section || (i ? `after ${course[begin - 1].section}` : "start"), from: rows[begin].distance_m, slowest, low: null, high: null,
       time: rows[end].time_s - rows[begin].time_s, lost: rows[end].lost - rows[begin].lost,
@@ -91,7 +100,7 @@ function sectionsOf(rows) {
 }
 
 // A place on the lap that a slider, the maps and the charts share; those who follow it are told when it moves.
-function placeOn(rows, names, first) {
+function placeOn(rows, first) {
   const followers = new Map();
   const said = h("output", { class: "note" });
   const slider = h("input", { type: "range", min: 0, max: rows.length - 1, value: first, oninput: () => go(Number(slider.value)) });
@@ -113,7 +122,7 @@ function placeOn(rows, names, first) {
 }
 
 const speedScale = (rows) => {
-  const [low, high] = d3.extent(rows.flatMap((row) => [row.speed_m_s, row.other.speed_m_s]));
+  const [low, high] = extent(rows.flatMap((row) => [row.speed_m_s, row.other.speed_m_s]), (speed) => speed);
   // From a quarter on, viridis stands out from the road.
   return { low, high, colour: (speed) => d3.interpolateViridis(0.25 + (0.75 * (speed - low)) / Math.max(high - low, 1e-9)) };
 };
@@ -124,7 +133,8 @@ function speedKey(rows) {
 }
 
 // Lines on the map, whose y points down.
-const onMap = (side = "") => d3.line((row) => row[`${side}x_m`], (row) => -row[`${side}y_m`]).curve(d3.curveCatmullRom).digits(1);
+/** @param {"" | "left_" | "right_"} [side] of the road */
+const onMap = (side = "") => d3.line((/** @type {any} */ row) => row[`${side}x_m`], (row) => -row[`${side}y_m`]).curve(d3.curveCatmullRom).digits(1);
 const road = () => `${onMap("left_")(course)}Z${onMap("right_")(course)}Z`;
 
 // The road and the lap in the colours of its speed.
@@ -143,8 +153,8 @@ const atTime = (rows, time) => rows[Math.min(rows.length - 1, d3.bisector((row) 
 
 const MAP_PX = 480;
 function wholeMap(rows, names, place) {
-  const [left, right] = d3.extent(rows, (row) => row.x_m);
-  const [low, high] = d3.extent(rows, (row) => row.y_m);
+  const [left, right] = extent(rows, (row) => row.x_m);
+  const [low, high] = extent(rows, (row) => row.y_m);
   const margin = 0.06 * Math.max(right - left, high - low);
   const box = [left - margin, -high - margin, right - left + 2 * margin, high - low + 2 * margin];
   return chart(null, (width) => {
@@ -155,7 +165,7 @@ function wholeMap(rows, names, place) {
       onpointermove: (event) => event.pointerType === "mouse" && near(event), onpointerdown: near,
     }, drawnLap(rows), startLine(), h("svg:g", { "font-size": 12 * pixel }, sectionNames(rows, box, pixel)), car);
     function near(event) {
-      const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+      const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM()?.inverse());
       place.go(d3.leastIndex(rows, (row) => (row.x_m - point.x) ** 2 + (row.y_m + point.y) ** 2));
     }
     place.follow("map", (at) => put(car, rows[at]));
@@ -167,7 +177,7 @@ const startLine = () => h("svg:path", { class: "start", d: `M${course[0].left_x_
 
 // Names beside the road, away from the middle; one that would cover another is left out.
 function sectionNames(rows, box, pixel) {
-  const middle = { x: d3.mean(rows, (row) => row.x_m), y: -d3.mean(rows, (row) => row.y_m) };
+  const middle = { x: d3.mean(rows, (row) => row.x_m) ?? 0, y: -(d3.mean(rows, (row) => row.y_m) ?? 0) };
   const taken = [];
   const clear = (own) => own[0] > box[0] && own[0] + own[2] < box[0] + box[2] && taken.every((one) => own[0] > one[0] + one[2] || one[0] > own[0] + own[2] || own[1] > one[1] + one[3] || one[1] > own[1] + own[3]);
   const road = rows.filter((_, i) => i % 4 === 0).map((row) => [row.x_m - 6 * pixel, -row.y_m - 6 * pixel, 12 * pixel, 12 * pixel]);
@@ -206,17 +216,18 @@ function traces(rows, names, place) {
   const along = { label: null, domain: [0, rows.at(-1).distance_m], grid: true };
   const trace = (name, title, height, options) => chart(title, (width) => {
     const plot = Plot.plot({ width, height, marginLeft: 46, marginRight: 12, marginBottom: 24, ariaLabel: title, ...options, x: { ...along, ticks: width / 110, tickFormat: (m) => `${number(m / 1000, 1)} km` } });
-    const x = plot.scale("x");
+    const x = scaleOf(plot);
     const line = h("svg:line", { class: "place", y1: 4, y2: height - 24 });
     plot.append(line);
     plot.addEventListener("pointermove", (event) => {
-      const within = (event.clientX - plot.getBoundingClientRect().left) * (width / plot.getBoundingClientRect().width);
+      const [within] = d3.pointer(event, plot);
       place.go(Math.round(((rows.length - 1) * x.invert(within)) / along.domain[1]));
     });
-    place.follow(name, (at) => { for (const end of ["x1", "x2"]) line.setAttribute(end, x.apply(rows[at].distance_m)); });
+    place.follow(name, (at) => { for (const end of ["x1", "x2"]) line.setAttribute(end, String(x.apply(rows[at].distance_m))); });
     return plot;
   });
-  const lines = [[(row) => KMH * row.other.speed_m_s, "var(--muted)", "4 3"], [(row) => KMH * row.speed_m_s, "var(--survivor)", null]];
+  /** @type {[(row: any) => number, string, string | undefined][]} */
+  const lines = [[(row) => KMH * row.other.speed_m_s, "var(--muted)", "4 3"], [(row) => KMH * row.speed_m_s, "var(--survivor)", undefined]];
   return [
     trace("speed", `Speed, km/h: ${names.own}, and dashed ${names.other}`, 210, {
       y: { grid: true, label: null, nice: true },

@@ -1,13 +1,30 @@
 // The meetings: points and contacts with their intervals, and two entrants side by side.
 
+import { ABSENT, capital, count, number, percent, signed } from "../numbers.js";
+import { h } from "../race/element.js";
+import { barScale, profile } from "./charts.js";
+import {
+  batteryOf, batteryRank, blames, data, EACH, entrantByKey, entrants, EPISODES, MEANS, MEETINGS, met, nameOf, POINTS, POINTS_HEAD, RANK_DIGITS,
+  rankingOf, rankWritten, skillsOf, summary, tables, tests, touches,
+} from "./data.js";
+import { empty, entrantLink, here, interval, keep, link, missing, note, plain, scroll, section, to } from "./dom.js";
+import { limitColumn, limitNote } from "./lap.js";
+import { d3 } from "./libraries.js";
+import { asked } from "./n_athlon.js";
+import { measuredIn, objectiveTitle, objectiveUnit, objectiveValue } from "./pareto.js";
+import { dataTable, entrantColumn, rankColumn } from "./table.js";
+
+/** @typedef {import("./data.js").Figure} Figure */
+
 const GATED = "barred only if the whole interval is above the gate's limit";
 
-function leaderboard() {
+export function leaderboard() {
   const rows = tables.ranking.map((row) => ({ ...row, skill: batteryOf.get(row.entrant)?.points ?? null }));
   const title = h("h1", {}, "Leaderboard");
   if (!rows.length) return [title, empty(`No entrant reached the ${MEETINGS.toLowerCase()}.`)];
   const points = barScale(rows, POINTS, d3.mean(rows, (row) => row[POINTS[0]]) ?? 0, "points");
   const contacts = barScale(rows, ["contacts_per_km", "contacts_low", "contacts_high"], 0, "contacts");
+  /** @type {(key: string, head: string, digits: number, figures: [Figure, Figure, Figure], extra?: object) => import("./table.js").Column} */
   const figure = (key, head, digits, [value, low, high], extra = {}) => ({
     key, head, value: (row) => row[value],
     cell: (row) => [h("strong", {}, number(row[value], digits)), " ", interval(row[low], row[high], digits)], ...extra,
@@ -49,30 +66,30 @@ function ratings() {
 }
 
 // Two that are picked, kept in the address as ?pick=a,b.
-const picked = () => (here().params.get("pick") ?? "").split(",").filter((key) => entrantByKey.has(key));
+const picked = () => (here().params.get("pick") ?? "").split(",").map((key) => entrantByKey.get(key)).filter((one) => one !== undefined);
 function picker(index) {
   const { key, name } = entrants[index];
   return h("input", {
-    type: "checkbox", "aria-label": `Compare ${name}`, checked: picked().includes(key),
+    type: "checkbox", "aria-label": `Compare ${name}`, checked: picked().some((one) => one.key === key),
     onchange: (event) => {
-      const others = picked().filter((one) => one !== key);
+      const others = picked().map((one) => one.key).filter((one) => one !== key);
       keep("pick", (event.target.checked ? [...others, key].slice(-2) : others).join(","));
       const left = picked();
-      for (const box of document.querySelectorAll(".pick input")) box.checked = left.some((one) => box.getAttribute("aria-label") === `Compare ${entrantByKey.get(one).name}`);
-      document.querySelector(".comparison").replaceWith(comparison());
+      for (const box of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(".pick input"))) box.checked = left.some((one) => box.getAttribute("aria-label") === `Compare ${one.name}`);
+      document.querySelector(".comparison")?.replaceWith(comparison());
     },
   });
 }
 function comparison() {
-  const keys = picked();
+  const two = picked();
   const host = (...children) => h("p", { class: "comparison", "aria-live": "polite" }, ...children);
-  if (keys.length < 2) return host(keys.length ? "Pick one more to compare." : "Pick two to compare them.");
-  return host(link(to("compare", keys), `Compare ${entrantByKey.get(keys[0]).name} and ${entrantByKey.get(keys[1]).name}`));
+  if (two.length < 2) return host(two.length ? "Pick one more to compare." : "Pick two to compare them.");
+  return host(link(to("compare", two.map((one) => one.key)), `Compare ${two[0].name} and ${two[1].name}`));
 }
 
-function compare([first, second]) {
-  const two = [first, second].map((key) => entrantByKey.get(key));
-  if (two.includes(undefined)) return missing("entrant");
+export function compare([first, second]) {
+  const two = [first, second].map((key) => entrantByKey.get(key)).filter((one) => one !== undefined);
+  if (two.length < 2) return missing("entrant");
   const numbers = two.map((one) => one.number);
   const shown = (table, name, digits, low, high) => numbers.map((index) => {
     const row = table.get(index);
@@ -84,6 +101,7 @@ function compare([first, second]) {
   });
   const both = tables.matchups.find((row) => row.entrant === numbers[0] && row.opponent === numbers[1]);
   const objectives = [...new Set(tables.objectives.map((row) => row.objective))];
+  /** @type {[string | null, (Pair | false)[]][]} */
   const groups = [
     [met ? MEETINGS : null, [
       { label: "Rank", two: shown(rankingOf, "rank", 0), written: rankWritten },
@@ -98,7 +116,7 @@ function compare([first, second]) {
       ...tests.map((test) => ({ label: plain(test), title: asked(test), two: skill(test), goal: "max", apart: true })),
     ]],
     ["Pareto filter", objectives.map((name) => ({
-      label: `${objectiveTitle(name)} ${measuredIn(name)}`, goal: objectiveUnit.get(name).goal,
+      label: `${objectiveTitle(name)} ${measuredIn(name)}`, goal: objectiveUnit(name).goal,
       two: numbers.map((index) => ({ value: objectiveValue(index, name), low: null, high: null, digits: 3 })),
     }))],
   ];
@@ -112,28 +130,51 @@ function compare([first, second]) {
         h("th", { scope: "col", class: "number" }, "Difference"), h("th", { scope: "col", class: "text" }, "Better"))),
       groups.map(([stage, rows]) => h("tbody", {},
         stage && h("tr", {}, h("th", { scope: "rowgroup", class: "name stage", colspan: 5 }, stage)),
-        rows.filter(Boolean).map((row) => sideBySide(row, two.map((one) => one.name))))))),
+        rows.filter((row) => row !== false).map((row) => sideBySide(row, two.map((one) => one.name))))))),
     note(`Intervals of differences: ${percent(summary.confidence)}\u00a0%, of one figure alone. Points and contacts of the ${MEETINGS.toLowerCase()} rest on the same ${EPISODES}: their differences have no interval of their own. Nothing is proven where there is none.`),
     numbers.every((index) => skillsOf.has(index)) && section("Their n-athlon", profile(numbers)),
   ];
 }
 
-// Of two estimates that know nothing of each other: Zou and Donner's interval of their difference.
-const apartBy = (a, b) => (a.low === null || b.low === null ? [null, null] : [
-  a.value - b.value - Math.hypot(a.value - a.low, b.high - b.value), a.value - b.value + Math.hypot(a.high - a.value, b.value - b.low)]);
+/** @typedef {{ value: number | null, low: number | null, high: number | null, digits: number }} Estimate */
 
-// A figure of two entrants, what they differ by, and who is better; `goal` is "max" or "min", `apart` where the two are independent,
-// and `sure` what their difference lies within where something else tells it.
-function sideBySide({ label, title, two: [a, b], written = null, goal = null, apart = false, sure = null }, names) {
-  const known = a.value !== null && b.value !== null;
-  const difference = known ? a.value - b.value : null;
-  const [low, high] = known && apart ? apartBy(a, b) : [null, null];
+/**
+ * Of two estimates that know nothing of each other: Zou and Donner's interval of their difference.
+ * @param {Estimate} a
+ * @param {Estimate} b
+ * @returns {[number, number] | [null, null]}
+ */
+const apartBy = (a, b) => {
+  if (a.value === null || a.low === null || a.high === null || b.value === null || b.low === null || b.high === null) return [null, null];
+  const difference = a.value - b.value;
+  return [difference - Math.hypot(a.value - a.low, b.high - b.value), difference + Math.hypot(a.high - a.value, b.value - b.low)];
+};
+
+/**
+ * @typedef {object} Pair a figure of two entrants
+ * @property {string} label
+ * @property {string} [title]
+ * @property {Estimate[]} two
+ * @property {(rank: number | null) => string} [written] of a rank
+ * @property {string} [goal] "max" or "min"
+ * @property {boolean} [apart] whether the two know nothing of each other
+ * @property {[number, number]} [sure] what their difference lies within, where something else tells it
+ */
+
+/**
+ * A figure of two entrants, what they differ by, and who is better.
+ * @param {Pair} pair
+ * @param {string[]} names
+ */
+function sideBySide({ label, title, two: [a, b], written, goal, apart = false, sure }, names) {
+  const difference = a.value === null || b.value === null ? null : a.value - b.value;
+  const [low, high] = difference !== null && apart ? apartBy(a, b) : [null, null];
   const [least, most] = sure ?? [low, high];
-  const overlap = least === null && a.low !== null && b.low !== null && a.low <= b.high && b.low <= a.high;
-  const first = goal === "min" ? difference < 0 : difference > 0;
-  const told = !goal || !known ? "" : difference === 0 ? "alike" : overlap || (least !== null && least <= 0 && most >= 0) ? "not told apart" : names[first ? 0 : 1];
+  const overlap = least === null && a.low !== null && b.low !== null && a.low <= (b.high ?? b.low) && b.low <= (a.high ?? a.low);
+  const first = difference !== null && (goal === "min" ? difference < 0 : difference > 0);
+  const told = !goal || difference === null ? "" : difference === 0 ? "alike" : overlap || (least !== null && most !== null && least <= 0 && most >= 0) ? "not told apart" : names[first ? 0 : 1];
   return h("tr", {}, h("th", { scope: "row", class: "name", title }, label),
     [a, b].map(({ value, low: least, high: most, digits }) => h("td", { class: "number" }, h("strong", {}, written ? written(value) : number(value, digits)), " ", interval(least, most, digits))),
-    h("td", { class: "number" }, written || !known ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),
+    h("td", { class: "number" }, written || difference === null ? ABSENT : [signed(difference, a.digits), " ", interval(low, high, a.digits)]),
     h("td", { class: "text" }, told));
 }

@@ -1,14 +1,22 @@
 // Everybody against everybody, and the races of one matchup.
 
-function matchups() {
+import { ABSENT, capital, count, number, signed } from "../numbers.js";
+import { h } from "../race/element.js";
+import { BOTH, shade, shadeKey } from "./charts.js";
+import { blames, carsOf, EACH, entrantByKey, entrants, EPISODE, EPISODES, nameOf, POINT_DIGITS, racesOf, sum, tables, touches } from "./data.js";
+import { choose, empty, entrantLink, here, link, missing, note, raceHref, scroll, to } from "./dom.js";
+import { d3 } from "./libraries.js";
+import { dataTable } from "./table.js";
+
+export function matchups() {
   const title = h("h1", {}, "Matchups");
   const cells = new Map(tables.matchups.filter((row) => row.difference !== null).map((row) => [`${row.entrant} ${row.opponent}`, row]));
   if (!cells.size) return [title, empty("No two entrants met.")];
   const order = [...tables.ranking].sort((a, b) => (a.rank ?? Infinity) - (b.rank ?? Infinity) || b.points_per_race - a.points_per_race).map((row) => row.entrant);
   const contacts = touches && here().params.get("of") === "contacts";
   const value = (row) => (contacts ? row.contacts_per_km : row.difference);
-  const largest = d3.max(cells.values(), (row) => Math.abs(value(row) ?? 0));
-  const radio = (of, text) => h("label", {}, h("input", { type: "radio", name: "of", checked: contacts === (of === "contacts"), onchange: () => { keep("of", of); show(); } }), ` ${text} `);
+  const largest = d3.max(cells.values(), (row) => Math.abs(value(row) ?? 0)) ?? 0;
+  const radio = (of, text) => h("label", {}, h("input", { type: "radio", name: "of", checked: contacts === (of === "contacts"), onchange: () => choose("of", of) }), ` ${text} `);
   const drawn = (row) => {
     const [from, against] = [entrants[row.entrant], entrants[row.opponent]];
     const decided = !contacts && (row.difference_low > 0 || row.difference_high < 0);
@@ -34,9 +42,9 @@ function matchups() {
   ];
 }
 
-function matchup([first, second]) {
-  const two = [first, second].map((key) => entrantByKey.get(key));
-  if (two.includes(undefined)) return missing("entrant");
+export function matchup([first, second]) {
+  const two = [first, second].map((key) => entrantByKey.get(key)).filter((one) => one !== undefined);
+  if (two.length < 2) return missing("entrant");
   const [a, b] = two.map((one) => one.number);
   const both = tables.matchups.find((row) => row.entrant === a && row.opponent === b);
   const other = tables.matchups.find((row) => row.entrant === b && row.opponent === a);

@@ -1,6 +1,14 @@
 // The n-athlon: entrants and tests, coloured by points; the profiles of some beside each other.
 
-function nAthlon() {
+import { ABSENT, count, number, percent } from "../numbers.js";
+import { h } from "../race/element.js";
+import { BLUES, LINES, measuredAs, profile, shade, shadeKey } from "./charts.js";
+import { data, entrantByKey, entrants, groups, nameOf, onCircuit, rowsOf, sent, skillsOf, summary, tables, tests } from "./data.js";
+import { chip, empty, entrantLink, here, interval, keep, note, plain, scroll, section } from "./dom.js";
+import { d3 } from "./libraries.js";
+import { dataTable, entrantColumn, rankColumn } from "./table.js";
+
+export function nAthlon() {
   const title = h("h1", {}, "n-athlon");
   const rows = tables.battery.map((row) => ({ ...row, skills: new Map((skillsOf.get(row.entrant) ?? []).map((skill) => [skill.test, skill])) }));
   if (!rows.length) return [title, empty("No entrant has been through the n-athlon.")];
@@ -20,7 +28,7 @@ function nAthlon() {
       const others = profiled(rows).filter((one) => one !== row.entrant);
       const next = event.target.checked ? [...others, row.entrant].slice(-LINES.length) : others;
       keep("show", next.map((one) => entrants[one].key).join(",") || "none");
-      for (const other of document.querySelectorAll(".pick input")) other.checked = next.some((one) => other.getAttribute("aria-label") === `Profile of ${nameOf(one)}`);
+      for (const other of /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(".pick input"))) other.checked = next.some((one) => other.getAttribute("aria-label") === `Profile of ${nameOf(one)}`);
       draw();
     },
   });
@@ -47,6 +55,7 @@ function frozen() {
   const before = groups(rowsOf(data.incidentHistory), "test");
   const cell = (rows, entrant) => {
     const own = rows.find((row) => row.entrant === entrant);
+    if (!own) return h("td", { class: "number" }, ABSENT);
     return h("td", { class: "number", title: `needs ${percent(own.needed)} % of the runs` }, own.passed ? h("strong", {}, "passed") : "failed", ` ${own.clean}/${own.runs}`);
   };
   const told = (one) => `${one.run}: ${one.passed} of ${count(one.entrants, "entrant")}${one.sent_passed === null ? "" : `, the one sent ${one.sent_passed ? "passed" : "failed"}`}`;
@@ -56,14 +65,14 @@ function frozen() {
       h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Incident"), drivers.map((one) => h("th", { scope: "col", class: "number" }, entrantLink(one))))),
       h("tbody", {}, held.map(([test, rows]) => h("tr", {}, h("th", { scope: "row", class: "name", title: rows[0].happened }, plain(test)), drivers.map((one) => cell(rows, one))))))),
     h("ul", {}, held.map(([test, rows]) => h("li", {}, h("strong", {}, plain(test)), `: ${rows[0].happened}`,
-      before.has(test) && h("ul", {}, before.get(test).slice(-10).map((one) => h("li", {}, told(one))))))),
+      before.has(test) && h("ul", {}, (before.get(test) ?? []).slice(-10).map((one) => h("li", {}, told(one))))))),
   ];
 }
 
 // Who is drawn: those of the address, else who is sent and the first of the others.
 function profiled(rows) {
   const asked = here().params.get("show");
-  if (asked !== null) return asked.split(",").map((key) => entrantByKey.get(key)?.number).filter((index) => skillsOf.has(index)).slice(0, LINES.length);
+  if (asked !== null) return asked.split(",").map((key) => entrantByKey.get(key)?.number ?? -1).filter((index) => skillsOf.has(index)).slice(0, LINES.length);
   const first = [...rows].sort((a, b) => a.rank - b.rank || b.points - a.points).map((row) => row.entrant);
   const chosen = first.filter((index) => sent.has(entrants[index].entrant));
   return [...new Set([...chosen, ...first])].slice(0, 2);
@@ -72,7 +81,7 @@ function profiled(rows) {
 // What a test asks, in what it is measured, and which way is better.
 const unitOf = new Map(tables.skills.map((skill) => [skill.test, skill.unit]));
 const better = ({ base, reference }) => (reference < base ? "less" : "more");
-function asked(test) {
+export function asked(test) {
   const mark = summary.marks[test];
   return mark && [mark.asks, `Measured in ${unitOf.get(test) ?? "its own unit"}; ${better(mark)} is better.`].filter(Boolean).join(" ");
 }

@@ -1,17 +1,29 @@
 // The filter's objectives, two at a time: the field in grey, the front labelled.
 
+import { capital, number, percent } from "../numbers.js";
+import { h } from "../race/element.js";
+import { chart, tip } from "./charts.js";
+import { data, entrants, EPISODES, MEETINGS, met, nameOf, objectivesOf, rankingOf, sent, tables } from "./data.js";
+import { chip, empty, here, keep, note, plain, section, to } from "./dom.js";
+import { limitColumn, limitNote } from "./lap.js";
+import { d3, Plot } from "./libraries.js";
+import { dataTable, entrantColumn } from "./table.js";
+
 const objectiveNames = [...new Set(tables.objectives.map((row) => row.objective))];
-const objectiveUnit = new Map(tables.objectives.map((row) => [row.objective, row]));
-const objectiveTitle = (name) => {
-  const { unit, goal } = objectiveUnit.get(name);
+const units = new Map(tables.objectives.map((row) => [row.objective, row]));
+/** @param {string} name */
+export const objectiveUnit = (name) => units.get(name) ?? { unit: "1", goal: "min", source: "" };
+export const objectiveTitle = (name) => {
+  const { unit, goal } = objectiveUnit(name);
   const title = plain(name.replace(/_per_km$|_s$|_m$/, ""));
   return `${title}${unit === "1" ? "" : ` [${unit}]`}${goal === "max" ? ", more is better" : ""}`;
 };
+/** @type {Record<string, string>} */
 const MEASURED_IN = { time_trial: "in the time trials", race: `in the filter's ${EPISODES}` };
-const measuredIn = (name) => MEASURED_IN[objectiveUnit.get(name).source] ?? "in the filter";
-const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;
+export const measuredIn = (name) => MEASURED_IN[objectiveUnit(name).source] ?? "in the filter";
+export const objectiveValue = (index, name) => (objectivesOf.get(index) ?? []).find((row) => row.objective === name)?.value ?? null;
 
-function pareto() {
+export function pareto() {
   const title = h("h1", {}, "Pareto filter");
   const rows = tables.pareto.map((row) => ({
     ...row,
@@ -21,7 +33,8 @@ function pareto() {
   if (!rows.length) return [title, empty("No entrant has been through the filter.")];
   const front = rows.filter((row) => row.survives);
   const { params } = here();
-  const axis = (name, otherwise) => (objectiveNames.includes(params.get(name)) ? params.get(name) : objectiveNames[otherwise]);
+  /** @type {(name: string, otherwise: number) => string} */
+  const axis = (name, otherwise) => objectiveNames.find((one) => one === params.get(name)) ?? objectiveNames[otherwise];
   const host = h("div");
   const show = () => {
     const [x, y] = [axis("x", 0), axis("y", Math.min(1, objectiveNames.length - 1))];
@@ -38,7 +51,7 @@ function pareto() {
     section("All entrants", data.limit !== null && note(limitNote().trim()), dataTable("pareto", [
       entrantColumn((row) => (row.finalist ? chip("", "finalist") : null)),
       ...objectiveNames.map((name) => ({
-        key: name, head: objectiveTitle(name), first: objectiveUnit.get(name).goal === "max" ? "descending" : "ascending",
+        key: name, head: objectiveTitle(name), first: objectiveUnit(name).goal === "max" ? "descending" : "ascending",
         value: (row) => row[`= ${name}`], cell: (row) => number(row[`= ${name}`], 3),
       })),
       ...limitColumn(),
@@ -76,7 +89,7 @@ function front2d(rows, x, y) {
       Plot.dot(kinds[0], { x: "x", y: "y", r: 2.2, fill: "var(--field)", fillOpacity: 0.6 }),
       Plot.dot(kinds[1], { x: "x", y: "y", r: 4, fill: "var(--survivor)" }),
       Plot.dot(kinds[2], { x: "x", y: "y", r: 5, fill: "var(--finalist)", symbol: "diamond" }),
-      ["start", "end"].map((anchor) => Plot.text(texts.filter((text) => text.anchor === anchor), {
+      /** @type {("start" | "end")[]} */ (["start", "end"]).map((anchor) => Plot.text(texts.filter((text) => text.anchor === anchor), {
         x: "x", y: "y", text: "label", textAnchor: anchor, dx: anchor === "start" ? 9 : -9, fill: "currentColor", stroke: "var(--paper)", strokeWidth: 4,
       })),
       Plot.tip(points, Plot.pointer({ ...tip, x: "x", y: "y", title: describe })),

@@ -1,6 +1,18 @@
 // One race: its grid and result; if it was recorded, the race itself; and how to run it again.
 
-function raceView([key, index]) {
+import { capital, clock, number } from "../numbers.js";
+import { h, shown } from "../race/element.js";
+import { orderTable } from "../race/order.js";
+import { keepMoment, keyHints, momentOf, racePlayer } from "../race/player.js";
+import { openRecording } from "../race/recording.js";
+import { blames, carsOf, data, EPISODE, groups, lapped, measured, onCircuit, POINT_DIGITS, raceByKey, stageName, sum, summary } from "./data.js";
+import { command, empty, entrantLink, facts, fileHref, gained, here, keep, missing, note, plain, section } from "./dom.js";
+import { raceCharts, speedCharts } from "./race_charts.js";
+import { momentButton, passesView } from "./race_passes.js";
+import { replay } from "./recorded.js";
+import { dataTable, entrantColumn, ownColumns } from "./table.js";
+
+export function raceView([key, index]) {
   const race = raceByKey.get(`${key}/${index}`);
   if (!race) return missing("race");
   const cars = carsOf(race);
@@ -46,12 +58,10 @@ function raceView([key, index]) {
   ];
 }
 
-const gained = (places) => (places === 0 ? h("span", { class: "same" }, "=") : h("span", { class: places > 0 ? "gain" : "loss" }, `${places > 0 ? "▲" : "▼"}${Math.abs(places)}`));
-
 // What is drawn of a race that was recorded, once that is unpacked.
 function later(player, draw) {
   const host = h("div", {});
-  player.then((ready) => host.append(...[draw(ready)].flat(Infinity).filter(Boolean)));
+  player.then((ready) => host.append(...shown([draw(ready)])));
   return host;
 }
 
@@ -115,13 +125,8 @@ function filmOf({ video, seats, why }) {
       .map(([who, own]) => `${own.map(({ seat }) => seat).join(", ")}: ${who}`).join(" · ")));
 }
 
-// The clips of a race that is to be looked at, as links that open the player there.
-function clipsOf({ match, race, clips }) {
-  return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
-    link(to("race", [match.slice(0, 12), String(race)], { at: clip.start_s, car: clip.car }), `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)));
-}
-
-function clipsHere(player, { clips }) {
+function clipsHere(player, shown) {
+  const clips = shown?.clips ?? [];
   return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
     momentButton(player, clip.start_s, clip.car, `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)));
 }

@@ -1,5 +1,13 @@
 // Charts of a recorded race by distance, with a line where the player stands.
 
+import { clock, number } from "../numbers.js";
+import { h } from "../race/element.js";
+import { chart, LINES, PLAIN_AXIS, scaleOf, tip } from "./charts.js";
+import { groups } from "./data.js";
+import { empty, here, keep, note } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+import { lapsOf, passings, traceOf } from "./race_laps.js";
+
 const teamStroke = (recording, car) => (recording.race.cars[car].team === 1 ? "var(--finalist)" : "var(--survivor)");
 
 // A chart along x with the player's place in it; a click has the player go there.
@@ -8,13 +16,13 @@ function playedChart(player, title, draw, placeOf, timeOf) {
   player.on.push(() => move());
   return chart(title, (width) => {
     const plot = draw(width);
-    const scale = plot.scale("x");
+    const scale = scaleOf(plot);
     const line = h("svg:line", { class: "cursor", y1: 8, y2: plot.viewBox.baseVal.height - 38 });
     plot.append(line);
     move = () => {
       const x = scale.apply(placeOf());
       line.setAttribute("visibility", Number.isFinite(x) ? "visible" : "hidden");
-      if (Number.isFinite(x)) for (const end of ["x1", "x2"]) line.setAttribute(end, x);
+      if (Number.isFinite(x)) for (const end of ["x1", "x2"]) line.setAttribute(end, String(x));
     };
     move();
     plot.addEventListener("click", (event) => {
@@ -25,7 +33,7 @@ function playedChart(player, title, draw, placeOf, timeOf) {
   });
 }
 
-function raceCharts(player) {
+export function raceCharts(player) {
   const { recording, state } = player;
   const { race, circuit, samples } = recording;
   const rows = passings(recording);
@@ -40,7 +48,7 @@ function raceCharts(player) {
     const times = samples.distance.map((_, car) => recording.timeAt(car, lap * circuit.lap - race.origin)).filter((time) => time !== null);
     return times.length ? Math.min(...times) : null;
   };
-  const along = { label: "laps of the leader", domain: [0, end], ticks: d3.range(0, end), tickFormat: "d", labelAnchor: "center", labelArrow: "none" };
+  const along = { label: "laps of the leader", domain: [0, end], ticks: d3.range(0, end), tickFormat: "d", ...PLAIN_AXIS };
   const lines = (y) => Plot.line(rows, { x: "lap", y, z: "car", stroke: (row) => teamStroke(recording, row.car), strokeWidth: 1.8, strokeLinejoin: "round" });
   const about = (row) => `${race.cars[row.car].name}\nplace ${row.place}, ${number(row.gap, 1)} s behind the leader\n${clock(row.time)} after the start`;
   const pointed = (y) => Plot.tip(rows, Plot.pointer({ ...tip, x: "lap", y, title: about }));
@@ -61,7 +69,7 @@ function raceCharts(player) {
 }
 
 // Speeds of up to two laps, and the time that they lose, against the fastest lap of the race.
-function speedCharts(player) {
+export function speedCharts(player) {
   const { recording, state } = player;
   const { race, circuit } = recording;
   const laps = lapsOf(recording);
@@ -94,7 +102,7 @@ function speedCharts(player) {
     const traces = chosen.map((lap, i) => lap && { lap, line: i, rows: traceOf(recording, lap) }).filter(Boolean);
     const base = traceOf(recording, reference);
     const lost = (rows) => rows.slice(0, base.length).map((row, i) => ({ ...row, lost: row.seconds - base[i].seconds }));
-    const along = { domain: [0, circuit.lap], label: "m from the line", labelAnchor: "center", labelArrow: "none" };
+    const along = { domain: [0, circuit.lap], label: "m from the line", ...PLAIN_AXIS };
     const bounds = Plot.ruleX(distances, { x: "start", stroke: "var(--rule)" });
     const pen = ({ line }) => ({ stroke: LINES[line][0], strokeWidth: 1.6 });
     host.replaceChildren(

@@ -4,7 +4,7 @@ const GRID_M = 100;
 const TRACE_M = 15;
 
 // Of every car where it came by every GRID_M of the race: laps from the line, s behind the first there, and place.
-function passings(recording) {
+export function passings(recording) {
   const { race, circuit, cars, samples } = recording;
   const furthest = Math.max(0, ...samples.distance.map((column) => column.at(-1) ?? 0));
   const rows = [];
@@ -19,7 +19,7 @@ function passings(recording) {
 
 // The laps that were driven from line to line, the fastest first; without the first, which begins at a standstill,
 // if there are others.
-function lapsOf({ race, circuit, cars, samples, timeAt }) {
+export function lapsOf({ race, circuit, cars, samples, timeAt }) {
   const laps = [];
   for (let car = 0; car < cars; car++) {
     const end = samples.distance[car].at(-1);
@@ -33,7 +33,7 @@ function lapsOf({ race, circuit, cars, samples, timeAt }) {
 }
 
 // Speed and time of a lap by the way since the line.
-function traceOf(recording, { car, from, start }) {
+export function traceOf(recording, { car, from, start }) {
   const rows = [];
   for (let distance = 0; distance <= recording.circuit.lap; distance += TRACE_M) {
     const time = recording.timeAt(car, from + distance);

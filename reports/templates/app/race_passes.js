@@ -1,6 +1,13 @@
 // Where cars go by each other: in this race and in the others of the run that were recorded.
 
-function passesView(player) {
+import { clock, number } from "../numbers.js";
+import { h } from "../race/element.js";
+import { chart, extent, tip } from "./charts.js";
+import { data } from "./data.js";
+import { empty, note } from "./dom.js";
+import { d3, Plot } from "./libraries.js";
+
+export function passesView(player) {
   const { recording } = player;
   const { race, circuit, line } = recording;
   const all = data.recordings.flatMap((one) => one.passes.map((pass) => ({ ...pass, own: one === race })));
@@ -11,7 +18,7 @@ function passesView(player) {
   const shown = d3.sort(all, (pass) => !pass.own).map((pass) => ({ ...pass, name: sectionOf(pass) }));
   const road = Array.from({ length: Math.floor(circuit.rows / 8) + 1 }, (_, i) => (8 * i) % circuit.rows)
     .map((i) => [(line.left.x[i] + line.right.x[i]) / 2, (line.left.y[i] + line.right.y[i]) / 2]);
-  const [width, height] = [0, 1].map((axis) => d3.extent(road, (point) => point[axis])).map(([low, high]) => high - low);
+  const [width, height] = [0, 1].map((axis) => extent(road, (point) => point[axis])).map(([low, high]) => high - low);
   const about = (pass) => `${race.cars[pass.car].name}\npasses ${race.cars[pass.passed].name}\nfor place ${pass.place}, ${clock(pass.time)}`;
   const key = h("p", { class: "key" }, h("i", { class: "survivor" }), `this race, ${number(own.length)}`, h("i", { class: "field" }), `the other recorded races, ${number(all.length - own.length)}`);
   return [
@@ -38,7 +45,7 @@ function passesView(player) {
 }
 
 // Has the player show a moment.
-const momentButton = (player, seconds, car, text) =>
+export const momentButton = (player, seconds, car, text) =>
   h("button", { type: "button", class: "moment", onclick: () => {
     player.follow(car);
     player.seek(seconds);

@@ -1,13 +1,23 @@
 // Tonight: whom to send and why, what became of the field, and whether the run can be trusted.
 
-function tonight() {
-  const decided = summary.sent[0];
+import { ABSENT, capital, count, number } from "../numbers.js";
+import { h } from "../race/element.js";
+import { rankIn } from "../rank.js";
+import {
+  byEntrant, data, decisions, EACH, entrantOf, entrants, EPISODE, EPISODES, known, met, onCircuit, paretoOf, poolRank, rowsOf, stageName,
+  summary, tables,
+} from "./data.js";
+import { chip, duration, empty, entrantLink, facts, fileHref, link, note, plain, scroll, section, to } from "./dom.js";
+import { clipsOf, replay } from "./recorded.js";
+
+export function tonight() {
+  const decided = entrantOf.get(summary.sent[0]?.entrant);
   return [
     h("p", { class: "over" }, data.title, data.underWay && [" · ", chip("barred", data.underWay)]),
     h("h1", {}, data.verdict.headline),
     h("div", { class: "why" }, data.verdict.sentences.map((sentence) => h("p", {}, sentence))),
     h("p", { class: "next" },
-      decided && entrantOf.has(decided.entrant) && [link(to("checkpoint", [entrantOf.get(decided.entrant).key]), "The checkpoint"), " "],
+      decided && [link(to("checkpoint", [decided.key]), "The checkpoint"), " "],
       tables.ranking.length > 0 && [link(to("leaderboard"), "The leaderboard"), " "],
       decisions.length > 0 && [link(to("committee"), "The committee's reasons"), " "],
       link("ranking.xlsx", "The spreadsheet")),
@@ -73,14 +83,15 @@ function health() {
 // What was expected before the run, beside what came.
 function foreseen() {
   const expected = summary.forecast;
-  const rows = expected.stages.map((stage) => [stage, summary.stages.find((one) => one.name === stage.name)]).filter(([, came]) => came);
+  if (!expected) return null;
+  const rows = expected.stages.flatMap((stage) => summary.stages.filter((one) => one.name === stage.name).map((came) => ({ stage, came })));
   const pair = (before, after) => [before, after].map((text) => h("td", { class: "number" }, text));
   return [
     scroll("Forecast and outcome", h("table", { id: "forecast" },
       h("thead", {},
         h("tr", {}, h("th", { rowspan: 2 }, "Stage"), ["Entrants", capital(EPISODES), "Core time"].map((name) => h("th", { colspan: 2, class: "number" }, name))),
         h("tr", {}, [1, 2, 3].map(() => ["forecast", "outcome"].map((text) => h("th", { class: "number" }, text))))),
-      h("tbody", {}, rows.map(([stage, came]) => h("tr", {}, h("th", { scope: "row" }, stageName(stage.name)),
+      h("tbody", {}, rows.map(({ stage, came }) => h("tr", {}, h("th", { scope: "row" }, stageName(stage.name)),
         pair(number(stage.entrants), number(came.in)),
         pair(number(stage.races), number(came.races)),
         pair(stage.core_s === null ? ABSENT : duration(stage.core_s), came.ran ? duration(came.core_s) : ABSENT)))))),
@@ -98,8 +109,8 @@ function changes() {
   const [places, rankBefore] = [byEntrant(pooled), rankIn(pooled)];
   const pool = tables.pool.length ? tables.pool : tables.ranking;
   const moved = pool
-    .filter((row) => places.has(row.entrant) && places.get(row.entrant).rank !== row.rank)
-    .map((row) => ({ ...row, before: places.get(row.entrant).rank }))
+    .map((row) => ({ ...row, before: places.get(row.entrant)?.rank ?? row.rank }))
+    .filter((row) => row.before !== row.rank)
     .sort((a, b) => a.rank - b.rank);
   const arrived = pool.filter((row) => !places.has(row.entrant)).sort((a, b) => a.rank - b.rank);
   const survive = fresh.filter((one) => paretoOf.get(one.number)?.survives).length;
@@ -119,17 +130,3 @@ function changes() {
     note(`Ranks in the pool of all nights. Newcomers can push others down; more ${EPISODES} can break ties.`),
   ];
 }
-
-// A race that was recorded: what is seen there, and its files.
-function replay({ match, race, why, player, video, recording, replay: rerun, missing: reason }) {
-  const there = raceByKey.get(`${match.slice(0, 12)}/${race}`);
-  const name = `${capital(EPISODE)} ${match.slice(0, 6)}/${race}`;
-  const files = [[player, "watch it here"], [video, "video"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]].filter(([file]) => file);
-  return [
-    there ? link(raceHref(there), name) : name, `: ${why}. `,
-    files.map(([file, text], i) => [i > 0 && " · ", link(fileHref(file), text)]),
-    reason && h("span", { class: "fault" }, `It could not be run again: ${reason}`),
-  ];
-}
-
-const command = (words) => h("pre", { tabindex: "0" }, h("code", {}, typed(words)));

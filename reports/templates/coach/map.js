@@ -6,7 +6,7 @@ function lossColour(rate) {
   return `color-mix(in oklab, ${rate > 0 ? "var(--lost)" : "var(--won)"} ${Math.round(100 * share)}%, var(--even))`;
 }
 
-function lapMap(map, pieceM) {
+export function lapMap(map, pieceM) {
   const pieces = [...map.querySelectorAll(".piece")];
   for (const piece of pieces) piece.style.stroke = lossColour(Number(piece.dataset.lost));
   const here = map.querySelector("#here");

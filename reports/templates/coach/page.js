@@ -1,18 +1,23 @@
 // The page of the coach.
 
+import { all, byId, dataOf } from "../race/element.js";
+import { keepMoment, momentOf, racePlayer } from "../race/player.js";
+import { openRecording } from "../race/recording.js";
+import { lapMap } from "./map.js";
+import { lapTraces, valueAt } from "./traces.js";
+
 const PIECE_M = 12;
 const BEFORE_S = 2;
 const AROUND_M = 60;
 
 async function start() {
-  const at = (id) => document.getElementById(id);
-  const data = JSON.parse(at("data").textContent);
+  const data = dataOf("data");
   const { own, sections, advice, car } = data;
   const length = own.place.at(-1);
   const recording = await openRecording(data.race, data.circuit);
   const named = new URLSearchParams(location.hash.slice(1));
   const player = racePlayer(recording, { followed: car, now: data.start, scrolls: true, ...(named.has("at") && momentOf(named)) });
-  at("race").append(player.node);
+  byId("race").append(player.node);
   const timeAt = (place) => data.start + valueAt(own, "time_s", place);
   const placeAt = (seconds) => {
     const since = seconds - data.start;
@@ -22,23 +27,26 @@ async function start() {
     const share = (since - own.time_s[after - 1]) / (own.time_s[after] - own.time_s[after - 1]);
     return own.place[after - 1] + share * (own.place[after] - own.place[after - 1]);
   };
-  const traces = lapTraces(at("traces"), data, (place, pressed) => {
+  const traces = lapTraces(byId("traces"), data, (place, pressed) => {
     traces.mark(place);
     here(place);
     if (pressed) player.seek(timeAt(Math.min(place, length)));
   });
-  const here = lapMap(at("map"), PIECE_M);
+  const here = lapMap(byId("map", SVGSVGElement), PIECE_M);
+  /** @type {number | null} */
   let until = null;
 
+  /** @param {{ section?: number | null, driven?: number | null }} what none of a lap without advice */
   function choose({ section = null, driven = null }) {
     const part = section === null ? null : sections[section];
+    /** @type {[number, number]} */
     const span = driven !== null ? [advice[driven].from, advice[driven].to] : part ? [Math.max(part.from - AROUND_M, 0), Math.min(part.to + AROUND_M, length)] : [0, length];
     traces.show(...span, driven);
-    at("whole").hidden = !part;
-    at("with-advice").hidden = driven === null;
-    at("range").textContent = part ? `${part.name}, ${Math.round(span[0])} m to ${Math.round(span[1])} m` : "";
-    for (const node of document.querySelectorAll(".label")) node.classList.toggle("chosen", Number(node.dataset.section) === section);
-    document.querySelectorAll(".advice li").forEach((node, i) => node.classList.toggle("chosen", i === driven));
+    byId("whole").hidden = !part;
+    byId("with-advice").hidden = driven === null;
+    byId("range").textContent = part ? `${part.name}, ${Math.round(span[0])} m to ${Math.round(span[1])} m` : "";
+    for (const node of all(".label")) node.classList.toggle("chosen", Number(node.dataset.section) === section);
+    for (const [i, node] of all(".advice li").entries()) node.classList.toggle("chosen", i === driven);
     if (section !== null) player.seek(timeAt(span[0]));
   }
 
@@ -47,11 +55,11 @@ async function start() {
     return found < 0 ? null : found;
   };
   const chooseSection = (section) => choose({ section, driven: adviceOf(section) });
-  for (const node of document.querySelectorAll("[data-section]")) {
+  for (const node of all("[data-section]")) {
     const press = () => chooseSection(Number(node.dataset.section));
     node.addEventListener("click", () => {
       press();
-      if (node.matches("button")) at("traces-head").scrollIntoView({ block: "start" });
+      if (node.matches("button")) byId("traces-head").scrollIntoView({ block: "start" });
     });
     if (!node.matches("button")) {
       node.addEventListener("keydown", (event) => {
@@ -62,7 +70,7 @@ async function start() {
       });
     }
   }
-  for (const node of document.querySelectorAll(".look")) {
+  for (const node of all(".look")) {
     const driven = Number(node.dataset.advice);
     node.addEventListener("click", () => choose({ section: advice[driven].section, driven }));
   }
@@ -71,20 +79,20 @@ async function start() {
     player.follow(car);
     player.seek(from);
     player.play(true);
-    at("race-head").scrollIntoView({ block: "start" });
+    byId("race-head").scrollIntoView({ block: "start" });
   }
-  for (const node of document.querySelectorAll(".watch")) {
+  for (const node of all(".watch")) {
     const one = advice[Number(node.dataset.advice)];
     node.addEventListener("click", () => {
       choose({ section: one.section, driven: Number(node.dataset.advice) });
       clip(timeAt(one.from), timeAt(Math.min(one.to, length)));
     });
   }
-  for (const node of document.querySelectorAll(".moment")) {
+  for (const node of all(".moment")) {
     const seconds = Number(node.dataset.at);
     node.addEventListener("click", () => clip(seconds - BEFORE_S, seconds + 2 * BEFORE_S));
   }
-  at("whole").addEventListener("click", () => choose({}));
+  byId("whole").addEventListener("click", () => choose({}));
   document.addEventListener("keydown", player.key);
   keepMoment(player, (moment) => history.replaceState(null, "", `#${new URLSearchParams(moment)}`));
   player.on.push((state) => {
@@ -99,7 +107,8 @@ async function start() {
     document.body.dataset.ready = "yes";
   });
   choose(advice.length ? { section: advice[0].section, driven: 0 } : {});
-  if (named.has("at")) player.seek(momentOf(named).now);
+  const { now } = momentOf(named);
+  if (now !== undefined) player.seek(now);
 }
 
 start();

@@ -1,10 +1,13 @@
 // Traces over the way: the coached lap, the other one, and what was driven with an advice.
 
+import { difference } from "../numbers.js";
+import { all, h } from "../race/element.js";
+
 const TRACE_WIDTH = 1000;
 const LEFT = 40;
 
 // The value of a trace at a place, or null outside of it.
-function valueAt(traces, name, place) {
+export function valueAt(traces, name, place) {
   const { place: at } = traces;
   const last = at.length - 1;
   if (place < at[0] || place > at[last]) return null;
@@ -20,11 +23,11 @@ const lostOn = (lap, other, from = 0) =>
 function niceStep(span) {
   const rough = span / 3;
   const power = 10 ** Math.floor(Math.log10(rough));
-  return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= rough);
+  return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= rough) ?? rough;
 }
 
 // Charts one above the other; `show` draws a stretch of the lap, `mark` a place in it.
-function lapTraces(box, { own, other, edited }, onPlace) {
+export function lapTraces(box, { own, other, edited }, onPlace) {
   for (const lap of [own, other]) lap.lost = lostOn(lap, other);
   for (const drive of edited) drive.lost = lostOn(drive, other, valueAt(own, "lost", drive.place[0]));
   const charts = [
@@ -70,7 +73,7 @@ function lapTraces(box, { own, other, edited }, onPlace) {
       ]),
       ...inside.map(([who, points]) => h("svg:path", { class: who, d: points.map(([place, value], i) => `${i ? "L" : "M"}${across(place).toFixed(1)} ${up(value).toFixed(1)}`).join("") })),
       h("svg:line", { class: "at", x1: -9, x2: -9, y1: 0, y2: chart.height }));
-    chart.node.querySelectorAll(".tick").forEach((tick) => tick.remove());
+    for (const tick of all(".tick", chart.node)) tick.remove();
     chart.node.append(...ticks.map((value) => {
       const tick = h("span", { class: "tick" }, `${Number(value.toFixed(3))}`.replace("-", "−"));
       tick.style.top = `${up(value)}px`;
@@ -79,16 +82,20 @@ function lapTraces(box, { own, other, edited }, onPlace) {
   }
 
   return {
+    /**
+     * @param {number} from m
+     * @param {number} to
+     * @param {number | null} [driven] the advice
+     */
     show(from, to, driven = null) {
       [range, drive] = [[from, to], driven === null ? null : edited[driven]];
       charts.forEach(draw);
     },
     mark(place) {
       for (const chart of charts) {
-        const line = chart.svg.querySelector(".at");
+        const [line] = all(".at", chart.svg);
         const x = place === null || place < range[0] || place > range[1] ? -9 : across(place);
-        line.setAttribute("x1", x);
-        line.setAttribute("x2", x);
+        for (const end of ["x1", "x2"]) line.setAttribute(end, String(x));
         for (const [who, lap] of Object.entries({ own, other, edited: drive })) {
           const value = lap && place !== null && who !== chart.without ? valueAt(lap, chart.key, place) : null;
           chart.outputs[who].textContent = value === null ? "" : chart.words((chart.scale ?? 1) * value);

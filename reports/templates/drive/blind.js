@@ -1,27 +1,29 @@
 // A blind test: how far it has come, the questions after a race, and who was who once the ballot is cast.
 
+import { all, byId, h } from "../race/element.js";
+
 const ASKED = [
   ["again", "Would you race it again?"], ["fair", "Was it fair in contact?"],
   ["room", "Did it leave room?"], ["beatable", "Was it beatable?"],
 ];
 const SCALE = [1, 2, 3, 4, 5];
 
-const momentOf = ({ time_s: time, nearest, apart_m: apart }) =>
+export const momentOf = ({ time_s: time, nearest, apart_m: apart }) =>
   `${time.toFixed(1)} s${nearest === null ? "" : `, ${nearest} ${apart.toFixed(0)} m away`}`;
 
-function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
-  const panel = document.getElementById("blind");
+export function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
+  const panel = byId("blind");
   const called = (letter) => (names ? `${letter}: ${names[letter]}` : letter);
   const list = (letters, between) => letters.map(called).join(between) || "nobody";
   const said = rank.length ? [h("p", {}, "Approves: ", h("b", {}, list(approve, ", "))), h("p", {}, "Order: ", h("b", {}, list(rank, " > ")))] : [];
-  document.querySelector("#menu h1").textContent = "Blind test drive";
-  document.getElementById("choice").hidden = names !== null;
+  all("#menu h1")[0].textContent = "Blind test drive";
+  byId("choice").hidden = names !== null;
   panel.hidden = false;
   panel.replaceChildren(...(names
     ? [h("h2", {}, `${driver}'s ballot is cast`), ...said, h("p", { class: "keys" }, "You can close this page. The committee decides when enough of its members have voted.")]
     : [
       h("h2", {}, `${driver}'s ballot so far`),
-      h("p", {}, "Races against ", Object.entries(races).map(([letter, count], i) => [i ? ", " : "", h("b", {}, letter), ` ${count}`]).flat(), "."),
+      h("p", {}, "Races against ", Object.entries(races).map(([letter, count], i) => [i ? ", " : "", h("b", {}, letter), ` ${count}`]), "."),
       ...said,
       h("div", { class: "go" },
         h("button", { type: "button", disabled: missing.length > 0, onclick: onCast }, "Cast my ballot"),
@@ -29,8 +31,8 @@ function showBlind({ driver, races, missing, approve, rank, names }, onCast) {
     ]));
 }
 
-function questionsDialog({ letters, marks, longest }, { onAnswer, onDrop }) {
-  const dialog = document.getElementById("questions");
+export function questionsDialog({ letters, marks, longest }, { onAnswer, onDrop }) {
+  const dialog = byId("questions", HTMLDialogElement);
   const choose = (name, options) => options.map(([value, text]) =>
     h("label", { class: "score" }, h("input", { type: "radio", name, value, required: true }), h("span", {}, text)));
   const scores = letters.map((letter) => h("fieldset", {}, h("legend", {}, letter),

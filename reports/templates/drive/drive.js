@@ -1,19 +1,47 @@
 // The page: connection, inputs and drawing, put together.
 
+import { all, byId, dataOf } from "../race/element.js";
+import { openCircuit, unpacked } from "../race/recording.js";
+import { raceScene } from "../race/scene.js";
+import { chaseCamera, cockpitCamera } from "../scene3d/cameras.js";
+import { newView } from "../scene3d/view.js";
+import { momentOf, questionsDialog, showBlind } from "./blind.js";
+import { newHud, newReference } from "./hud.js";
+import { kept, newInputs } from "./inputs.js";
+import { connect, newPlayback } from "./link.js";
+import { newMenu, pauseDialog, resultDialog } from "./menu.js";
+import { newSound } from "./sound.js";
+
 const SEND_MS = 1000 / 60;
 const READY = 3; // pictures after which the countdown may begin: a graphics driver may take seconds for the first ones
 const VIEWS = ["chase", "cockpit", "map"];
 
+/**
+ * @typedef {object} Driving
+ * @property {any} race as the server tells it
+ * @property {number} own the person's car
+ * @property {Awaited<ReturnType<typeof prepare>>} made
+ * @property {ReturnType<typeof newReference>} reference
+ * @property {ReturnType<typeof newHud>} hud
+ * @property {ReturnType<typeof newMap>} map
+ * @property {Record<string, boolean>} aids
+ * @property {boolean} paused
+ * @property {boolean} started
+ * @property {boolean} [finished]
+ * @property {number} drawn pictures
+ * @property {number} begins s
+ */
+
 function start() {
-  const el = (id) => document.getElementById(id);
-  const session = JSON.parse(el("session").textContent);
+  const session = dataOf("session");
   const playback = newPlayback();
   const sound = newSound();
-  const view = newView(el("scene"));
+  const view = newView(byId("scene", HTMLCanvasElement));
   let seen = newSight();
   const settings = { kind: view ? "chase" : "map", mirror: true, line: true, sound: true, ...kept.read("view", {}) };
   if (!view) settings.kind = "map";
-  let driving = null; // the race: { race, own, hud, map, reference, started, paused, drawn, begins }
+  /** @type {Driving | null} the race */
+  let driving = null;
   const inputs = newInputs(() => send());
   const seconds = () => performance.now() / 1000;
   let heard = Promise.resolve();
@@ -33,7 +61,7 @@ function start() {
     if (words.type === "preparing") notice(words.forecast ? "Getting ready: the computer races it a few times first …" : "Getting ready …");
     if (words.type === "race") await begin(words);
     if (words.type === "paused") pause();
-    if (words.type === "going on" && driving) resume();
+    if (words.type === "going on") resume();
     if (words.type === "stewards") driving?.hud.tell(words, driving.own);
     if (words.type === "marked") driving?.hud.tell({ text: `You marked ${momentOf(words)}`, cars: [driving.own], penalty_s: 0 }, driving.own);
     if (words.type === "questions") ask(words);
@@ -42,14 +70,14 @@ function start() {
   }
 
   function notice(text) {
-    el("notice").textContent = text;
-    if (el("waiting")) el("waiting").textContent = text;
+    byId("notice").textContent = text;
+    for (const waiting of all("#waiting")) waiting.textContent = text;
   }
 
   function refused(why) {
     leave();
     notice("");
-    el("refused").textContent = why;
+    byId("refused").textContent = why;
   }
 
   function ask(questions) {
@@ -64,7 +92,7 @@ function start() {
     if (choices.blind) showBlind(choices.blind, () => link.say({ type: "cast" }));
     newMenu({ choices, inputs, onGo: (choice) => {
       sound.begin();
-      el("refused").textContent = "";
+      byId("refused").textContent = "";
       link.say({ type: "race", choice });
     } });
   }
@@ -72,7 +100,7 @@ function start() {
   async function begin(words) {
     const made = await prepare(words.scene, words.cars.map(({ colour }) => colour));
     playback.clear();
-    for (const id of ["pause", "result"]) el(id).close();
+    for (const id of ["pause", "result"]) byId(id, HTMLDialogElement).close();
     const reference = newReference(made.reference, made.lap);
     driving = {
       race: words, own: words.choice.seat - 1, made, reference, paused: false, started: false, aids: { ...words.choice.aids },
@@ -81,19 +109,19 @@ function start() {
     };
     view?.show(made);
     seen = newSight();
-    el("menu").hidden = true;
-    document.activeElement?.blur(); // a button that is hidden would keep the keys until the next picture
-    el("track").hidden = false;
+    byId("menu").hidden = true;
+    /** @type {HTMLElement | null} */ (document.activeElement)?.blur(); // a button that is hidden would keep the keys until the next picture
+    byId("track").hidden = false;
     notice("");
     if (words.field) driving.hud.tell({ text: words.field, cars: [driving.own], penalty_s: 0 }, driving.own, 4);
   }
 
   function countDown() {
-    if (!driving.started) driving.begins = seconds() + driving.race.countdown_s;
+    if (driving && !driving.started) driving.begins = seconds() + driving.race.countdown_s;
   }
 
   function ready() {
-    if (driving.paused) return;
+    if (driving?.paused) return;
     link.say({ type: "ready" });
     countDown();
   }
@@ -113,16 +141,16 @@ function start() {
   }
 
   function resume() {
-    driving.paused = false;
+    if (driving) driving.paused = false;
     countDown();
-    el("pause").close();
+    byId("pause", HTMLDialogElement).close();
   }
 
   function leave() {
     driving = null;
-    for (const id of ["pause", "result"]) el(id).close();
-    el("menu").hidden = false;
-    el("track").hidden = true;
+    for (const id of ["pause", "result"]) byId(id, HTMLDialogElement).close();
+    byId("menu").hidden = false;
+    byId("track").hidden = true;
   }
 
   function finish(words) {
@@ -137,13 +165,14 @@ function start() {
   }
   setInterval(send, SEND_MS);
 
+  /** @type {Record<string, () => unknown>} */
   const commands = {
     KeyC: () => (settings.kind = VIEWS[(VIEWS.indexOf(settings.kind) + (view ? 1 : 0)) % VIEWS.length]),
     KeyM: () => link.say({ type: "mark" }),
     KeyN: () => (settings.mirror = !settings.mirror),
     KeyL: () => (settings.line = !settings.line),
     KeyV: () => (settings.sound = !settings.sound),
-    KeyB: () => (driving.reference.own = !driving.reference.own),
+    KeyB: () => driving?.reference.turn(),
     KeyP: () => link.say({ type: "pause" }),
     Escape: () => link.say({ type: "pause" }),
     KeyR: () => link.say({ type: "restart" }),
@@ -163,15 +192,15 @@ function start() {
   function paint() {
     requestAnimationFrame(paint);
     const frame = driving && playback.at(seconds());
-    if (!frame || frame.cars.length <= driving.own) return;
+    if (!driving || !frame || frame.cars.length <= driving.own) return;
     const map = settings.kind === "map";
     if (frame.phase !== "countdown" && !driving.started) [driving.started, driving.begins] = [true, seconds() - frame.time];
     driving.hud.light(driving.begins - seconds());
     if (frame.phase === "over" && !driving.finished) notice("The others finish …");
-    el("scene").hidden = map;
-    el("map").hidden = !map;
+    byId("scene").hidden = map;
+    byId("map").hidden = !map;
     if (map) driving.map(frame, driving.own);
-    else view.render(frame, ...seen(frame, driving.own, settings));
+    else view?.render(frame, ...seen(frame, driving.own, settings));
     driving.hud.draw(frame, driving.own, performance.now());
     sound.play(frame, driving.own, settings.sound && !driving.paused);
     driving.drawn += 1;
@@ -182,7 +211,14 @@ function start() {
 
 // What the driver looks through, and what of it is drawn: arguments of the view.
 function newSight() {
+  /** @type {number | null} */
   let heading = null;
+  /**
+   * @param {import("./link.js").Frame} frame
+   * @param {number} own
+   * @param {{ kind: string, mirror: boolean, line: boolean }} settings
+   * @returns {[import("../scene3d/cameras.js").Camera, { inside: number, mirror: number, line: number }]}
+   */
   return (frame, own, { kind, mirror, line }) => {
     const car = frame.cars[own];
     const inside = kind === "cockpit";
@@ -214,20 +250,30 @@ const TRAIL_POINTS = 40;
 
 // The map, drawn by the scene of recorded races, which is given the present and a short past.
 function newMap(made, cars) {
-  const [time, samples] = [[], { x: cars.map(() => []), y: cars.map(() => []) }];
-  let frame = null;
+  /** @type {number[]} */
+  const time = [];
+  /** @type {{ x: number[][], y: number[][] }} */
+  const samples = { x: cars.map(() => []), y: cars.map(() => []) };
+  /** @type {import("./link.js").Frame} */
+  let frame;
+  /** @type {import("../race/scene.js").Drawable} */
   const recording = {
     race: { cars, length: made.length, width: made.width, incidents: [] }, circuit: made.circuit, cars: cars.length,
     time, samples, line: made.line, ground: made.ground,
     moment: () => [time.length - 1, 0],
-    value: (name, car) => frame.cars[car][name] ?? 0,
+    value: (name, car) => Number(frame.cars[car][/** @type {keyof import("./link.js").FrameCar} */ (name)] ?? 0),
     drives: (car) => frame.cars[car].doing === "driving",
   };
-  const state = { now: 0, followed: 0, zoom: 1, moved: null };
-  const draw = raceScene(recording, document.getElementById("map"), state);
+  /** @type {import("../race/scene.js").SceneState} */
+  const state = { now: 0, followed: 0, zoom: 1, moved: null, scale: 1, centre: [0, 0] };
+  const draw = raceScene(recording, byId("map", HTMLCanvasElement), state);
+  /**
+   * @param {import("./link.js").Frame} now
+   * @param {number} own
+   */
   return (now, own) => {
     frame = now;
-    if (!time.length || frame.tick - TRAIL_EVERY >= time.at(-1) * 60) {
+    if (frame.tick - TRAIL_EVERY >= (time.at(-1) ?? -Infinity) * 60) {
       time.push(frame.time);
       frame.cars.forEach(({ x, y }, car) => { samples.x[car].push(x); samples.y[car].push(y); });
       if (time.length > TRAIL_POINTS) for (const column of [time, ...samples.x, ...samples.y]) column.shift();

@@ -1,29 +1,41 @@
 // What stands over the picture: place, times, gaps, the car's instruments, and what the stewards say.
 
+import { difference } from "../numbers.js";
+import { byId, h } from "../race/element.js";
+import { called, lapTime } from "./words.js";
+
 const NEWS_MS = 7000;
 const REFRESH_MS = 80;
 
-function lapTime(seconds) {
-  if (!Number.isFinite(seconds)) return "–";
-  const ms = Math.round(seconds * 1000);
-  return `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(ms % 1000).padStart(3, "0")}`;
-}
+/** @typedef {import("./link.js").Frame} Frame */
 
-const ordinal = (place) => `${place}${{ one: "st", two: "nd", few: "rd", other: "th" }[new Intl.PluralRules("en", { type: "ordinal" }).select(place)]}`;
-
-// The lap to compare your own with: time since the line at each row of the circuit.
-function newReference(driver, lapM) {
+/**
+ * The lap to compare your own with: time since the line at each row of the circuit.
+ * @param {{ time: Float64Array }} driver
+ * @param {number} lapM
+ */
+export function newReference(driver, lapM) {
   const rows = driver.time.length;
+  /** @type {Float64Array | null} */
   let own = null;
   let running = new Float64Array(rows).fill(NaN);
+  /** @type {number | null} */
   let laps = null;
   const rowOf = (progress) => Math.floor(((((progress % lapM) + lapM) % lapM) / lapM) * rows) % rows;
   return {
     own: false,
+    /** To the driver's lap, and back to one's own. */
+    turn() {
+      this.own = !this.own;
+    },
     get has() {
       return own !== null;
     },
-    // Seconds behind it at this moment; null where there is nothing to compare.
+    /**
+     * Seconds behind it at this moment; null where there is nothing to compare.
+     * @param {Frame} frame
+     * @param {number} progress
+     */
     delta(frame, progress) {
       const row = rowOf(progress);
       if (laps !== null && frame.laps > laps) {
@@ -40,8 +52,8 @@ function newReference(driver, lapM) {
   };
 }
 
-function newHud({ race, scene, reference }) {
-  const [place, times, order, instruments, news, lights] = ["place", "times", "order", "car", "news", "lights"].map((id) => document.getElementById(id));
+export function newHud({ race, scene, reference }) {
+  const [place, times, order, instruments, news, lights] = ["place", "times", "order", "car", "news", "lights"].map((id) => byId(id));
   news.replaceChildren();
   let last = 0;
   const row = (name, value, kind) => h("div", { class: "row" }, h("span", {}, name), h("span", { class: kind }, value));
@@ -58,16 +70,22 @@ function newHud({ race, scene, reference }) {
   );
 
   // Seconds between two cars on the road, by the speed of the one behind.
+  /** @type {(ahead: Frame["cars"][0], behind: Frame["cars"][0]) => number} */
   const apart = (ahead, behind) => (ahead.progress - behind.progress) / Math.max(behind.speed, 15);
 
+  /**
+   * @param {Frame} frame
+   * @param {number} own
+   * @param {number | null} delta s
+   */
   function draw(frame, own, delta) {
     const car = frame.cars[own];
-    speed.textContent = Math.round(car.speed * 3.6);
-    gear.textContent = frame.gear || "R";
-    rpm.setAttribute("width", 200 * Math.min(Math.max(frame.rpm / scene.rpm, 0), 1));
-    throttle.setAttribute("width", 200 * car.throttle);
-    brake.setAttribute("width", 200 * car.brake);
-    wheel.setAttribute("x", 98 - 98 * Math.min(Math.max(frame.steering, -1), 1));
+    speed.textContent = String(Math.round(car.speed * 3.6));
+    gear.textContent = String(frame.gear || "R");
+    rpm.setAttribute("width", String(200 * Math.min(Math.max(frame.rpm / scene.rpm, 0), 1)));
+    throttle.setAttribute("width", String(200 * car.throttle));
+    brake.setAttribute("width", String(200 * car.brake));
+    wheel.setAttribute("x", String(98 - 98 * Math.min(Math.max(frame.steering, -1), 1)));
     place.replaceChildren(
       h("b", {}, `${car.place}`), h("span", {}, ` of ${frame.cars.length}`),
       h("div", {}, `Lap ${Math.min(frame.laps + 1, race.choice.laps)} of ${race.choice.laps}`),
@@ -87,30 +105,41 @@ function newHud({ race, scene, reference }) {
       ...near.map((i) => {
         const other = frame.cars[i];
         const gap = i === own ? "" : difference(other.place < car.place ? -apart(other, car) : apart(car, other), 2);
-        const name = h("span", {}, h("i", { "data-colour": i }), `${other.place}. ${called(race.cars[i].name)}`);
+        const square = h("i", { "data-colour": i });
         // The policy of the page allows no style in markup.
-        name.firstChild.style.background = race.cars[i].colour;
+        square.style.background = race.cars[i].colour;
+        const name = h("span", {}, square, `${other.place}. ${called(race.cars[i].name)}`);
         return h("div", { class: `row ${i === own ? "own" : ""} ${other.doing}` }, name, h("span", {}, other.doing === "driving" ? gap : other.doing));
       }),
     );
   }
 
   return {
+    /**
+     * @param {Frame} frame
+     * @param {number} own
+     * @param {number} now ms
+     */
     draw(frame, own, now) {
       const delta = reference.delta(frame, frame.cars[own].progress);
       if (now - last < REFRESH_MS) return;
       last = now;
       draw(frame, own, delta);
     },
+    /** @param {number} left s */
     light(left) {
       lights.classList.toggle("go", left <= 0);
       lights.textContent = left > 3 || left < -1 ? "" : left <= 0 ? "GO" : "●".repeat(4 - Math.ceil(left));
     },
+    /**
+     * @param {{ text: string, cars: number[], penalty_s: number }} words
+     * @param {number} own
+     */
     tell({ text, cars, penalty_s: penalty }, own, times = 1) {
       const kind = `${cars.includes(own) ? "own" : ""} ${penalty > 0 ? "penalty" : ""}`;
       const item = h("li", { class: kind }, text);
       news.append(item);
-      while (news.children.length > 4) news.firstChild.remove();
+      while (news.children.length > 4) news.children[0].remove();
       setTimeout(() => item.remove(), NEWS_MS * times);
     },
   };

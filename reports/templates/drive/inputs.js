@@ -1,5 +1,6 @@
 // What the person does: keys, a gamepad, or a wheel with pedals that has been calibrated.
 
+/** @type {Record<string, "left" | "right" | "throttle" | "brake">} */
 const KEYS = {
   ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
   ArrowUp: "throttle", KeyW: "throttle", ArrowDown: "brake", KeyS: "brake",
@@ -14,10 +15,10 @@ const STEPS = [
   ["brake", "Let the throttle go and press the brake all the way."],
 ];
 
-const kept = {
+export const kept = {
   read(name, otherwise) {
     try {
-      return JSON.parse(localStorage.getItem(STORED + name)) ?? otherwise;
+      return JSON.parse(localStorage.getItem(STORED + name) ?? "null") ?? otherwise;
     } catch {
       return otherwise;
     }
@@ -31,13 +32,29 @@ const kept = {
   },
 };
 
-const pads = () => [...navigator.getGamepads()].filter((pad) => pad && pad.connected);
+export const pads = () => [...navigator.getGamepads()].filter((pad) => pad !== null).filter((pad) => pad.connected);
+/** @param {Gamepad} pad */
 const numbers = (pad) => [...pad.axes, ...pad.buttons.map((button) => button.value)];
 
-// Where a control stands between two ends, from 0 to 1.
+/**
+ * @typedef {{ index: number, from: number, to: number }} Control a number of a gamepad, and its ends
+ * @typedef {{ wheel: Control, throttle: Control, brake: Control }} Calibration
+ * @typedef {{ keys: boolean, steering: number, throttle: number, brake: number }} Driven
+ */
+
+/**
+ * Where a control stands between two ends, from 0 to 1.
+ * @param {number[]} values
+ * @param {Control} control
+ */
 const share = (values, { index, from, to }) => Math.min(Math.max((values[index] - from) / (to - from || 1), 0), 1);
 
-// Steering, throttle and brake of a gamepad by its calibration, or of a standard one without.
+/**
+ * Steering, throttle and brake of a gamepad by its calibration, or of a standard one without.
+ * @param {Gamepad} pad
+ * @param {Calibration | null} calibration
+ * @returns {Driven | null}
+ */
 function readPad(pad, calibration) {
   const values = numbers(pad);
   if (calibration) {
@@ -55,7 +72,11 @@ function readPad(pad, calibration) {
   };
 }
 
-// The control that has moved furthest since `rest`.
+/**
+ * The control that has moved furthest since `rest`.
+ * @param {number[]} rest
+ * @param {number[]} values
+ */
 function moved(rest, values) {
   let index = 0;
   values.forEach((value, i) => {
@@ -64,20 +85,28 @@ function moved(rest, values) {
   return { index, from: rest[index], to: values[index] };
 }
 
-// Steps of a calibration: `press` notes where the controls stand; the calibration once it is whole, else null.
-function newCalibration(pad) {
-  let rest = numbers(pad);
+/**
+ * Steps of a calibration: `press` notes where the controls stand; the calibration once it is whole, else null.
+ * @param {Gamepad} pad
+ */
+export function newCalibration(pad) {
+  const rest = numbers(pad);
   let step = 0;
-  const ends = {};
+  const ends = /** @type {{ left: Control, right: number, throttle: Control, brake: Control }} */ ({});
   return {
     get words() {
       return STEPS[step]?.[1];
     },
+    /** @param {Gamepad} now */
     moves: (now) => step === 1 || Math.abs(moved(rest, numbers(now)).to - moved(rest, numbers(now)).from) > MOVED,
+    /**
+     * @param {Gamepad} now
+     * @returns {Calibration | null}
+     */
     press(now) {
       const values = numbers(now);
       if (step === 1) ends.right = values[ends.left.index];
-      else ends[STEPS[step][0]] = moved(rest, values);
+      else ends[/** @type {"left" | "throttle" | "brake"} */ (STEPS[step][0])] = moved(rest, values);
       step += 1;
       if (step < STEPS.length) return null;
       const { left, right, throttle, brake } = ends;
@@ -86,12 +115,13 @@ function newCalibration(pad) {
   };
 }
 
-function newInputs(onChange) {
+/** @param {() => void} onChange */
+export function newInputs(onChange) {
   const down = new Set();
   let device = kept.read("device", "keys");
   addEventListener("keydown", (event) => {
     // What has just been hidden keeps the focus until the page is drawn again.
-    const elsewhere = event.target.closest?.("input, select, button, dialog")?.checkVisibility();
+    const elsewhere = event.target instanceof Element && event.target.closest("input, select, button, dialog")?.checkVisibility();
     if (!(event.code in KEYS) || elsewhere) return;
     event.preventDefault();
     if (down.has(event.code)) return;
@@ -115,7 +145,10 @@ function newInputs(onChange) {
       device = id;
       kept.write("device", id);
     },
-    // Keys always work, also where a pad is chosen.
+    /**
+     * Keys always work, also where a pad is chosen.
+     * @returns {Driven}
+     */
     read() {
       const pad = device === "keys" || down.size ? null : pads().find(({ id }) => id === device);
       return (pad && readPad(pad, kept.read(`calibration of ${pad.id}`, null))) ?? byKeys();

@@ -8,10 +8,25 @@ const HEAD_BYTES = 52;
 const CAR_BYTES = 40;
 const TOKEN = "nathlon room: token"; // under which the committee's room keeps it for the tab
 
-// A frame as nathlon/lab/drive/frames.py lays it out.
+/**
+ * @typedef {import("../scene3d/view.js").DrawnCar & {
+ *   progress: number, gap: number, throttle: number, brake: number, place: number, doing: string,
+ * }} FrameCar
+ * @typedef {{
+ *   tick: number, number: number, time: number, phase: string, offCourse: boolean, warnings: number, steering: number, rpm: number,
+ *   gear: number, laps: number, lap: number, lastLap: number, bestLap: number, penalty: number, sliding: number, cars: FrameCar[],
+ * }} Frame
+ */
+
+/**
+ * A frame as nathlon/lab/drive/frames.py lays it out.
+ * @param {ArrayBuffer} buffer
+ */
 function readFrame(buffer) {
   const view = new DataView(buffer);
+  /** @param {number} at */
   const float = (at) => view.getFloat32(at, true);
+  /** @type {Frame} */
   const frame = {
     tick: view.getUint32(0, true), number: view.getUint32(4, true), time: float(8),
     phase: PHASES[view.getUint8(12)], offCourse: view.getUint8(14) > 0, warnings: view.getUint8(15),
@@ -31,10 +46,18 @@ function readFrame(buffer) {
   return frame;
 }
 
+/** @type {("x" | "y" | "z" | "pitch" | "roll" | "speed" | "progress")[]} */
 const SMOOTH = ["x", "y", "z", "pitch", "roll", "speed", "progress"];
 
-// A frame between two, the share of the way to the second.
+/**
+ * A frame between two, the share of the way to the second.
+ * @param {Frame} first
+ * @param {Frame} second
+ * @param {number} share
+ * @returns {Frame}
+ */
 function between(first, second, share) {
+  /** @type {(a: number, b: number) => number} */
   const blend = (a, b) => a + (b - a) * share;
   return {
     ...second,
@@ -52,23 +75,30 @@ function between(first, second, share) {
 }
 
 // Frames as they come, and the race as it stood a moment ago; `now` is in seconds of any clock that goes on.
-function newPlayback() {
+export function newPlayback() {
+  /** @type {Frame[]} */
   let frames = [];
+  /** @type {number | null} */
   let offset = null;
   return {
+    /**
+     * @param {Frame} frame
+     * @param {number} now
+     */
     take(frame, now) {
-      if (frames.length && frame.time < frames.at(-1).time) [frames, offset] = [[], null];
+      if (frame.time < (this.latest?.time ?? -Infinity)) this.clear();
       frames.push(frame);
       if (frames.length > 30) frames.shift();
       const ahead = frame.time - now;
       // The frame that took the least time to come sets the clock.
       offset = offset === null || frame.phase !== "racing" ? ahead : Math.max(ahead, offset - DRIFT / 60);
     },
+    /** @param {number} now */
     at(now) {
-      if (!frames.length) return null;
+      if (offset === null) return null;
       const wanted = now + offset - BEHIND_S;
       const next = frames.findIndex((frame) => frame.time >= wanted);
-      if (next < 0) return frames.at(-1);
+      if (next < 0) return this.latest;
       if (next === 0) return frames[0];
       const [first, second] = [frames[next - 1], frames[next]];
       return between(first, second, (wanted - first.time) / (second.time - first.time || 1));
@@ -82,9 +112,16 @@ function newPlayback() {
   };
 }
 
-// A connection that comes back by itself, unless another window has taken its place.
-function connect(session, { onWords, onFrame, onState }) {
-  let socket = null;
+/**
+ * A connection that comes back by itself, unless another window has taken its place.
+ * @param {{ address: string, token: string | null }} session
+ * @param {{
+ *   onWords: (words: any) => void, onFrame: (frame: Frame) => void, onState: (state: "open" | "taken" | "unknown" | "lost") => void,
+ * }} hears
+ */
+export function connect(session, { onWords, onFrame, onState }) {
+  /** @type {WebSocket} */
+  let socket;
   let number = 0;
   const open = () => {
     socket = new WebSocket(session.address);
@@ -103,14 +140,18 @@ function connect(session, { onWords, onFrame, onState }) {
   open();
   const ready = () => socket.readyState === WebSocket.OPEN;
   return {
+    /** @param {object} words */
     say: (words) => ready() && socket.send(JSON.stringify(words)),
-    // As nathlon/lab/drive/input_buffer.py reads it.
+    /**
+     * As nathlon/lab/drive/input_buffer.py reads it.
+     * @param {import("./inputs.js").Driven} driven
+     */
     steer({ keys, steering, throttle, brake }) {
       if (!ready()) return;
       const view = new DataView(new ArrayBuffer(20));
       view.setUint32(0, ++number, true);
       view.setUint8(4, keys ? 1 : 0);
-      [steering, throttle, brake].forEach((value, i) => view.setFloat32(8 + 4 * i, value, true));
+      for (const [i, value] of [steering, throttle, brake].entries()) view.setFloat32(8 + 4 * i, value, true);
       socket.send(view.buffer);
     },
   };

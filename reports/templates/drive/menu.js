@@ -1,11 +1,15 @@
 // Choosing a drive, calibrating a wheel, and the dialogs.
 
+import { typed } from "../command.js";
+import { byId, h } from "../race/element.js";
+import { kept, newCalibration, pads } from "./inputs.js";
+import { called, lapTime, ordinal, percent, titled } from "./words.js";
+
 const AIDS = [["steering", "Steering aid: never turns the front wheels beyond their grip"], ["pedals", "Pedal aid: eases throttle and brake while the tyres turn"]];
 const HELP = "Arrows or WASD drive. C view, N mirror, M marks a moment, L racing line, V sound, B reference lap, P or Escape pause, R restart.";
 
 const DIFFICULTIES = { chosen: "As ticked below", beginner: "Beginner", intermediate: "Intermediate", expert: "Expert", match: "Match me" };
 const TEMPERS = { calm: "Calm", fair: "Fair", aggressive: "Aggressive" };
-const percent = (share) => `${Math.round(100 * share)} %`;
 
 // What a difficulty means: opponents are handicapped by their pace alone, and that is told.
 function meaning(difficulty, levels) {
@@ -15,23 +19,8 @@ function meaning(difficulty, levels) {
   return `The built-in driver at ${percent(slow)} to ${percent(fast)} of its pace.`;
 }
 
-// What somebody is called in the order and the menu: built-in drivers in plain words, people by their names.
-function called(name) {
-  const [, number = "", source] = /^(\d+ )?(.*)$/.exec(name);
-  if (source.startsWith("human:")) return number + source.slice("human:".length);
-  if (!/^driver(:|$)/.test(source)) return name;
-  const { pace, ...others } = Object.fromEntries(source.slice("driver:".length).split(",").filter(Boolean).map((one) => one.split("=")));
-  const told = [pace && `${percent(Number(pace))} pace`, ...Object.entries(others).map(([what, value]) => (what === "temper" ? value : `${what} ${value}`))];
-  return `${number}Built-in driver${told.some(Boolean) ? `, ${told.filter(Boolean).join(", ")}` : ""}`;
-}
-
-function titled(name) {
-  const words = name.replace(/(\/circuit)?\.toml$/, "").split("/").at(-1);
-  return words.split("-").map((word) => (/^[a-z]+\d+$/.test(word) ? word.toUpperCase() : word[0].toUpperCase() + word.slice(1))).join(" ");
-}
-
-function newMenu({ choices, inputs, onGo }) {
-  const form = document.getElementById("choice");
+export function newMenu({ choices, inputs, onGo }) {
+  const form = byId("choice", HTMLFormElement);
   const last = kept.read("choice", {});
   const number = (name, value, most) => h("input", { name, type: "number", min: 1, max: most, value, required: true });
   const select = (name, options, chosen) =>
@@ -90,7 +79,7 @@ function newMenu({ choices, inputs, onGo }) {
     const data = new FormData(form);
     const whole = (name) => Number(data.get(name));
     const choice = {
-      name: data.get("name").trim(), circuit: data.get("circuit"), car: data.get("car"), laps: whole("laps"), cars: whole("cars"),
+      name: String(data.get("name")).trim(), circuit: data.get("circuit"), car: data.get("car"), laps: whole("laps"), cars: whole("cars"),
       seat: Math.min(whole("seat"), whole("cars")), opponents: data.getAll("opponent").map(Number),
       ...(blind ? {} : { difficulty: difficulty.value, temper: temper.value }),
       aids: Object.fromEntries(AIDS.map(([name]) => [name, data.has(`aid-${name}`)])),
@@ -102,15 +91,17 @@ function newMenu({ choices, inputs, onGo }) {
 
 // Asks for each control in turn.
 function calibration(inputs, onDone) {
-  const dialog = document.getElementById("calibrate");
+  const dialog = byId("calibrate", HTMLDialogElement);
   const id = inputs.device;
   const pad = () => pads().find((one) => one.id === id);
-  if (!pad()) return;
-  const steps = newCalibration(pad());
+  const first = pad();
+  if (!first) return;
+  const steps = newCalibration(first);
   const words = h("p", {}, steps.words);
   const next = h("button", { class: "first", onclick: () => {
-    if (!pad() || !steps.moves(pad())) return;
-    const made = steps.press(pad());
+    const now = pad();
+    if (!now || !steps.moves(now)) return;
+    const made = steps.press(now);
     words.textContent = steps.words;
     if (!made) return;
     kept.write(`calibration of ${id}`, made);
@@ -121,8 +112,8 @@ function calibration(inputs, onDone) {
   dialog.showModal();
 }
 
-function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
-  const dialog = document.getElementById("pause");
+export function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
+  const dialog = byId("pause", HTMLDialogElement);
   const boxes = AIDS.map(([name, label]) =>
     h("label", { class: "check" }, h("input", { type: "checkbox", checked: aids[name], onchange: (event) => {
       aids[name] = event.target.checked;
@@ -135,8 +126,8 @@ function pauseDialog({ aids, field, onGoOn, onRestart, onLeave, onAids }) {
   if (!dialog.open) dialog.showModal();
 }
 
-function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
-  const dialog = document.getElementById("result");
+export function resultDialog({ rows, car, recording, inputs, questions, forecast }, { onRestart, onLeave, onAsk }) {
+  const dialog = byId("result", HTMLDialogElement);
   const head = h("tr", {}, ["", "", "Time", "Best lap", "Penalties", "Contacts"].map((text) => h("th", {}, text)));
   const body = rows.map((row) => h("tr", { class: row.car === car ? "own" : "" },
     [row.place, called(row.name), row.race_time_s === null ? row.ending.replace("_", " ") : lapTime(row.race_time_s), row.best_lap_s === null ? "–" : lapTime(row.best_lap_s), row.penalties, row.contacts].map((value) => h("td", {}, String(value)))));

@@ -4,8 +4,7 @@ const FIRING = 4; // ignitions in a turn of the crankshaft
 const SQUEAL_RAD = [0.07, 0.16]; // slip angles at which tyres begin to be heard, and are loudest
 const SETTLE_S = 0.04;
 
-function newSound() {
-  let parts = null;
+export function newSound() {
   function begin() {
     const audio = new AudioContext();
     const master = audio.createGain();
@@ -23,7 +22,9 @@ function newSound() {
     });
     filter.connect(engine).connect(master);
     const noise = audio.createBuffer(1, audio.sampleRate, audio.sampleRate);
-    noise.getChannelData(0).forEach((_, i, samples) => (samples[i] = Math.random() * 2 - 1));
+    const samples = noise.getChannelData(0);
+    for (let i = 0; i < samples.length; i++) samples[i] = Math.random() * 2 - 1;
+    /** @type {(type: BiquadFilterType, frequency: number, q: number) => GainNode} */
     const hiss = (type, frequency, q) => {
       const [source, band, gain] = [audio.createBufferSource(), audio.createBiquadFilter(), audio.createGain()];
       [source.buffer, source.loop, band.type, band.frequency.value, band.Q.value, gain.gain.value] = [noise, true, type, frequency, q, 0];
@@ -33,16 +34,24 @@ function newSound() {
     };
     return { audio, master, filter, engine, tones, squeal: hiss("bandpass", 950, 5), wind: hiss("lowpass", 500, 0.5), grass: hiss("lowpass", 160, 0.7) };
   }
+  /** @type {ReturnType<typeof begin> | null} */
+  let parts = null;
   return {
     // A browser makes no sound before the person has done something on the page.
     begin() {
       parts ??= begin();
       parts.audio.resume();
     },
+    /**
+     * @param {import("./link.js").Frame} frame
+     * @param {number} own
+     * @param {boolean} on
+     */
     play(frame, own, on) {
       if (!parts) return;
       const { audio, master, filter, engine, tones, squeal, wind, grass } = parts;
       const car = frame.cars[own];
+      /** @type {(param: AudioParam, value: number) => void} */
       const set = (param, value) => param.setTargetAtTime(value, audio.currentTime, SETTLE_S);
       const rpm = Math.max(frame.rpm, 1300);
       for (const { tone, ratio } of tones) set(tone.frequency, (rpm / 60) * FIRING * ratio);

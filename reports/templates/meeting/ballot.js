@@ -1,11 +1,15 @@
 // What a member says of a question: a ballot, or which of two is preferred.
 
+import { h } from "../race/element.js";
+import { head, note } from "./figures.js";
+
 // The candidates' names by id, in the order of the evidence.
-const candidatesOf = (decision) => decision.evidence.rows.map(({ entrant, name }) => [entrant, name]);
+export const candidatesOf = (decision) => decision.evidence.rows.map(({ entrant, name }) => [entrant, name]);
 
 // A form for a ballot; `take` fills in the member's ballot, once: it may be from elsewhere.
-function ballotForm(decision, longest, say) {
+export function ballotForm(decision, longest, say) {
   const candidates = candidatesOf(decision);
+  /** @type {string | null} */
   let taken = null;
   const rows = candidates.map(([entrant, name]) => {
     const fit = h("input", { type: "checkbox", "aria-label": `${name} is fit` });
@@ -43,31 +47,30 @@ function ballotForm(decision, longest, say) {
       taken = ballot.id;
       for (const { entrant, fit, place } of rows) {
         fit.checked = ballot.approve.includes(entrant);
-        place.value = ballot.rank.includes(entrant) ? ballot.rank.indexOf(entrant) + 1 : "";
+        place.value = ballot.rank.includes(entrant) ? String(ballot.rank.indexOf(entrant) + 1) : "";
       }
       reason.value = ballot.reason;
     },
   };
 }
 
-function comparisonForm(decision, longest, say) {
-  const choose = (label) => h("label", { class: "field" }, h("span", {}, label),
-    h("select", { required: true }, h("option", { value: "" }, ""), candidatesOf(decision).map(([value, name]) => h("option", { value }, name))));
-  const [better, worse] = [choose("I prefer"), choose("to")];
+export function comparisonForm(decision, longest, say) {
+  const choose = () => h("select", { required: true }, h("option", { value: "" }, ""), candidatesOf(decision).map(([value, name]) => h("option", { value }, name)));
+  const [better, worse] = [choose(), choose()];
+  const field = (label, control) => h("label", { class: "field" }, h("span", {}, label), control);
   const reason = h("input", { type: "text", required: true, maxlength: longest });
-  const form = h("form", {}, better, worse,
-    h("label", { class: "field" }, h("span", {}, "Why, in a sentence"), reason),
+  const form = h("form", {}, field("I prefer", better), field("to", worse), field("Why, in a sentence", reason),
     h("div", { class: "buttons" }, h("button", {}, "Say so")));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    const of = (label) => label.querySelector("select").value;
-    say({ type: "compare", question: decision.question, decision: decision.decision, better: of(better), worse: of(worse), reason: reason.value });
-    form.closest("details").open = false;
+    say({ type: "compare", question: decision.question, decision: decision.decision, better: better.value, worse: worse.value, reason: reason.value });
+    folded.open = false;
   });
-  return h("details", {}, h("summary", {}, "Say only which of two you prefer"), form);
+  const folded = h("details", {}, h("summary", {}, "Say only which of two you prefer"), form);
+  return folded;
 }
 
-function reopenForm(decision, longest, say) {
+export function reopenForm(decision, longest, say) {
   const reason = h("input", { type: "text", required: true, maxlength: longest });
   const form = h("form", {},
     h("label", { class: "field" }, h("span", {}, "Why, in a sentence"), reason),
@@ -75,7 +78,8 @@ function reopenForm(decision, longest, say) {
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     say({ type: "reopen", question: decision.question, decision: decision.decision, reason: reason.value });
-    form.closest("details").open = false;
+    folded.open = false;
   });
-  return h("details", {}, h("summary", {}, "Put the question again"), form);
+  const folded = h("details", {}, h("summary", {}, "Put the question again"), form);
+  return folded;
 }

@@ -1,6 +1,13 @@
 // A question to the committee: what members are shown, what they have said, and what follows.
 
+import { clock, count, number } from "../numbers.js";
+import { h, shown } from "../race/element.js";
+import { rankText } from "../rank.js";
+import { ballotForm, candidatesOf, comparisonForm, reopenForm } from "./ballot.js";
+import { absent, chip, elsewhere, empty, fileOf, head, list, note, percent, scroll, when } from "./figures.js";
+
 const ASKED_FOR = { shortlist: "Who is shortlisted?", selection: "Who is sent?" };
+/** @type {[string, (one: any) => import("../race/element.js").Child][]} */
 const EVIDENCE = [
   ["Rank", (one) => rankText(one.rank, one.tied)],
   ["Points", (one) => [number(one.points, 1), absent(one.low) ? null : h("small", {}, `${number(one.low, 1)} to ${number(one.high, 1)}`)]],
@@ -11,7 +18,7 @@ const EVIDENCE = [
 ];
 
 // A question's part of the page: `show` brings it up to date and leaves forms as they are.
-function questionView(first, you, longest, say) {
+export function questionView(first, you, longest, say) {
   const [state, people, standings, said, drives] = [h("p", { class: "state" }), h("ul", { class: "people" }), h("div", {}), h("div", {}), h("div", {})];
   const close = h("button", { type: "button", class: "first", onclick: () => say({ type: "decide", question: first.question, decision: first.decision }) }, "Decide");
   const waits = h("span", { class: "note" });
@@ -38,19 +45,19 @@ function questionView(first, you, longest, say) {
     again.hidden = decision.open || !member;
     speak.hidden = !decision.open && member;
     ballot.take(ballots.get(you));
-    drives.replaceChildren(...[decision.question === "selection" && decision.open && member && !ballots.has(you) && driveCard(room)].filter(Boolean));
-    said.replaceChildren(...saidView(decision), ...drivesView(decision, room));
+    drives.replaceChildren(...shown([decision.question === "selection" && decision.open && member && !ballots.has(you) && driveCard(room)]));
+    said.replaceChildren(...shown([saidView(decision), drivesView(decision, room)]));
   }
   return { node, show };
 }
 
 function standingsTable(decision) {
-  const shown = new Map(decision.evidence.rows.map((row) => [row.entrant, row]));
+  const evidence = new Map(decision.evidence.rows.map((row) => [row.entrant, row]));
   const chosen = decision.question === "selection" ? "sent" : "shortlisted";
   return scroll(`Standings: ${ASKED_FOR[decision.question]}`, h("table", {},
     head([["Entrant"], ...EVIDENCE.map(([text]) => [text, "number"]), ["Approved by", "number"], ["Favour", "number"]]),
     h("tbody", {}, decision.standings.map((one) => {
-      const row = shown.get(one.entrant);
+      const row = evidence.get(one.entrant);
       return h("tr", { class: one.chosen && "chosen" },
         h("th", { scope: "row" }, one.name, one.chosen && chip("good", decision.open ? `would be ${chosen}` : chosen), !one.fit && chip("", "not fit"), row.barred && chip("alarm", "barred")),
         EVIDENCE.map(([, cell]) => h("td", { class: "number" }, cell(row))),
@@ -73,7 +80,7 @@ function saidView(decision) {
         : h("p", {}, "Prefers ", names.get(one.better), " to ", names.get(one.worse), "."),
       reasonLines(one.reason)))) : empty("Nothing yet."),
     !absent(decision.agreement) && note(`Agreement ${number(decision.agreement, 2)}: 1 where all order alike, −1 where two order the other way round.`),
-  ].filter(Boolean);
+  ];
 }
 
 const QUESTIONNAIRE = [["again", "race again"], ["fair", "fair"], ["room", "left room"], ["beatable", "beatable"]];

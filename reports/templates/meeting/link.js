@@ -3,7 +3,7 @@
 const TOKEN = "nathlon room: token"; // under which it is kept for the tab; test drives read it there
 
 // The token of the address: it goes out of it, into what the browser keeps for this tab.
-function takeToken() {
+export function takeToken() {
   const given = location.hash.slice(1);
   if (given && !given.startsWith("/")) {
     sessionStorage.setItem(TOKEN, given);
@@ -12,14 +12,22 @@ function takeToken() {
   return sessionStorage.getItem(TOKEN) ?? "";
 }
 
+/** @type {Record<number, string>} */
 const CLOSED = {
   4001: "This address is of no member, or of a server that has ended since. Ask for a new one.",
   4002: "You have too many windows open. Close one and reload.",
 };
 
-// A connection that comes back by itself; `first` is said whenever it is open.
-function connect(address, token, first, { onWords, onState }) {
-  let socket = null;
+/**
+ * A connection that comes back by itself; `first` is said whenever it is open.
+ * @param {string} address
+ * @param {string} token
+ * @param {() => object} first
+ * @param {{ onWords: (words: any) => void, onState: (trouble: string) => void }} hears
+ */
+export function connect(address, token, first, { onWords, onState }) {
+  /** @type {WebSocket} */
+  let socket;
   const open = () => {
     socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";

@@ -1,6 +1,10 @@
 // Races to look at, and the log.
 
-function racesView(state) {
+import { capital, clock } from "../numbers.js";
+import { h } from "../race/element.js";
+import { elsewhere, empty, fileOf, head, note, scroll, when } from "./figures.js";
+
+export function racesView(state) {
   const files = (race) => [[race.player, "watch"], [race.video, "video"], [race.recording, "recording"], [race.replay, "Rerun"]].filter(([path]) => path);
   return [
     h("h2", {}, "Races to look at"),
@@ -12,7 +16,7 @@ function racesView(state) {
   ];
 }
 
-function logView(state) {
+export function logView(state) {
   return [
     h("h2", {}, "Log"),
     note("All that was ever said, in order. Nothing is taken back."),

@@ -1,35 +1,47 @@
 // The room: what comes from the server, and the views of it.
 
-const el = (id) => document.getElementById(id);
+import { number } from "../numbers.js";
+import { byId, dataOf, h } from "../race/element.js";
+import { questionView } from "./decision.js";
+import { empty } from "./figures.js";
+import { connect, takeToken } from "./link.js";
+import { logView, racesView } from "./races.js";
+
 const VIEWS = ["questions", "report", "races", "log"];
 const DONE = { vote: "Your ballot is cast.", compare: "Noted.", decide: "Decided.", reopen: "The question is open again." };
 const STAGES = { pareto: "filter", battery: "n-athlon", tournament: "round robin" };
 const TOLD_MS = 6000;
 
 function start() {
-  const { socket, longest } = JSON.parse(el("session").textContent);
+  const { socket, longest } = dataOf("session");
   const token = takeToken();
   const questions = new Map();
-  let [you, room, wanted, hiding] = ["", null, null, 0];
+  const runs = byId("run", HTMLSelectElement);
+  let you = "";
+  /** @type {any} what the server has said last, with its runs */
+  let room = null;
+  /** @type {string | null} */
+  let wanted = null;
+  let hiding = 0;
 
   function tell(kind, text) {
     clearTimeout(hiding);
-    el("told").className = kind;
-    el("told").textContent = text;
-    el("told").hidden = !text;
+    byId("told").className = kind;
+    byId("told").textContent = text;
+    byId("told").hidden = !text;
     if (kind === "done") hiding = setTimeout(() => tell("", ""), TOLD_MS);
   }
 
   const say = connect(socket, token, () => ({ type: "look", run: wanted }), {
     onState: (trouble) => {
-      el("stands").classList.toggle("lost", Boolean(trouble));
-      if (trouble) el("stands").textContent = trouble;
+      byId("stands").classList.toggle("lost", Boolean(trouble));
+      if (trouble) byId("stands").textContent = trouble;
       else if (room) stands();
     },
     onWords: (words) => {
       if (words.type === "welcome") {
         you = words.you;
-        el("who").replaceChildren("You are ", h("b", {}, you));
+        byId("who").replaceChildren("You are ", h("b", {}, you));
         enter();
       } else if (words.type === "refused") tell("refused", words.why);
       else if (words.type === "done") tell("done", DONE[words.what]);
@@ -47,14 +59,14 @@ function start() {
   function stands() {
     const own = room.runs.find(({ name }) => name === room.run);
     const { progress } = room;
-    el("stands").textContent = progress ? `${STAGES[progress.stage] ?? progress.stage}: ${number(progress.done)} of ${number(progress.total)} matches` : room.outcome ?? own.status;
+    byId("stands").textContent = progress ? `${STAGES[progress.stage] ?? progress.stage}: ${number(progress.done)} of ${number(progress.total)} matches` : room.outcome ?? own.status;
   }
 
   function show(state) {
     const other = room?.run !== state.run;
     const news = other || JSON.stringify(room.stands) !== JSON.stringify(state.stands);
     room = state;
-    el("run").replaceChildren(...[...room.runs].reverse().map(({ name }) => h("option", { value: name, selected: name === room.run }, name)));
+    runs.replaceChildren(...[...room.runs].reverse().map(({ name }) => h("option", { value: name, selected: name === room.run }, name)));
     stands();
     if (other) questions.clear();
     const open = room.decisions.filter((decision) => decision.open);
@@ -64,51 +76,52 @@ function start() {
       questions.get(decision.decision).show(decision, room);
     }
     const nodes = shown.map((decision) => questions.get(decision.decision).node);
-    const held = el("questions");
+    const held = byId("questions");
     // Whoever types into a form must not lose the place.
     if (nodes.length !== held.children.length || nodes.some((node, i) => node !== held.children[i])) held.replaceChildren(...(nodes.length ? nodes : [empty("The committee has not been asked anything in this run yet.")]));
-    el("races").replaceChildren(...racesView(room));
-    el("log").replaceChildren(...logView(room));
+    byId("races").replaceChildren(...racesView(room));
+    byId("log").replaceChildren(...logView(room));
     if (news) renew(other);
   }
 
   // The report as it stands now, at the place where it was read.
   function renew(other = false) {
-    if (!room || el("report").hidden) {
-      el("report").dataset.stale = "yes";
+    if (!room || byId("report").hidden) {
+      byId("report").dataset.stale = "yes";
       return;
     }
-    delete el("report").dataset.stale;
-    const frame = el("report").querySelector("iframe");
+    delete byId("report").dataset.stale;
+    const frame = byId("report").querySelector("iframe");
     if (!frame || other) {
-      const onload = () => el("report").dataset.stale && renew();
-      el("report").replaceChildren(h("iframe", { src: room.report, title: `Report of ${room.run}`, onload }));
+      const onload = () => byId("report").dataset.stale && renew();
+      byId("report").replaceChildren(h("iframe", { src: room.report, title: `Report of ${room.run}`, onload }));
       return;
     }
     try {
-      const { scrollX, scrollY } = frame.contentWindow;
-      frame.addEventListener("load", () => frame.contentWindow.scrollTo(scrollX, scrollY), { once: true });
-      frame.contentWindow.location.reload();
+      const shown = /** @type {Window} */ (frame.contentWindow);
+      const { scrollX, scrollY } = shown;
+      frame.addEventListener("load", () => frame.contentWindow?.scrollTo(scrollX, scrollY), { once: true });
+      shown.location.reload();
     } catch {
       // A race is played there, which is no part of the room. The report is renewed when somebody goes back to it.
-      el("report").dataset.stale = "yes";
+      byId("report").dataset.stale = "yes";
     }
   }
 
   function view() {
     const asked = location.hash.slice(2);
     const chosen = VIEWS.includes(asked) ? asked : VIEWS[0];
-    for (const name of VIEWS) el(name).hidden = name !== chosen;
-    for (const link of el("views").children) {
+    for (const name of VIEWS) byId(name).hidden = name !== chosen;
+    for (const link of /** @type {HTMLCollectionOf<HTMLAnchorElement>} */ (byId("views").children)) {
       if (link.hash === `#/${chosen}`) link.setAttribute("aria-current", "page");
       else link.removeAttribute("aria-current");
     }
-    if (chosen === "report" && el("report").dataset.stale) renew(true);
+    if (chosen === "report" && byId("report").dataset.stale) renew(true);
   }
 
-  el("run").addEventListener("change", () => {
+  runs.addEventListener("change", () => {
     const latest = room.runs.at(-1).name;
-    wanted = el("run").value === latest ? null : el("run").value;
+    wanted = runs.value === latest ? null : runs.value;
     speak({ type: "look", run: wanted });
   });
   addEventListener("hashchange", () => {

@@ -1,6 +1,8 @@
 // The order of a race at the player's moment; a car that is chosen is followed.
 
-function orderTable(player) {
+import { h } from "./element.js";
+
+export function orderTable(player) {
   const { recording, state } = player;
   const { race, samples, time } = recording;
   const rows = race.cars.map(() => {

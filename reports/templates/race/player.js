@@ -1,14 +1,35 @@
 // The player: a race from above, with what makes it go.
 
+import { clock } from "../numbers.js";
+import { nearContact, SLOW } from "./battle.js";
+import { h } from "./element.js";
+import { ALARM, NEWS_S, QUIET, raceScene } from "./scene.js";
+import { calm, spaceScene } from "./space.js";
+import { watching } from "./watching.js";
+
+/**
+ * @typedef {import("./recording.js").Recording} Recording
+ * @typedef {import("./scene.js").SceneState & {
+ *   playing: boolean, rate: number, space: boolean, camera: import("./space.js").CameraKind, slow: boolean,
+ * }} PlayerState
+ * @typedef {ReturnType<typeof racePlayer>} Player
+ */
+
 const RATES = { 0.25: "¼×", 0.5: "½×", 1: "1×", 2: "2×", 4: "4×", 8: "8×" };
 
-// Its `node` goes into a page; `on` has functions called with the state whenever the moment or the car changes.
-// With another recording `beside` it, both are shown at the same moment, which may come after the end of one.
-function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside = null } = {}) {
+/**
+ * Its `node` goes into a page; `on` has functions called with the state whenever the moment or the car changes. With another
+ * recording `beside` it, both are shown at the same moment, which may come after the end of one.
+ * @param {Recording} recording
+ * @param {{ followed?: number, now?: number, scrolls?: boolean, beside?: Recording | null }} [options] `scrolls` where the page does
+ */
+export function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside = null } = {}) {
   const { race, cars } = recording;
-  const recordings = [recording, beside].filter(Boolean);
+  const recordings = beside ? [recording, beside] : [recording];
   const end = Math.max(...recordings.map((one) => one.end));
-  const state = { now: 0, playing: false, rate: 1, followed, zoom: 1, moved: null, space: false, camera: "trackside", slow: false };
+  /** @type {PlayerState} */
+  const state = { now: 0, playing: false, rate: 1, followed, zoom: 1, moved: null, scale: 1, centre: [0, 0], space: false, camera: "trackside", slow: false };
+  /** @type {((state: PlayerState) => void)[]} */
   const watchers = [];
 
   const stages = recordings.map((one, i) => {
@@ -34,7 +55,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     oninput: () => seek(Number(scrub.value)),
   });
   const rate = h("select", { id: "rate", onchange: () => (state.rate = Number(rate.value)) },
-    Object.keys(RATES).sort().map((value) => h("option", { value, selected: value === "1" }, RATES[value])));
+    Object.entries(RATES).sort().map(([value, name]) => h("option", { value, selected: value === "1" }, name)));
   const choice = h("select", { id: "follow", onchange: () => follow(Number(choice.value)) },
     h("option", { value: -1 }, "whole circuit"), race.cars.map(({ name }, car) => h("option", { value: car }, name)));
   const node = h("div", { class: "player" });
@@ -45,7 +66,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
       h("label", {}, "Speed ", rate), h("label", {}, "Follow ", choice), watched.controls));
 
   function show() {
-    scrub.value = state.now;
+    scrub.value = String(state.now);
     scrub.setAttribute("aria-valuetext", clock(state.now));
     shownTime.textContent = clock(state.now);
     for (const { race: { incidents }, news, draw } of stages) {
@@ -54,7 +75,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
       if (news.textContent !== said) news.textContent = said;
       draw();
     }
-    watchers.forEach((watcher) => watcher(state));
+    for (const watcher of watchers) watcher(state);
   }
 
   let wanted = false;
@@ -67,16 +88,18 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     });
   }
 
+  /** @param {number} seconds */
   function seek(seconds) {
     state.now = Math.min(Math.max(seconds, 0), end);
     refresh();
   }
 
+  /** @param {number} car */
   function follow(car) {
     state.followed = car;
     state.zoom = 1;
     state.moved = null;
-    choice.value = car;
+    choice.value = String(car);
     refresh();
   }
 
@@ -84,6 +107,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
   const rateNow = () => (slowed() ? Math.min(state.rate, SLOW.rate) : state.rate);
 
   let before = 0;
+  /** @param {number} milliseconds */
   function frame(milliseconds) {
     if (!state.playing) return;
     const passedS = Math.min((milliseconds - before) / 1000, 0.25);
@@ -93,11 +117,12 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     requestAnimationFrame(frame);
   }
 
+  /** @param {boolean} on */
   function play(on) {
     if (on && state.now >= end) state.now = 0;
     state.playing = on && end > 0;
     button.textContent = state.playing ? "Pause" : "Play";
-    button.setAttribute("aria-pressed", state.playing);
+    button.setAttribute("aria-pressed", String(state.playing));
     refresh();
     if (state.playing) {
       before = performance.now();
@@ -122,6 +147,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     });
   }
 
+  /** @param {1 | -1} direction */
   function nextIncident(direction) {
     const times = stages.flatMap((stage) => stage.race.incidents).filter((incident) => !incident.notice)
       .map((incident) => incident.time).sort((a, b) => a - b);
@@ -129,6 +155,7 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     if (there !== undefined) seek(there);
   }
 
+  /** @type {{ [key: string]: (event: KeyboardEvent) => void }} */
   const keys = {
     " ": () => play(!state.playing),
     ArrowRight: (event) => seek(state.now + (event.shiftKey ? 10 : 1)),
@@ -144,27 +171,34 @@ function racePlayer(recording, { followed = -1, now = 0, scrolls = false, beside
     m: () => follow(-1),
     ...watched.keys,
   };
+  /** @param {KeyboardEvent} event */
   function key(event) {
-    const elsewhere = event.target.closest("select, button, [type=checkbox]");
+    const target = /** @type {Element} */ (event.target);
+    const elsewhere = target.closest("select, button, [type=checkbox]");
     const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (event.ctrlKey || event.metaKey || event.altKey || !keys[name]) return;
-    if (elsewhere && (name === " " || event.target.tagName === "SELECT")) return;
+    if (elsewhere && (name === " " || target.tagName === "SELECT")) return;
     event.preventDefault();
     keys[name](event);
   }
 
-  choice.value = followed;
+  choice.value = String(followed);
   seek(now);
   return { node, scene, state, recording, end, on: watchers, seek, follow, play, key };
 }
 
 // The keys that `key` knows, to be shown beside a player.
 const KEYS = [["Space"], " play", ["←"], ["→"], " 1 s, with ", ["Shift"], " 10 s", [","], ["."], " 0.1 s", ["↑"], ["↓"], " next car", ["["], ["]"], " incidents", ["M"], " whole circuit, wheel zooms", ["V"], " 3-D", ["C"], " camera", ["F"], " full screen"];
-const keyHints = (before = "") => h("p", { class: "keys" }, before, KEYS.map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : `${part}\u2002`)));
+export const keyHints = (before = "") => h("p", { class: "keys" }, before, KEYS.map((part) => (Array.isArray(part) ? h("kbd", {}, part[0]) : `${part}\u2002`)));
 
-// Have the moment and the car written down, where they are others than at first, when the player has stood still.
 const KEPT_MS = 300;
-function keepMoment(player, write) {
+
+/**
+ * Have the moment and the car written down, where they are others than at first, when the player has stood still.
+ * @param {Player} player
+ * @param {(moment: { at: string, car: string }) => void} write
+ */
+export function keepMoment(player, write) {
   const first = { ...player.state };
   let timer = 0;
   player.on.push(({ now, followed, playing }) => {
@@ -174,5 +208,12 @@ function keepMoment(player, write) {
   });
 }
 
-// The moment and the car that a query names, if it does.
-const momentOf = (params) => ({ ...(params.has("at") && { now: Number(params.get("at")) || 0 }), ...(params.has("car") && { followed: Number(params.get("car")) }) });
+/**
+ * The moment and the car that a query names, if it does.
+ * @param {URLSearchParams} params
+ * @returns {{ now?: number, followed?: number }}
+ */
+export const momentOf = (params) => ({
+  ...(params.has("at") && { now: Number(params.get("at")) || 0 }),
+  ...(params.has("car") && { followed: Number(params.get("car")) }),
+});

@@ -1,23 +1,60 @@
 // A race from above, drawn on a canvas.
 
-const TRAIL_S = 3;
-const NEWS_S = 4;
-const ALARM = "#f06a6a";
-const QUIET = "#99a1ac";
+/** @typedef {import("./recording.js").Line} Line */
 
-// As many pixels as the screen has for a canvas.
-function sized(canvas) {
+const TRAIL_S = 3;
+export const NEWS_S = 4;
+export const ALARM = "#f06a6a";
+export const QUIET = "#99a1ac";
+
+/**
+ * What draws on a canvas.
+ * @param {HTMLCanvasElement} canvas
+ */
+export const penOf = (canvas) => /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+
+/**
+ * As many pixels as the screen has for a canvas: width, height, and how many there are in one of the page's.
+ * @param {HTMLCanvasElement} canvas
+ */
+export function sized(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
   if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
   return [width, height, ratio];
 }
 
-// A function that draws the race at state.now, with the camera on car state.followed, or over the whole circuit
-// if that is negative; it leaves what it shows in state.scale (pixels a metre) and state.centre.
-function raceScene(recording, scene, state) {
+/**
+ * What the scene draws; of test drives only the present and a short past.
+ * @typedef {Pick<import("./recording.js").Recording, "cars" | "line" | "ground" | "drives"> & {
+ *   race: Pick<import("./recording.js").RaceData, "cars" | "length" | "width" | "incidents">,
+ *   circuit: Pick<import("./recording.js").CircuitData, "surfaces" | "kerb" | "road">,
+ *   time: number[], samples: { x: ArrayLike<number>[], y: ArrayLike<number>[] },
+ *   moment: (seconds: number) => [number, number],
+ *   value: (name: import("./recording.js").SampleName, car: number, tick: number, part: number) => number,
+ * }} Drawable
+ */
+
+/**
+ * @typedef {object} SceneState
+ * @property {number} now s
+ * @property {number} followed the car; -1 for the whole circuit
+ * @property {number} zoom
+ * @property {[number, number] | null} moved the middle, m, where somebody has moved the map
+ * @property {number} scale what is shown: pixels a metre
+ * @property {[number, number]} centre and its middle, m
+ */
+
+/**
+ * A function that draws the race at state.now, with the camera on car state.followed, or over the whole circuit if that is
+ * negative; it leaves what it shows in state.scale and state.centre.
+ * @param {Drawable} recording
+ * @param {HTMLCanvasElement} scene
+ * @param {SceneState} state
+ */
+export function raceScene(recording, scene, state) {
   const { race, circuit, cars, time, samples, line, ground, moment, value } = recording;
-  const view = scene.getContext("2d");
+  const view = penOf(scene);
   const bounds = [line.wall_left, line.wall_right].reduce(
     (box, { x, y }) => {
       for (let i = 0; i < x.length; i++) {
@@ -28,7 +65,12 @@ function raceScene(recording, scene, state) {
     [Infinity, Infinity, -Infinity, -Infinity],
   );
 
-  // Strips between two lines: rows that are alike share one path, which is built once.
+  /**
+   * Strips between two lines: rows that are alike share one path, which is built once.
+   * @param {Line} first
+   * @param {Line} second
+   * @param {(row: number) => string | null} kindOf its colour
+   */
   function strips(first, second, kindOf) {
     const paths = new Map();
     const n = first.x.length;
@@ -47,6 +89,7 @@ function raceScene(recording, scene, state) {
     return [...paths];
   }
 
+  /** @param {Line} line */
   function closed({ x, y }) {
     const path = new Path2D();
     for (let i = 0; i < x.length; i++) path.lineTo(x[i], y[i]);
@@ -55,7 +98,7 @@ function raceScene(recording, scene, state) {
   }
 
   const fills = [];
-  for (const [side, row] of [["left", 0], ["right", 1]]) {
+  for (const [side, row] of /** @type {["left" | "right", number][]} */ ([["left", 0], ["right", 1]])) {
     const surface = (i) => circuit.surfaces[ground[row][i]];
     fills.push(...strips(line[`wall_${side}`], line[`kerb_${side}`], surface));
     const [edge, kerb] = [line[side], line[`kerb_${side}`]];
@@ -93,6 +136,7 @@ function raceScene(recording, scene, state) {
     const [tick, part] = moment(state.now);
     const whole = Math.min(width / (bounds[2] - bounds[0]), height / (bounds[3] - bounds[1])) * 0.94;
     let scale = whole * state.zoom;
+    /** @type {[number, number]} */
     let centre = [(bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2];
     if (state.followed >= 0 && time.length) {
       scale = (width / 110) * state.zoom;
@@ -139,7 +183,7 @@ function raceScene(recording, scene, state) {
     view.strokeStyle = "#fff";
     view.stroke(startLine);
     if (!time.length) return;
-    const order = [...Array(cars).keys()].sort((a, b) => (a === state.followed) - (b === state.followed));
+    const order = [...Array(cars).keys()].sort((a, b) => Number(a === state.followed) - Number(b === state.followed));
     order.forEach((car) => drawTrail(car, tick, part, near, ratio));
     drawIncidents(near, ratio);
     if (near) order.forEach((car) => drawDraught(car, tick, part));

@@ -1,14 +1,29 @@
 // A race in three dimensions, in the place of the map.
 
-const CAMERAS = { trackside: "trackside", chase: "from behind", cockpit: "from the cockpit" };
+import { besideCar, chaseCamera, cockpitCamera, projected } from "../scene3d/cameras.js";
+import { newView } from "../scene3d/view.js";
+import { watchedCar } from "./battle.js";
+import { h } from "./element.js";
+import { aimed, SHOT, shotsOf, tracksideCameras } from "./trackside.js";
+
+/** @typedef {"trackside" | "chase" | "cockpit"} CameraKind */
+
+/** @type {Record<CameraKind, string>} */
+export const CAMERAS = { trackside: "trackside", chase: "from behind", cockpit: "from the cockpit" };
 const LAG_S = 0.15; // by which the camera behind a car turns later than the car
 const LABEL_M = 1.7;
+/** @type {("x" | "y" | "z" | "yaw" | "pitch" | "roll" | "speed")[]} */
 const DRAWN = ["x", "y", "z", "yaw", "pitch", "roll", "speed"];
 
-const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
-// Its `node` goes over the map; `open` tells whether the browser can draw it, and `draw` draws the race at state.now.
-function spaceScene(recording, state, id) {
+/**
+ * Its `node` goes over the map; `open` tells whether the browser can draw it, and `draw` draws the race at state.now.
+ * @param {import("./recording.js").Recording} recording
+ * @param {import("./player.js").PlayerState} state
+ * @param {string} id
+ */
+export function spaceScene(recording, state, id) {
   const { race, circuit, line, ground, cars } = recording;
   const canvas = h("canvas", { id, class: "scene", role: "img", "aria-label": "The race in three dimensions" });
   const labels = race.cars.map(({ name }, car) => h("span", { class: "label", title: name }, String(car)));
@@ -16,7 +31,9 @@ function spaceScene(recording, state, id) {
   const node = h("div", { class: "space", hidden: true }, canvas, h("div", { class: "labels", "aria-hidden": "true" }, labels), told);
   const cameras = tracksideCameras(recording);
   const shots = new Map();
+  /** @type {import("../scene3d/view.js").View | null} */
   let view = null;
+  /** @type {import("./trackside.js").Shot & { followed: number, before?: import("./trackside.js").Shot } | null} */
   let held = null; // the shot while nothing may cut
 
   function open() {
@@ -25,9 +42,12 @@ function spaceScene(recording, state, id) {
     return view !== null;
   }
 
+  /** @param {number} seconds */
   function frameAt(seconds) {
     const [tick, part] = recording.moment(seconds);
-    return { cars: race.cars.map((_, car) => Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)]))) };
+    /** @type {(car: number) => import("../scene3d/view.js").DrawnCar} */
+    const drawn = (car) => /** @type {any} */ (Object.fromEntries(DRAWN.map((name) => [name, recording.value(name, car, tick, part)])));
+    return { cars: race.cars.map((_, car) => drawn(car)) };
   }
 
   function shotNow() {
@@ -40,7 +60,13 @@ function spaceScene(recording, state, id) {
     return held;
   }
 
-  // A camera that goes on with other cars turns to them.
+  /**
+   * A camera that goes on with other cars turns to them.
+   * @param {NonNullable<typeof held>} shot
+   * @param {ReturnType<typeof frameAt>} frame
+   * @param {number} watched the car
+   * @param {number} aspect
+   */
   function tracksideCamera(shot, frame, watched, aspect) {
     const { eye } = cameras[shot.camera];
     const aim = (battle) => aimed(eye, [...new Set([watched, ...battle])].map((car) => besideCar(frame.cars[car], 0, 0.6)), aspect);
@@ -52,7 +78,13 @@ function spaceScene(recording, state, id) {
     return { ...now, target: now.target.map((to, i) => between(before.target[i], to)), fov: between(before.fov, now.fov) };
   }
 
-  // Of the cars that are in the picture.
+  /**
+   * Of the cars that are in the picture.
+   * @param {import("./trackside.js").Shot} shot
+   * @param {number} tick
+   * @param {number} watched the car
+   * @param {boolean[]} seen
+   */
   function tell(shot, tick, watched, seen) {
     const [first = watched, second] = shot.cars.filter((car) => seen[car]);
     const who = second === undefined ? race.cars[first].name : `${race.cars[first].name}, ${recording.gap(second, first, tick).toFixed(1)} s before ${race.cars[second].name}`;
@@ -60,18 +92,16 @@ function spaceScene(recording, state, id) {
   }
 
   function draw() {
+    if (!view) return;
     const tick = recording.tickAt(state.now);
     const watched = watchedCar(recording, tick, state.followed);
     const frame = frameAt(state.now);
     const own = frame.cars[watched];
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    let [camera, shot] = [null, null];
-    if (state.camera === "cockpit") camera = cockpitCamera(own);
-    else if (state.camera === "chase") camera = chaseCamera(own, recording.value("yaw", watched, ...recording.moment(state.now - LAG_S)));
-    else {
-      shot = shotNow();
-      camera = tracksideCamera(shot, frame, watched, width / height);
-    }
+    const shot = state.camera === "trackside" ? shotNow() : null;
+    const camera = shot ? tracksideCamera(shot, frame, watched, width / height)
+      : state.camera === "cockpit" ? cockpitCamera(own)
+        : chaseCamera(own, recording.value("yaw", watched, ...recording.moment(state.now - LAG_S)));
     const matrix = view.render(frame, camera, { inside: state.camera === "cockpit" ? watched : -1 });
     const seen = labels.map(() => false);
     for (let car = 0; car < cars; car++) {

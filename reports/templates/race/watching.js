@@ -1,10 +1,13 @@
 // How a race is watched: on the map or in three dimensions, by which camera, in slow motion, on the whole screen.
 
+import { h } from "./element.js";
+import { calm, CAMERAS } from "./space.js";
+
 const NO_SPACE = "This browser has no WebGL, so the race stays on the map.";
 
 // `controls` stand beside those of the player, `keys` are added to its own, and `changed` is called when there is something else to
 // draw. What is chosen is in state.space, state.camera and state.slow.
-function watching(stages, state, whole, changed) {
+export function watching(stages, state, whole, changed) {
   const lacking = h("p", { class: "lacking", role: "status" });
   const button = h("button", {
     type: "button", class: "in-space", "aria-pressed": "false", onclick: () => turn(!state.space), disabled: !stages[0].recording.time.length,

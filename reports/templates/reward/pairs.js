@@ -1,10 +1,16 @@
 // The page in which two clips are compared.
 
+import { all, byId, dataOf } from "../race/element.js";
+import { racePlayer } from "../race/player.js";
+import { openRecording } from "../race/recording.js";
+
 function start() {
-  const at = (id) => document.getElementById(id);
-  const { circuit, pairs, car, socket: address, token } = JSON.parse(at("data").textContent);
+  const { circuit, pairs, car, socket: address, token } = dataOf("data");
   const socket = new WebSocket(address);
+  const [stands, answer, remark] = [byId("stands"), byId("answer"), byId("remark", HTMLInputElement)];
+  /** @type {number | null} */
   let shown = null;
+  /** @type {import("../race/player.js").Player | null} */
   let player = null;
 
   async function show(pair) {
@@ -13,11 +19,11 @@ function start() {
     if (shown !== pair) return;
     player?.play(false);
     player = racePlayer(first, { followed: car, beside: second });
-    at("race").replaceChildren(player.node);
-    at("remark").value = "";
-    at("answer").hidden = false;
+    byId("race").replaceChildren(player.node);
+    remark.value = "";
+    answer.hidden = false;
     player.play(true);
-    document.body.dataset.pair = pair;
+    document.body.dataset.pair = String(pair);
   }
 
   function say(words) {
@@ -27,23 +33,23 @@ function start() {
   socket.onopen = () => socket.send(token);
   socket.onmessage = ({ data }) => {
     const { left } = JSON.parse(data);
-    at("stands").textContent = left.length ? `${pairs.length - left.length + 1} of ${pairs.length}` : "All are compared. Thank you; the window can be closed.";
+    stands.textContent = left.length ? `${pairs.length - left.length + 1} of ${pairs.length}` : "All are compared. Thank you; the window can be closed.";
     if (!left.length) {
-      at("answer").hidden = true;
+      answer.hidden = true;
       player?.play(false);
     } else if (shown !== left[0]) show(left[0]);
   };
   socket.onclose = () => {
-    at("answer").hidden = true;
-    if (!at("stands").textContent.startsWith("All")) at("stands").textContent = "The design goes on, or has been stopped. The window can be closed.";
+    answer.hidden = true;
+    if (!stands.textContent.startsWith("All")) stands.textContent = "The design goes on, or has been stopped. The window can be closed.";
   };
-  for (const node of document.querySelectorAll("[data-better]")) {
-    node.addEventListener("click", () => say({ pair: shown, better: Number(node.dataset.better), remark: at("remark").value }));
+  for (const node of all("[data-better]")) {
+    node.addEventListener("click", () => say({ pair: shown, better: Number(node.dataset.better), remark: remark.value }));
   }
-  at("enough").addEventListener("click", () => say({ enough: true }));
-  at("answer").addEventListener("submit", (event) => event.preventDefault());
+  byId("enough").addEventListener("click", () => say({ enough: true }));
+  answer.addEventListener("submit", (event) => event.preventDefault());
   document.addEventListener("keydown", (event) => {
-    if (event.target !== at("remark")) player?.key(event);
+    if (event.target !== remark) player?.key(event);
   });
 }
 

@@ -1,6 +1,6 @@
 // Meshes of circuit and cars: triangles of coloured corners, 16 bytes each; alpha says how much a car's own colour counts.
 
-const CORNER_BYTES = 16;
+export const CORNER_BYTES = 16;
 const SUN = [0.42, 0.3, 0.86];
 const WALL_M = 1.0;
 const ZONE = [150, 122, 62]; // where penalties are served
@@ -8,11 +8,11 @@ const PLAIN_M = 3000;
 const TREE_GAP_M = 14;
 const TREE_ROOM_M = 22;
 
-function rgb(css) {
+export function rgb(css) {
   return [1, 3, 5].map((at) => parseInt(css.slice(at, at + 2), 16));
 }
 
-function newMesh() {
+export function newMesh() {
   const corners = [];
   const add = (point, colour, own) => corners.push(...point, ...colour, own);
   const shaded = (a, b, c, colour) => {
@@ -47,7 +47,7 @@ function newMesh() {
 }
 
 // The ground, kerbs, walls and trees of a circuit; `line` holds points by name, `ground` surfaces by row.
-function circuitMesh({ circuit, line, ground }) {
+export function circuitMesh({ circuit, line, ground }) {
   const mesh = newMesh();
   const n = circuit.rows;
   const at = (name, i, up = 0) => [line[name].x[i], line[name].y[i], line[name].z[i] + up];
@@ -113,7 +113,10 @@ function plantTrees(mesh, at, toward, line, n, spacing) {
     return true;
   };
   let seed = 7;
-  const chance = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+  const chance = () => {
+    seed = (seed * 16807) % 2147483647;
+    return seed / 2147483647;
+  };
   const every = Math.max(Math.round(TREE_GAP_M / spacing), 1);
   for (let i = 0; i < n; i += every) {
     for (const side of ["left", "right"]) {
@@ -131,7 +134,7 @@ function plantTrees(mesh, at, toward, line, n, spacing) {
 }
 
 // A car on its wheels, nose along x: its body, and from `cabin` on what the driver sits under.
-function carMesh(length, width) {
+export function carMesh(length, width) {
   const mesh = newMesh();
   const [h, s] = [length / 2, width / 2];
   // A prism between two outlines in the plane of x and z, as wide as each says.

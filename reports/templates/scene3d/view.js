@@ -1,5 +1,9 @@
 // The race in three dimensions, drawn by WebGL.
 
+import { sized } from "../race/scene.js";
+import { lookAt, mirrorCamera, modelOf, multiply, perspective } from "./cameras.js";
+import { carMesh, circuitMesh, CORNER_BYTES, newMesh, rgb } from "./mesh.js";
+
 const SKY = [0.55, 0.7, 0.84];
 const MIRROR = { width: 0.3, height: 0.13 };
 const LINE_M = [6, 220]; // how far ahead the racing line is shown
@@ -18,13 +22,43 @@ uniform vec3 sky; uniform float alpha;
 varying vec3 shade; varying float far;
 void main() { gl_FragColor = vec4(mix(sky, shade, exp(-far / 900.0)), alpha); }`;
 
-// A view on a canvas; null where the browser has no WebGL.
-function newView(canvas) {
+/**
+ * @typedef {ReturnType<typeof viewBy>} View
+ * @typedef {import("./cameras.js").Camera} Camera
+ * @typedef {import("./cameras.js").Pose & { progress?: number, speed: number }} DrawnCar
+ */
+
+/**
+ * What is drawn: the circuit as it was unpacked, the size of cars and their colours; for the driver's line also that line.
+ * @typedef {object} Made
+ * @property {import("../race/recording.js").CircuitData} circuit
+ * @property {Record<import("../race/recording.js").LineName, import("../race/recording.js").Line>} line
+ * @property {Int32Array[]} ground
+ * @property {number} length m
+ * @property {number} width
+ * @property {string[]} colours
+ * @property {number} [lap] m
+ * @property {import("../race/recording.js").Line & { speed: Float64Array }} [reference]
+ */
+
+/**
+ * A view on a canvas; null where the browser has no WebGL.
+ * @param {HTMLCanvasElement} canvas
+ */
+export function newView(canvas) {
   const gl = canvas.getContext("webgl", { antialias: true, alpha: false });
-  if (!gl) return null;
+  return gl && viewBy(gl, canvas);
+}
+
+/**
+ * @param {WebGLRenderingContext} gl
+ * @param {HTMLCanvasElement} canvas
+ */
+function viewBy(gl, canvas) {
   const program = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+  for (const [kind, source] of /** @type {[number, string][]} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]])) {
     const shader = gl.createShader(kind);
+    if (!shader) continue; // The context is lost, and nothing is drawn.
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
     gl.attachShader(program, shader);
@@ -38,12 +72,14 @@ function newView(canvas) {
   gl.enable(gl.SCISSOR_TEST);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   gl.uniform3fv(uniform.sky, SKY);
+  /** @type {(data: ArrayBuffer, use?: number) => WebGLBuffer} */
   const load = (data, use = gl.STATIC_DRAW) => {
     const buffer = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     gl.bufferData(gl.ARRAY_BUFFER, data, use);
     return buffer;
   };
+  /** @type {(buffer: WebGLBuffer, model: Float32Array, tint: number[], first: number, count: number) => void} */
   const draw = (buffer, model, tint, first, count) => {
     gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     gl.enableVertexAttribArray(place);
@@ -54,8 +90,12 @@ function newView(canvas) {
     gl.uniform3fv(uniform.tint, tint);
     gl.drawArrays(gl.TRIANGLES, first, count);
   };
-  let scene = null;
+  /**
+   * @typedef {{ made: Made, ground: WebGLBuffer, corners: number, car: WebGLBuffer, cabin: number, all: number, shadow: WebGLBuffer, line: WebGLBuffer }} Scene
+   */
+  let scene = /** @type {Scene} */ (/** @type {unknown} */ (null)); // until `show`
 
+  /** @param {Made} made */
   function show(made) {
     const [ground, car] = [circuitMesh(made), carMesh(made.length, made.width)];
     const shadow = newMesh();
@@ -68,11 +108,17 @@ function newView(canvas) {
     };
   }
 
-  // Draws what a camera sees and returns its matrix. Of the own car a mirror shows nothing, and a camera within no cabin.
+  /**
+   * Draws what a camera sees and returns its matrix. Of the own car a mirror shows nothing, and a camera within no cabin.
+   * @param {[number, number, number, number]} box of the canvas
+   * @param {Camera} camera
+   * @param {{ cars: DrawnCar[] }} frame
+   * @param {number} own
+   */
   function paint([x, y, width, height], camera, frame, own, mirrored = false) {
     gl.viewport(x, y, width, height);
     gl.scissor(x, y, width, height);
-    gl.clearColor(...SKY, 1);
+    gl.clearColor(SKY[0], SKY[1], SKY[2], 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const matrix = multiply(perspective(camera, width / height, mirrored), lookAt(camera));
     gl.uniformMatrix4fv(uniform.camera, false, matrix);
@@ -91,11 +137,15 @@ function newView(canvas) {
     return matrix;
   }
 
-  // The driver's line ahead, red where one is too fast for it.
+  /**
+   * The driver's line ahead, red where one is too fast for it.
+   * @param {DrawnCar} car
+   */
   function paintLine(car) {
-    const { reference, lap } = scene.made;
+    const { reference, lap = 1 } = scene.made;
+    if (!reference) return;
     const [n, mesh] = [reference.x.length, newMesh()];
-    const first = Math.floor((((car.progress + LINE_M[0]) % lap) + lap) % lap / lap * n);
+    const first = Math.floor(((((car.progress ?? 0) + LINE_M[0]) % lap) + lap) % lap / lap * n);
     const rows = Math.floor(((LINE_M[1] - LINE_M[0]) / lap) * n);
     const [step, point] = [2, (i) => [reference.x[i % n], reference.y[i % n], reference.z[i % n] + 0.04]];
     for (let k = first; k < first + rows; k += 2 * step) {
@@ -117,7 +167,12 @@ function newView(canvas) {
 
   return {
     show,
-    // The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these.
+    /**
+     * The race as `camera` sees it; `inside` is a car without its cabin, `mirror` and `line` are cars that have these.
+     * @param {{ cars: DrawnCar[] }} frame
+     * @param {Camera} camera
+     * @param {{ inside?: number, mirror?: number, line?: number }} [cars]
+     */
     render(frame, camera, { inside = -1, mirror = -1, line = -1 } = {}) {
       const [width, height] = sized(canvas);
       const matrix = paint([0, 0, width, height], camera, frame, inside);

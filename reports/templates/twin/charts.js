@@ -1,15 +1,19 @@
 // One car in two races over time.
 
-const ORIGINAL = "#7db8ee";
-const TWIN = "#f5b450";
+import { difference } from "../numbers.js";
+import { h } from "../race/element.js";
+import { penOf, sized } from "../race/scene.js";
+
+export const ORIGINAL = "#7db8ee";
+export const TWIN = "#f5b450";
 const MARGIN = 8;
 
 // The place of a moment on a canvas that is as wide as the timeline, and back.
-const across = (seconds, end, width, ratio) => MARGIN * ratio + (seconds / (end || 1)) * (width - 2 * MARGIN * ratio);
-const secondsAt = (event, canvas, end) => ((event.offsetX - MARGIN) / Math.max(canvas.clientWidth - 2 * MARGIN, 1)) * end;
+export const across = (seconds, end, width, ratio) => MARGIN * ratio + (seconds / (end || 1)) * (width - 2 * MARGIN * ratio);
+export const secondsAt = (event, canvas, end) => ((event.offsetX - MARGIN) / Math.max(canvas.clientWidth - 2 * MARGIN, 1)) * end;
 
 // Upright lines: where another policy takes over, and now.
-function upright(pen, at, colour, width, height, ratio) {
+export function upright(pen, at, colour, height, ratio) {
   pen.strokeStyle = colour;
   pen.lineWidth = ratio;
   pen.beginPath();
@@ -35,9 +39,17 @@ function lead(twin, original, car) {
 const leader = (recording, tick) => recording.order(tick)[0];
 const gapOf = (recording, car) => series(recording, car, (tick) => recording.gap(car, leader(recording, tick), tick));
 
-// Charts one above the other; each follows the player, and a press on it goes there.
-function twinCharts(player, [original, twin], car, mark) {
+/**
+ * Charts one above the other; each follows the player, and a press on it goes there.
+ * @param {import("../race/player.js").Player} player
+ * @param {Recording[]} recordings the original and its twin
+ * @param {number} car
+ * @param {number | null} mark where they part, s
+ */
+export function twinCharts(player, [original, twin], car, mark) {
+  /** @type {(name: string, of: (one: Recording) => (number | null)[]) => { name: string, lines: ChartLine[] }} */
   const both = (name, of) => ({ name, lines: [[original, of(original), ORIGINAL, "original"], [twin, of(twin), TWIN, "twin"]] });
+  /** @type {Chart[]} */
   const charts = [
     { ...both("Place", (one) => series(one, car, (tick) => one.samples.place[car][tick])), down: true, least: 2, words: (v) => v.toFixed(0) },
     { ...both("Gap to the first, s", (one) => gapOf(one, car)), down: true, least: 1, words: (v) => `+${v.toFixed(1)}` },
@@ -46,6 +58,17 @@ function twinCharts(player, [original, twin], car, mark) {
   return charts.map((chart) => chartOf(player, chart, mark));
 }
 
+/**
+ * @typedef {import("../race/recording.js").Recording} Recording
+ * @typedef {[Recording, (number | null)[], string, string]} ChartLine a race, its values by tick, a colour, and which side it is
+ * @typedef {{ name: string, lines: ChartLine[], down?: boolean, zero?: boolean, least: number, words: (v: number) => string }} Chart
+ */
+
+/**
+ * @param {import("../race/player.js").Player} player
+ * @param {Chart} chart
+ * @param {number | null} mark where the races part, s
+ */
 function chartOf(player, { name, lines, down, zero, least, words }, mark) {
   const { end, state } = player;
   const known = lines.flatMap(([, values]) => values.filter((v) => v !== null));
@@ -58,7 +81,7 @@ function chartOf(player, { name, lines, down, zero, least, words }, mark) {
     onclick: (event) => player.seek(secondsAt(event, canvas, end)),
   });
   player.on.push(() => {
-    const pen = canvas.getContext("2d");
+    const pen = penOf(canvas);
     const [width, height, ratio] = sized(canvas);
     const y = (v) => 4 * ratio + (down ? v - low : high - v) / (high - low || 1) * (height - 8 * ratio);
     const x = (seconds) => across(seconds, end, width, ratio);
@@ -87,13 +110,14 @@ function chartOf(player, { name, lines, down, zero, least, words }, mark) {
       pen.beginPath();
       let before = false;
       for (let k = 0; k < values.length; k++) {
-        if (values[k] !== null) pen[before ? "lineTo" : "moveTo"](x(time[k]), y(values[k]));
-        before = values[k] !== null;
+        const v = values[k];
+        if (v !== null) pen[before ? "lineTo" : "moveTo"](x(time[k]), y(v));
+        before = v !== null;
       }
       pen.stroke();
     });
-    if (mark !== null) upright(pen, x(mark), "#f06a6a", width, height, ratio);
-    upright(pen, x(state.now), "#e6e8eb", width, height, ratio);
+    if (mark !== null) upright(pen, x(mark), "#f06a6a", height, ratio);
+    upright(pen, x(state.now), "#e6e8eb", height, ratio);
     lines.forEach(([recording, values], i) => {
       const v = recording.time.length ? values[recording.tickAt(state.now)] : null;
       outputs[i].textContent = v === null || v === undefined ? "–" : words(v);

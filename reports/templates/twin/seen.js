@@ -1,5 +1,10 @@
 // What the driver of one car sees in two races, as reports/seen_data.py packs it.
 
+import { h } from "../race/element.js";
+import { unpacked } from "../race/recording.js";
+import { penOf, sized } from "../race/scene.js";
+import { across, ORIGINAL, secondsAt, TWIN, upright } from "./charts.js";
+
 const UNLIKE = 0.02; // share of a number's range by which two differ visibly
 const STRONGLY = 0.25; // and that at which a strip has its full colour
 const BINS = 600;
@@ -7,7 +12,7 @@ const CAR_NUMBERS = 5; // present, x, y, velocity x, velocity y
 const SHOWN_M = { ahead: 70, behind: 20 };
 
 // All drivers of a car in turn: `at` gives the numbers that were seen last at a moment, null before the first.
-async function openSeen(seen) {
+export async function openSeen(seen) {
   const drivers = await Promise.all(seen.drivers.map(async (one) => {
     const [[time], own, course, cars] = await Promise.all([
       unpacked(one.time, one.ticks), unpacked(one.own, one.ticks),
@@ -66,7 +71,7 @@ function apart(a, b, range) {
   return a === null || b === null ? 1 : Math.abs(a - b) / range;
 }
 
-function seenView(player, sides, mark) {
+export function seenView(player, sides, mark) {
   const { state, end } = player;
   const groups = groupsOf(sides[0].fields);
   const rows = groups.map((group) => {
@@ -94,14 +99,14 @@ function seenView(player, sides, mark) {
           parts[p].classList.toggle("unlike", Boolean(unlike));
         });
       });
-      const pen = strip.getContext("2d");
+      const pen = penOf(strip);
       const [width, height, ratio] = sized(strip);
       pen.clearRect(0, 0, width, height);
       pen.imageSmoothingEnabled = false;
       const left = across(0, end, width, ratio);
       pen.drawImage(drawn, left, 0, across(end, end, width, ratio) - left, height);
-      if (mark !== null) upright(pen, across(mark, end, width, ratio), "#f06a6a", width, height, ratio);
-      upright(pen, across(state.now, end, width, ratio), "#e6e8eb", width, height, ratio);
+      if (mark !== null) upright(pen, across(mark, end, width, ratio), "#f06a6a", height, ratio);
+      upright(pen, across(state.now, end, width, ratio), "#e6e8eb", height, ratio);
     }
     plans.forEach((plan, i) => drawPlan(plan, seen[i], player.recording.race, i ? TWIN : ORIGINAL));
   });
@@ -117,7 +122,7 @@ function seenView(player, sides, mark) {
 function stripOf(sides, group, end) {
   const strip = document.createElement("canvas");
   [strip.width, strip.height] = [BINS, 1];
-  const pen = strip.getContext("2d");
+  const pen = penOf(strip);
   for (let bin = 0; bin < BINS; bin++) {
     const seen = sides.map((side) => side.at(((bin + 0.5) / BINS) * end));
     let share = 0;
@@ -133,12 +138,13 @@ function stripOf(sides, group, end) {
 
 // The road and the cars as the driver has them: its car below, nose up.
 function drawPlan(canvas, seen, race, colour) {
-  const pen = canvas.getContext("2d");
+  const pen = penOf(canvas);
   const [width, height, ratio] = sized(canvas);
   pen.setTransform(1, 0, 0, 1, 0, 0);
   pen.clearRect(0, 0, width, height);
   if (!seen) return;
   const scale = height / (SHOWN_M.ahead + SHOWN_M.behind);
+  /** @type {(x: number, y: number) => [number, number]} */
   const place = (x, y) => [width / 2 - y * scale, height - (x + SHOWN_M.behind) * scale];
   pen.lineWidth = 1.5 * ratio;
   for (const side of [0, 1]) {

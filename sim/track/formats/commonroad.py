@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.track.formats.markup import place, text_at
-from nathlon.sim.track.formats.outline import Outline, check_most, to_number
+from nathlon.sim.track.formats.outline import CircuitLine, check_most, to_number
 
 MOST_LANELETS = 500
 EXPECTED = "expected lanelets that follow each other round, as their successors say"
 
 
-def read_commonroad(root: Element) -> Outline:
+def read_commonroad(root: Element) -> CircuitLine:
     """Read the lanelets of a scenario; those beside each other in one direction are one road.
 
     Raises:
@@ -29,7 +29,7 @@ def read_commonroad(root: Element) -> Outline:
         for side in ("left", "right")
     )
     check_most(max(len(left), len(right)), "the lanelets")
-    return Outline(
+    return CircuitLine(
         "lanelets of CommonRoad",
         left,
         [f"left bound, point {number}" for number in range(1, len(left) + 1)],

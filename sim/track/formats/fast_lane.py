@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.track.formats.outline import LARGEST, MOST_POINTS, Outline, known_heights
+from nathlon.sim.track.formats.outline import LARGEST, MOST_POINTS, CircuitLine, known_heights
 
 HEADER, EXTRA, LEFT, RIGHT = 16, 18, 5, 6
 NEWEST = 64
@@ -31,7 +31,7 @@ def is_fast_lane(content: bytes) -> bool:
     return 0 < version < NEWEST and points > 0 and len(content) >= HEADER + min(points, 2) * POINT.itemsize
 
 
-def read_fast_lane(content: bytes) -> Outline:
+def read_fast_lane(content: bytes) -> CircuitLine:
     """Read such a line, moved to the middle of the road where the file knows its edges.
 
     Raises:
@@ -58,7 +58,7 @@ def read_fast_lane(content: bytes) -> Outline:
         line = line + to_left * ((sides[:, 0] - sides[:, 1]) / 2)[:, None]
         left = right = sides.mean(axis=1)
         notes = ("the line that cars take, moved to the middle between the edges",)
-    return Outline(
+    return CircuitLine(
         "fast_lane.ai of Assetto Corsa",
         line,
         [f"point {number}" for number in range(1, count + 1)],

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.track.formats.markup import place, text_at
-from nathlon.sim.track.formats.outline import Outline, known_heights, to_numbers
+from nathlon.sim.track.formats.outline import CircuitLine, known_heights, to_numbers
 
 EXPECTED = "expected <data> with <centerline> of <x> and <y>, and <nl> and <nr>"
 
 
-def read_arrays(root: Element, text: str) -> Outline:
+def read_arrays(root: Element, text: str) -> CircuitLine:
     """Read a circuit with `format="discrete"`.
 
     With dimension 3 its y points south and its z down, as a comment in the file says.
@@ -42,7 +42,7 @@ def read_arrays(root: Element, text: str) -> Outline:
             raise InputError(
                 f"{place(data)}: {name} has {len(values)} numbers, expected {len(x)} as centerline/x"
             )
-    return Outline(
+    return CircuitLine(
         "a circuit of fastest-lap",
         np.column_stack([x, upward * y]),
         [f"point {number}" for number in range(1, len(x) + 1)],

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.track.formats.outline import LARGEST, Outline, check_most, known_heights
+from nathlon.sim.track.formats.outline import LARGEST, CircuitLine, check_most, known_heights
 from nathlon.sim.track.projection import local_metres
 
 TOUCH_M, REACH_M = 1.0, 60.0
@@ -65,7 +65,7 @@ class _Edge(NamedTuple):
     astern: NDArray[np.float64]
 
 
-def outline_of(dialect: str, ways: Sequence[Way], expected: str) -> Outline:
+def outline_of(dialect: str, ways: Sequence[Way], expected: str) -> CircuitLine:
     """The lap that ways of a map make: one of them, several in a row, or two as its edges.
 
     Args:
@@ -91,7 +91,7 @@ def outline_of(dialect: str, ways: Sequence[Way], expected: str) -> Outline:
     edges = _edges(ways)
     if edges is not None:
         left, right = edges
-        return Outline(
+        return CircuitLine(
             f"{dialect}, two edges",
             left.points[:, :2],
             left.places,
@@ -107,7 +107,7 @@ def outline_of(dialect: str, ways: Sequence[Way], expected: str) -> Outline:
     way = ways[0] if len(ways) == 1 else rings[0] if len(rings) == 1 else _joined(ways)
     if len(ways) > 1:
         notes = (*notes, f"made of some of {len(ways)} lines")
-    return Outline(
+    return CircuitLine(
         dialect,
         way.points[:, :2],
         way.places,

@@ -13,14 +13,14 @@ import numpy as np
 from nathlon.sim.errors import InputError
 from nathlon.sim.track.formats.joining import Way, outline_of
 from nathlon.sim.track.formats.markup import place, text_at
-from nathlon.sim.track.formats.outline import LARGEST, Outline, check_most, to_number
+from nathlon.sim.track.formats.outline import LARGEST, CircuitLine, check_most, to_number
 
 PIT = re.compile(r"\bpits?\b|pit[ _-]?(lane|road|stop)|paddock", re.IGNORECASE)
 LINES = {"LineString": 1, "MultiLineString": 2, "Polygon": 2, "MultiPolygon": 3}
 """Kinds of geometry, and how deep their points lie in lists."""
 
 
-def read_gpx(root: Element) -> Outline:
+def read_gpx(root: Element) -> CircuitLine:
     """Read tracks, or routes where there are none.
 
     Raises:
@@ -40,7 +40,7 @@ def read_gpx(root: Element) -> Outline:
     return outline_of("GPX", ways, "expected a track with points <trkpt lat lon>")
 
 
-def read_kml(root: Element) -> Outline:
+def read_kml(root: Element) -> CircuitLine:
     """Read lines, rings and tracks of placemarks.
 
     Raises:
@@ -63,7 +63,7 @@ def read_kml(root: Element) -> Outline:
     return outline_of("KML", ways, "expected placemarks with lines of <coordinates>")
 
 
-def read_osm(root: Element) -> Outline:
+def read_osm(root: Element) -> CircuitLine:
     """Read the raceways of an extract, or all its ways where none is a raceway.
 
     Raises:
@@ -85,7 +85,7 @@ def read_osm(root: Element) -> Outline:
     return outline_of("OpenStreetMap", ways, "expected ways with their nodes")
 
 
-def read_geojson(text: str) -> Outline:
+def read_geojson(text: str) -> CircuitLine:
     """Read the lines and rings of a GeoJSON text.
 
     Raises:

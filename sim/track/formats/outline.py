@@ -20,7 +20,7 @@ Unit = Literal["m", "degrees", "unknown"]
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class CircuitLine:
     """A line round a circuit in driving order, closed or not yet, and what is known along it.
 
     Attributes:

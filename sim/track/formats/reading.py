@@ -15,7 +15,7 @@ from nathlon.sim.track.formats.fast_lane import is_fast_lane, read_fast_lane
 from nathlon.sim.track.formats.fastest_lap import read_arrays
 from nathlon.sim.track.formats.maps import read_geojson, read_gpx, read_kml, read_osm
 from nathlon.sim.track.formats.markup import parse
-from nathlon.sim.track.formats.outline import Outline
+from nathlon.sim.track.formats.outline import CircuitLine
 from nathlon.sim.track.formats.segments import read_arcs, read_torcs
 from nathlon.sim.track.formats.tables import read_table
 from nathlon.sim.track.projection import local_metres
@@ -36,7 +36,7 @@ BY_ROOT = {
 KNOWN = "expected a table, GeoJSON, GPX, KML, OpenStreetMap, CommonRoad, TORCS, fastest-lap or fast_lane.ai"
 
 
-def read_outline(path: Path) -> Outline:
+def read_outline(path: Path) -> CircuitLine:
     """Read a file that describes a circuit, and with `x_left.kml` the right edge in `x_right.kml` beside it.
 
     Raises:
@@ -64,7 +64,7 @@ def edge_files(path: Path) -> tuple[Path, Path] | None:
     return None
 
 
-def _outline_of(path: Path) -> Outline:
+def _outline_of(path: Path) -> CircuitLine:
     content = read_bytes(path, MOST_MIB, "centre line")
     try:
         return _outline(content)
@@ -72,7 +72,7 @@ def _outline_of(path: Path) -> Outline:
         raise InputError(f"{path}: {error}") from None
 
 
-def _outline(content: bytes) -> Outline:
+def _outline(content: bytes) -> CircuitLine:
     if is_fast_lane(content):
         return read_fast_lane(content)
     if content.startswith(b"PK\x03\x04"):
@@ -86,7 +86,7 @@ def _outline(content: bytes) -> Outline:
     return read_table(text)
 
 
-def _markup(text: str) -> Outline:
+def _markup(text: str) -> CircuitLine:
     root = parse(text)
     if root.tag in BY_ROOT:
         return BY_ROOT[root.tag](root)

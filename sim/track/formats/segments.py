@@ -13,7 +13,7 @@ from scipy.interpolate import PchipInterpolator
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.track.formats.markup import place
-from nathlon.sim.track.formats.outline import METRES, Outline, known_heights, to_number
+from nathlon.sim.track.formats.outline import METRES, CircuitLine, known_heights, to_number
 
 STEP_M = 2.0
 LONGEST_M = 100_000.0
@@ -41,7 +41,7 @@ class Piece(NamedTuple):
     banks: tuple[float, float] = (0.0, 0.0)
 
 
-def read_torcs(root: Element) -> Outline:
+def read_torcs(root: Element) -> CircuitLine:
     """Read the segments of a track file, with its heights and banking.
 
     Raises:
@@ -62,7 +62,7 @@ def read_torcs(root: Element) -> Outline:
     return _outline("a TORCS track", pieces, width)
 
 
-def read_arcs(root: Element) -> Outline:
+def read_arcs(root: Element) -> CircuitLine:
     """Read a track of fastest-lap that is given by straights and corners.
 
     Raises:
@@ -97,7 +97,7 @@ def _closed_by_straight(pieces: list[Piece]) -> list[Piece]:
     return [*pieces, Piece(gap, (0.0, 0.0), pieces[-1].place)] if gap > STEP_M else pieces
 
 
-def _outline(dialect: str, pieces: Sequence[Piece], width: float | None) -> Outline:
+def _outline(dialect: str, pieces: Sequence[Piece], width: float | None) -> CircuitLine:
     if not pieces:
         raise InputError(f"no segments, {EXPECTED_TORCS} (or {EXPECTED_ARCS})")
     for piece in pieces:
@@ -120,7 +120,7 @@ def _outline(dialect: str, pieces: Sequence[Piece], width: float | None) -> Outl
     bank = np.interp(at[:-1], stops, [pieces[0].banks[0], *(piece.banks[1] for piece in pieces)])
     which = np.searchsorted(stops, at[:-1], side="right") - 1
     half = None if width is None else np.full(len(line), width / 2.0)
-    return Outline(
+    return CircuitLine(
         dialect,
         line,
         [pieces[min(int(index), len(pieces) - 1)].place for index in which],

@@ -14,7 +14,7 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.names import printable, proper_name
 from nathlon.sim.track.formats.outline import (
     METRES,
-    Outline,
+    CircuitLine,
     check_most,
     known_heights,
     to_number,
@@ -104,7 +104,7 @@ class _Table(NamedTuple):
         return self.numbers(role) * METRES.get(self.columns[role].unit, 1.0)
 
 
-def read_table(text: str) -> Outline:
+def read_table(text: str) -> CircuitLine:
     """Read a table with the points of a circuit.
 
     Columns go by their names: of the centre line, or of both edges; others are left out. Without names there
@@ -125,7 +125,7 @@ def read_table(text: str) -> Outline:
     raise InputError(f"{table.places[0]}: {EXPECTED}")
 
 
-def _along_centre(table: _Table, x: str, y: str, unit: str | None, notes: list[str]) -> Outline:
+def _along_centre(table: _Table, x: str, y: str, unit: str | None, notes: list[str]) -> CircuitLine:
     named = table.columns[x].unit
     line = np.column_stack([table.numbers(x), table.numbers(y)])
     right = left = None
@@ -141,7 +141,7 @@ def _along_centre(table: _Table, x: str, y: str, unit: str | None, notes: list[s
     if named in METRES and named != "m":
         line *= METRES[named]
         notes.append(f"{named} made metres")
-    return Outline(
+    return CircuitLine(
         "a table",
         line,
         table.places,
@@ -155,13 +155,13 @@ def _along_centre(table: _Table, x: str, y: str, unit: str | None, notes: list[s
     )
 
 
-def _between_edges(table: _Table, one: str, other: str, notes: list[str]) -> Outline:
+def _between_edges(table: _Table, one: str, other: str, notes: list[str]) -> CircuitLine:
     first, second = (
         np.column_stack([table.metres(f"{axis}_{side}") for axis in "xy"]) for side in (one, other)
     )
     if one == "inner" and _turns_right(first):
         first, second = second, first
-    return Outline("a table of edges", first, table.places, right_edge=second, notes=tuple(notes))
+    return CircuitLine("a table of edges", first, table.places, right_edge=second, notes=tuple(notes))
 
 
 def _turns_right(line: NDArray[np.float64]) -> bool:

@@ -11,8 +11,8 @@ from nathlon.arena.pool import Pool
 from nathlon.results.selection import Selection
 from nathlon.results.summary import Summary
 from nathlon.selection.config import Config
-from nathlon.selection.field import Field
-from nathlon.selection.pipeline import select
+from nathlon.selection.field import EntryList
+from nathlon.selection.pipeline import run_pipeline
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.selection.publish.publish import publish
 from nathlon.selection.publish.recordings import record_tournament
@@ -24,13 +24,13 @@ OnVerdict = Callable[[Summary], None]
 """Told what a selection came to as soon as the committee has decided, before anything is published."""
 
 
-def evaluate(
-    field: Field,
+def single_selection(
+    field: EntryList,
     output: OutputFolder,
     config: Config,
     pool: Pool,
     on_match: OnMatch,
-    on_verdict: OnVerdict,
+    on_verdict: OnVerdict | None = None,
 ) -> Selection | None:
     """Run the whole selection, hand its verdict out, then leave its report and recordings.
 
@@ -48,12 +48,14 @@ def evaluate(
         what the report shows; None where people must vote first.
     """
     with single_run("selection", field.newcomers, config, output.store, pool, on_match, output.root) as run:
-        verdict = select(run, replace(field, anchors=_references(config, pool)), config)
+        verdict = run_pipeline(run, replace(field, anchors=_references(config, pool)), config)
         if verdict is None:
             run.status = WAITING
             return None
         # At once: what is kept can be sent whatever becomes of the file.
-        on_verdict(verdict.model_copy(update={"sent": keep_sent(run.store, run.name, output)}))
+        kept = verdict.model_copy(update={"sent": keep_sent(run.store, run.name, output)})
+        if on_verdict is not None:
+            on_verdict(kept)
         selection = publish(run.store, run.name, output, run.pool, on_match)
         if config.recordings == "all":
             record_tournament(run.store, run.name, output, run.engine, on_match)

@@ -1,0 +1,24 @@
+// Races of the night that were recorded.
+
+import { capital, clock } from "../numbers.js";
+import { h } from "../race/element.js";
+import { EPISODE, raceByKey } from "./data.js";
+import { fileHref, link, raceHref, to } from "./dom.js";
+
+// A race that was recorded: what is seen there, and its files.
+export function replay({ match, race, why, player, video, recording, replay: rerun, missing: reason }) {
+  const there = raceByKey.get(`${match.slice(0, 12)}/${race}`);
+  const name = `${capital(EPISODE)} ${match.slice(0, 6)}/${race}`;
+  const files = [[player, "watch it here"], [video, "video"], [rerun, "Rerun"], [recording, "recording, for Foxglove and Rerun"]].filter(([file]) => file);
+  return [
+    there ? link(raceHref(there), name) : name, `: ${why}. `,
+    files.map(([file, text], i) => [i > 0 && " · ", link(fileHref(file), text)]),
+    reason && h("span", { class: "fault" }, `It could not be run again: ${reason}`),
+  ];
+}
+
+// The clips of a race that is to be looked at, as links that open the player there.
+export function clipsOf({ match, race, clips }) {
+  return clips.length > 0 && h("ul", { class: "moments" }, clips.map((clip) => h("li", {},
+    link(to("race", [match.slice(0, 12), String(race)], { at: clip.start_s, car: clip.car }), `${clock(clip.start_s)} to ${clock(clip.end_s)}`), ` ${clip.why}`)));
+}

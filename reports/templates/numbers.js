@@ -1,0 +1,58 @@
+// Numbers as they are written everywhere.
+
+export const ABSENT = "–";
+const MINUS = "−";
+/** @type {Map<number, Intl.NumberFormat>} */
+const formats = new Map();
+
+/**
+ * A number; what rounds to zero has no minus.
+ * @param {number | null | undefined} value
+ */
+export const number = (value, digits = 0) => {
+  if (value === null || value === undefined) return ABSENT;
+  const format = formats.get(digits) ?? new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
+  formats.set(digits, format);
+  return format.format(value).replace(/^-(?=0[.0]*$)/, "").replace("-", MINUS);
+};
+
+/**
+ * A number, with + where more than zero of it is left.
+ * @param {number | null | undefined} value
+ */
+export const signed = (value, digits = 1) => ((value ?? 0) > 0 && /[1-9]/.test(number(value, digits)) ? "+" : "") + number(value, digits);
+
+/**
+ * A difference, with its sign in any case.
+ * @param {number} value
+ * @param {number} digits
+ */
+export function difference(value, digits) {
+  const text = Math.abs(value).toFixed(digits);
+  return `${value < 0 && Number(text) > 0 ? MINUS : "+"}${text}`;
+}
+
+/**
+ * A share in per cent, without the sign.
+ * @param {number | null | undefined} share
+ */
+export const percent = (share, digits = 0) => (share === null || share === undefined ? ABSENT : number(100 * share, digits));
+
+/**
+ * How many there are of something.
+ * @param {number} value
+ * @param {string} what one of them
+ */
+export const count = (value, what) => `${number(value)} ${what}${value === 1 ? "" : "s"}`;
+
+/**
+ * A moment, as minutes, seconds and tenths.
+ * @param {number} seconds
+ */
+export function clock(seconds) {
+  const tenths = Math.max(Math.round(seconds * 10), 0);
+  return `${Math.floor(tenths / 600)}:${String(Math.floor(tenths / 10) % 60).padStart(2, "0")}.${tenths % 10}`;
+}
+
+/** @param {string} text */
+export const capital = (text) => text[0].toUpperCase() + text.slice(1);
