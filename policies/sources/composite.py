@@ -158,8 +158,13 @@ class Composite:
             stints: its strategy.
 
         Raises:
-            InputError: if the circuit lacks a section.
+            InputError: if the circuit lacks a section, or what is seen does not tell where the car is while a
+                part has a condition.
         """
+        if spec.version != VERSION and not all(part.unconditional for part in parts):
+            raise InputError(
+                f"{_layout(spec)} names no place, expected version {VERSION} where parts have conditions"
+            )
         self.strategist: Strategist | None = StintPlan(stints) if stints else None
         self.reverse = all(map(has_reverse, policies))
         self.observation_spec = spec
@@ -173,7 +178,7 @@ class Composite:
             None if part.sections is None else [track.stretch(name) for name in part.sections]
             for part in parts
         ]
-        self._progress = spec.slice("progress")
+        self._progress = spec.slice("progress") if spec.version == VERSION else slice(0)
         mean, deviation = (half[self._progress].astype(np.float64) for half in spec.scaling)
         self._mean, self._deviation = mean, deviation
 
@@ -197,9 +202,12 @@ class Composite:
     def _follow(self, observations: Batch, place: Batch) -> tuple[NDArray[np.float64], Batch]:
         """Lap angles of the cars (n,), rad from 0 to 2 pi, and where they started and have come to.
 
+        Where nothing that is seen tells, the place stays unknown; there the first part drives everywhere.
         A car that is pushed back has still come as far as it had; so the way since the last tick is that to
         the nearest point with this lap angle.
         """
+        if not len(self._mean):
+            return np.zeros(len(observations)), place
         sine, cosine = (observations[:, self._progress] * self._deviation + self._mean).T
         angle = np.arctan2(sine, cosine) % (2.0 * np.pi)
         start, furthest = np.where(np.isnan(place), angle[:, None], place).T
@@ -216,7 +224,7 @@ class Composite:
             inside = np.full(len(at), stretches is None)
             for begin, end in stretches or ():
                 inside |= (begin <= at) & (at < end)
-            turns.append(inside & (gone < until))
+            turns.append(inside & ~(gone >= until))
         return np.argmax(turns, axis=0)
 
 

@@ -591,6 +591,11 @@ def test_a_pack_is_of_the_run_of_its_folder_and_no_larger_than_is_read(
         (tmp_path / "renamed" / "summary.json").write_text(json.dumps(summary | change))
         with pytest.raises(InputError, match=said):
             pack_run(tmp_path / "renamed", store, out)
+    planner = store.table("night-0001", "entrants").with_columns(source=pl.lit("mppi:a.safetensors"))
+    with monkeypatch.context() as patched:
+        patched.setattr(Store, "table", lambda self, run, name: planner)
+        with pytest.raises(InputError, match=r"mppi:a\.safetensors: cannot be packed"):
+            pack_run(night, store, out)
     monkeypatch.setattr(packing, "MOST_MIB", packing.SPARE_MIB)
     with pytest.raises(InputError, match="MiB with its checkpoints, expected at most"):
         pack_run(night, store, out)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import nathlon
 from nathlon.lab.stints.model import LapModel, fit
 from nathlon.lab.stints.planning import StopPlan, plans
-from nathlon.lab.stints.practice import LAPS, SPARE_KG, Place, with_settings
+from nathlon.lab.stints.practice import LAPS, SPARE_KG, Place, _Begin, _rows, with_settings
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import Pit
@@ -143,6 +143,25 @@ def test_nothing_is_planned_where_nothing_wears(scenario: str) -> None:
 def test_what_cannot_be_practised_is_refused(given: dict[str, Any], said: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=said):
         nathlon.stints("driver:pace=0.9", out=tmp_path, progress=False, **given)
+
+
+@pytest.mark.parametrize("after_line", [False, True])
+def test_a_stop_is_in_the_lap_that_was_asked_for_or_refused(after_line: bool) -> None:
+    """The box lies before the line or behind it: the stop is told with the one lap or the next."""
+
+    def begun(missed: int) -> list[_Begin]:
+        stop = 2 + after_line + missed
+        return [_Begin(100.0 * lap, 50.0 - lap, int(lap >= stop), missed) for lap in range(6)]
+
+    rows = _rows("racing-soft", 2, begun(0), 8.0)
+    assert [(age, stops) for _, _, _, age, stops, *_ in rows] == [
+        (1, False),
+        (2, True),
+        (2, False),
+        (3, False),
+    ]
+    with pytest.raises(InputError, match="on racing-soft came to the pit lane too fast"):
+        _rows("racing-soft", 2, begun(1), 8.0)
 
 
 def test_plans_are_entrants(tmp_path: Path) -> None:

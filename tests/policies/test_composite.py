@@ -203,6 +203,20 @@ def test_a_layout_for_any_car_stays_one_and_goes_with_no_other() -> None:
             joint_spec(["a", "b"], specs)
 
 
+def test_without_a_place_a_composite_has_no_conditions() -> None:
+    class Planning(Steady):
+        observation_spec = ObservationSpec(version=PLANNED)
+
+    spec = Planning.observation_spec
+    composite = Composite(TRACK, [CompositePart(policy="a")], [Planning(0.3)], spec)
+    actions, memory = composite.act(spec.blank(3), composite.initial_memory(3))
+    assert actions.tolist() == np.full((3, 2), 0.3, np.float32).tolist()
+    assert memory[:, -1].tolist() == [1.0] * 3
+    parts = [CompositePart(policy="a", until_m=9.0), CompositePart(policy="b")]
+    with pytest.raises(InputError, match="version 4 of the observations with a plan .* names no place"):
+        Composite(TRACK, parts, [Planning(0.1)] * 2, spec)
+
+
 def test_a_composite_has_a_reverse_gear_if_all_its_policies_have_one() -> None:
     class Backing(Steady):
         reverse = True

@@ -12,6 +12,7 @@ from zipfile import BadZipFile
 from pydantic import ValidationError
 
 from nathlon.policies.policy_file import MOST_BYTES
+from nathlon.policies.sources import DRIVER, PLUGIN, RANDOM
 from nathlon.policies.sources.archive import unpack
 from nathlon.results.part import ResultModel
 from nathlon.sim.errors import InputError
@@ -24,6 +25,8 @@ MATCHES, ENTRANTS_FILE = "matches.json", "entrants.json"
 CHECKPOINTS = "checkpoints"
 SAFE = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*")
 """Names of files in a pack."""
+NO_FILES = (DRIVER, PLUGIN, RANDOM)
+"""Kinds of entrants that a pack only names."""
 MOST_MIB = MOST_BYTES >> 20
 """Of a pack, and of its files together."""
 

@@ -15,6 +15,7 @@ from nathlon.lab.pack.contents import (
     MANIFEST,
     MATCHES,
     MOST_MIB,
+    NO_FILES,
     SAFE,
     SIGNATURE,
     Manifest,
@@ -137,8 +138,10 @@ def _entrants(store: Store, run: str, here: Path) -> list[dict[str, object]]:
     (here / CHECKPOINTS).mkdir()
     for row in rows:
         source, identity = as_named(row["source"]), row["entrant"]
-        if not is_path(source):
+        if source.partition(":")[0] in NO_FILES:
             continue
+        if not is_path(source):
+            raise InputError(f"{source}: cannot be packed, expected checkpoints, drivers and plugins alone")
         if not is_still(source, identity):
             raise InputError(
                 f"{source}: is gone or has changed since it raced, expected the checkpoint of the run"

@@ -22,13 +22,14 @@ from nathlon.lab.pack.contents import (
     ENTRANTS_FILE,
     MANIFEST,
     MATCHES,
+    NO_FILES,
     SIGNATURE,
     PackedMatch,
     digest,
     read_pack,
 )
 from nathlon.lab.pack.signature import signer
-from nathlon.policies.sources import DRIVER, PLUGIN, RANDOM, is_path
+from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import is_still
 from nathlon.results.summary import Summary, read_summary
 from nathlon.selection.publish.output import SUMMARY
@@ -150,7 +151,7 @@ def _read(path: Path, files: Mapping[str, bytes], here: Path) -> tuple[list[Fini
     places = []
     for source in entrants["source"]:
         kind = str(source).partition(":")[0]
-        if source not in files if is_path(str(source)) else kind not in (DRIVER, PLUGIN, RANDOM):
+        if source not in files if is_path(str(source)) else kind not in NO_FILES:
             raise InputError(f"{path}: {source!a} is not in it, expected the checkpoint of an entrant")
         places.append(str(here / source) if is_path(source) else source)
     return matches, entrants.with_columns(source=pl.Series(places, dtype=pl.String))
