@@ -34,11 +34,11 @@ class QueueEngine:
 
     @property
     def workers(self) -> int:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         return self._pool.workers
 
     def run(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         leaving = [match for match in matches if labels(match, self._store.shared) is not None]
         staying = {match.key: match for match in matches} | dict.fromkeys(match.key for match in leaving)
         if here := [match for match in staying.values() if match is not None]:
@@ -47,7 +47,7 @@ class QueueEngine:
             yield from self._share(leaving)
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
-        """As of `Engine`: here."""
+        """As of `MatchEngine`: here."""
         return self._local.record(wanted)
 
     def _share(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:

@@ -37,7 +37,7 @@ from nathlon.sim.kernel import kernel
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.simd import LANES
-from nathlon.sim.state import Race
+from nathlon.sim.state import RaceRows
 from nathlon.sim.track import load_track
 from nathlon.sim.world import SUBSTEPS, World
 
@@ -162,7 +162,7 @@ def count(races: World) -> tuple[Counter[str], Counter[str]]:
     cars: Any = [number(car) for car in races.state[0]]
     notes: Any = [SimpleNamespace() for _ in races.contacts[0]]
     touched = number(np.full((CARS, CARS), -np.inf))
-    race = Race(cars, races.ticks[:1].copy(), touched, notes, np.zeros(1, np.int64))
+    race = RaceRows(cars, races.ticks[:1].copy(), touched, notes, np.zeros(1, np.int64))
     seen = SPEC.cars_ahead + SPEC.cars_behind
     stepping: Counter[str] = Counter()
     observing: Counter[str] = Counter()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import weakref
@@ -14,6 +13,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from nathlon.policies.child_processes import BLAS_THREADS
+from nathlon.policies.incoming import CHUNK_BYTES, SIZE
 from nathlon.policies.patience import LOOK_S, Waiting
 from nathlon.sim.wire import pack, unpack
 
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 1 << 28
 """Of an answer: a picture or an observation has some megabytes."""
-CHUNK_BYTES = 1 << 20
-"""That are read at once."""
-SIZE = struct.Struct("!i")
-"""What comes before a message, see `multiprocessing.connection.Connection`; longer ones than fit have -1."""
 
 
 class ChildError(Exception):

@@ -52,7 +52,7 @@ class Aero(Section):
     draught_downforce_share: Share
 
 
-class Steering(Section):
+class SteeringSystem(Section):
     full_lock_rad: Annotated[float, Field(ge=0.01, lt=1.2)]
     rate_rad_s: Annotated[float, Field(ge=0.01, le=100)]
 
@@ -134,7 +134,7 @@ class Car(Section):
     description: str
     body: Body
     aero: Aero
-    steering: Steering
+    steering: SteeringSystem
     brakes: Brakes
     engine: Engine
     fuel: Fuel

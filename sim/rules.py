@@ -14,7 +14,7 @@ NotNegative = Annotated[float, Field(ge=0, le=1e4)]
 """Seconds, metres, m/s: of none can a race use more."""
 
 
-class Limits(Section):
+class TrackLimits(Section):
     """Leaving the course."""
 
     warnings: Annotated[int, Field(ge=0, le=1_000_000)]
@@ -65,7 +65,7 @@ class Rules(Section):
 
     name: Name
     description: str
-    limits: Limits
+    limits: TrackLimits
     cutting: Cutting
     contact: Contact
     serving: Serving

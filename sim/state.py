@@ -180,7 +180,7 @@ class Races(NamedTuple):
     contact_count: np.ndarray
 
 
-class Race(NamedTuple):
+class RaceRows(NamedTuple):
     """Rows of the arrays of one of the races, whose own `ticks` and `contact_count` come first."""
 
     cars: Cars

@@ -45,7 +45,7 @@ from nathlon.sim.physics.powertrain import REVERSE, choose_direction
 from nathlon.sim.physics.tyre import Ground
 from nathlon.sim.plan import Plan
 from nathlon.sim.rules import Rules, load_rules, rule_parameters
-from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, Race, Races
+from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, RaceRows, Races
 from nathlon.sim.steward import Approach, note_contact, serve_penalty, watch_limits
 from nathlon.sim.timing import first_line, time_lines
 from nathlon.sim.track import Track
@@ -137,9 +137,9 @@ def step_races(
 
 
 @lean_inlined
-def race_of(races: Races, index: int) -> Race:
+def race_of(races: Races, index: int) -> RaceRows:
     """One of the races, without copying."""
-    return Race(
+    return RaceRows(
         races.cars[index],
         races.ticks[index:],
         races.touched[index],
@@ -149,7 +149,7 @@ def race_of(races: Races, index: int) -> Race:
 
 
 @lean_inlined
-def step_race(race: Race, actions: np.ndarray, substeps: int, ground: Ground, p: WorldParameters) -> None:
+def step_race(race: RaceRows, actions: np.ndarray, substeps: int, ground: Ground, p: WorldParameters) -> None:
     """Advance one race by some dynamics steps.
 
     Args:
@@ -229,7 +229,7 @@ def near(a: CarRecord, b: CarRecord, reach_squared: float) -> bool:
 
 
 @lean_kernel
-def meet(race: Race, i: int, j: int, now: float, p: WorldParameters) -> None:
+def meet(race: RaceRows, i: int, j: int, now: float, p: WorldParameters) -> None:
     """Resolve the contact of two cars of a race, if they touch, and note it if it is a new one."""
     a, b = race.cars[i], race.cars[j]
     relative_x = b.world_velocity_x - a.world_velocity_x

@@ -29,11 +29,11 @@ class RayEngine:
 
     @property
     def workers(self) -> int:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         return self._there.workers
 
     def run(self, matches: Sequence[Match]) -> Generator[Ended, None, None]:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         for engine, some in (
             (self._there, [match for match in matches if _leaves(match)]),
             (self._here, [match for match in matches if not _leaves(match)]),
@@ -42,7 +42,7 @@ class RayEngine:
                 yield from engine.run(some)
 
     def record(self, wanted: Sequence[Wanted]) -> Generator[tuple[Match, Recorded | InputError], None, None]:
-        """As of `Engine`."""
+        """As of `MatchEngine`."""
         for engine, some in (
             (self._there, [each for each in wanted if _leaves(each.match)]),
             (self._here, [each for each in wanted if not _leaves(each.match)]),

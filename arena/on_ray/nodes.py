@@ -20,6 +20,7 @@ from nathlon.arena.output_log import OutputLog
 from nathlon.arena.payload import Payload, labels, send
 from nathlon.arena.queue import Where, facts_of, where_of
 from nathlon.arena.recorder import Recorded
+from nathlon.policies.ray_actor import start_actor
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import write_whole
 
@@ -132,20 +133,13 @@ class Nodes(Executor):
         self._next_meeting = time.monotonic() + MEET_S
 
     def _start(self, place: RayNode) -> _Hand:
-        import ray
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-        # What runs is told by claims: Ray repeats nothing on its own.
-        actor: Any = (
-            ray.remote(Node)
-            .options(
-                name=f"nathlon {place.name} {next(_actors)}",
-                num_cpus=place.processors,
-                max_restarts=0,
-                max_task_retries=0,
-                scheduling_strategy=NodeAffinitySchedulingStrategy(place.id, soft=False),
-            )
-            .remote(f"node {place.name}", place.processors)
+        called = f"nathlon {place.name} {next(_actors)}", f"node {place.name}"
+        there = NodeAffinitySchedulingStrategy(place.id, soft=False)
+        # What runs is told by claims.
+        actor = start_actor(
+            Node, *called, place.processors, num_cpus=place.processors, scheduling_strategy=there
         )
         return _Hand(place, actor, actor.prepare.remote([]), idle=place.processors)
 

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, Out
+from nathlon.commands.options import AsJson, Out, Recording
 from nathlon.commands.selection import stoppable
 from nathlon.terminal import print_json, say, warn
 
 
 def coach(
-    recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
+    recording: Recording,
     car: Annotated[str, typer.Option(help="Number or name of the car to coach.")],
     against: Annotated[
         str, typer.Option(help="Lap to compare with: champion, limit, or RACE.mcap.")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from nathlon.commands.options import AsJson
+from nathlon.commands.options import AsJson, Port
 from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
@@ -48,7 +48,7 @@ def drive(
         Literal["calm", "fair", "aggressive"] | None,
         typer.Option(help="Temper of built-in drivers to offer first."),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any.")] = 0,
+    port: Port = 0,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
     out: Annotated[
         Path | None,

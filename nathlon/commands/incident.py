@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson
+from nathlon.commands.options import AsJson, Recording
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import say, tell
 
 
 def incident(
-    recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
+    recording: Recording,
     at_s: Annotated[float, typer.Option("--at", help="Time of the incident, s since the start, within 2 s.")],
     car: Annotated[int, typer.Option(min=0, help="Number of the car to be tested.")],
     name: Annotated[str, typer.Option(help="Name of the test.")],

@@ -23,6 +23,11 @@ WorldName = Annotated[
     ),
 ]
 StoreName = Annotated[str, typer.Argument(help="The store: path of its file, or URL of a database.")]
+Recording = Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")]
+Circuit = Annotated[str, typer.Option(help="Name or path of the circuit.")]
+CarName = Annotated[str, typer.Option("--car", help="Name or path of the car.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any.")]
+CircuitParent = Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder for everything that the run leaves.")]
 Seed = Annotated[int, typer.Option(min=0, max=LARGEST_SEED, help="Seed of all randomness.")]
 ConfigSeed = Annotated[

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, Out, Seed
+from nathlon.commands.options import AsJson, CarName, Circuit, Out, Seed
 from nathlon.policies.sources.finding import find_sources
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
@@ -23,8 +23,8 @@ def race(
     scenario: Annotated[
         str, typer.Option(help="Name or path of the scenario, with settings if you like: race:laps=3.")
     ] = "race",
-    circuit: Annotated[str, typer.Option(help="Name or path of the circuit.")] = "lindenring",
-    car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
+    circuit: Circuit = "lindenring",
+    car: CarName = "gt3",
     seed: Seed = 1,
     qualifying: Annotated[
         bool, typer.Option("--qualify", help="Order the grid by a flying lap of each entrant.")

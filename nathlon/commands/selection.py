@@ -61,8 +61,8 @@ def demo(
 
     members = tuple(name.strip() for name in (committee or "").split(",") if name.strip())
     config, bundled = _with_members(members), [str(BUNDLED / "lindenring")]
-    options = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs, "workers": workers}
-    result = _select(bundled, out, as_json, **options)
+    options: dict[str, Any] = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs}
+    result = _select(bundled, out, as_json, workers=workers, **options)
     if members:
         store = str(result.store)
         put_again(store, members[0])
@@ -117,8 +117,8 @@ def evaluate(
     Exit code 0: done. 3: somebody could not be judged, as most of its runs are void.
     """
     check_given(on_this_machine(checkpoints))
-    options = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs, "workers": workers}
-    _select(checkpoints, out, as_json, store, world=world, **options)
+    options: dict[str, Any] = {"config": config, "seed": seed, "shortlist": shortlist, "pairs": pairs}
+    _select(checkpoints, out, as_json, store, workers=workers, world=world, **options)
 
 
 def _select(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, StoreName
+from nathlon.commands.options import AsJson, Port, StoreName
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
 from nathlon.terminal import print_json, say, warn
@@ -31,7 +31,7 @@ def serve(
     host: Annotated[
         str, typer.Option(help="Name or address by which browsers reach this machine.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any.")] = 0,
+    port: Port = 0,
     cert: Annotated[Path | None, typer.Option(help="Certificate of the host (PEM), for TLS.")] = None,
     key: Annotated[Path | None, typer.Option(help="Key of the certificate (PEM).")] = None,
     as_json: AsJson = False,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, Out, Seed, Workers
+from nathlon.commands.options import AsJson, CarName, Circuit, Out, Seed, Workers
 from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say
 
@@ -17,8 +17,8 @@ def stints(
     scenario: Annotated[
         str, typer.Option(help="Race on tyres that wear, with settings if you like: NAME:laps=20.")
     ] = "grand_prix_stops",
-    circuit: Annotated[str, typer.Option(help="Name or path of the circuit.")] = "lindenring",
-    car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
+    circuit: Circuit = "lindenring",
+    car: CarName = "gt3",
     compounds: Annotated[
         str, typer.Option(metavar="NAME,NAME", help="Compounds to choose among.")
     ] = "racing-soft,racing-medium,racing-hard",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nathlon.commands.options import AsJson
+from nathlon.commands.options import AsJson, CarName, CircuitParent
 from nathlon.selection.bounds import LARGEST_SEED
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import file_stem
@@ -28,7 +28,7 @@ def import_track(
         str | None,
         typer.Option(help="Name of the circuit: lowercase letters, digits, hyphens. The file's by default."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
+    out: CircuitParent = Path(),
     width: Annotated[
         float | None, typer.Option(help="Width of the road in metres, instead of the file's or of a guess.")
     ] = None,
@@ -100,7 +100,7 @@ def generate_track(
     length: Annotated[
         float | None, typer.Option(help="Length of the lap, m; the style's usual length by default.")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Folder that the circuit's folder goes into.")] = Path(),
+    out: CircuitParent = Path(),
     as_json: AsJson = False,
 ) -> None:
     """Make up a circuit, as the folder STYLE-SEED; the same seed gives the same circuit."""
@@ -124,7 +124,7 @@ def _tell(path: Path, as_json: bool, **facts: Any) -> None:
 
 def limit_track(
     name: Annotated[str, typer.Argument(help="Name or path of the circuit.")],
-    car: Annotated[str, typer.Option(help="Name or path of the car.")] = "gt3",
+    car: CarName = "gt3",
     as_json: AsJson = False,
 ) -> None:
     """Find the fastest lap that car and rules allow, by optimal control; reports then compare laps with it.

@@ -9,13 +9,13 @@ from typing import Annotated
 import typer
 
 from nathlon.commands.incident import named_policy
-from nathlon.commands.options import AsJson, Out
+from nathlon.commands.options import AsJson, Out, Recording
 from nathlon.commands.selection import stoppable
 from nathlon.terminal import print_json, say
 
 
 def twin(
-    recording: Annotated[Path, typer.Argument(help="Recording of a race (.mcap).")],
+    recording: Recording,
     car: Annotated[str, typer.Option(help="Number or name of the car to compare.")],
     other: Annotated[
         Path | None,

@@ -67,7 +67,7 @@ Level = tuple[float, float, float, float, float]
 """A rectangle: its rear, front, right and left from the centre of mass's place, and its height, m."""
 
 
-class Part(NamedTuple):
+class Solid(NamedTuple):
     """A solid between two rectangles.
 
     Attributes:
@@ -161,14 +161,14 @@ def car_shapes(car: Car) -> CarShapes:
     glass, wing, shadow = (int(pack(colour)) for colour in (GLASS, WING, SHADOW))
     ground = level(-1.02, 1.02, 1.06, 0.02)
     low, high = level(-0.62, 0.36, 0.86, 0.74), level(-0.40, 0.02, 0.66, 1.18)
-    spoiler = Part(level(-1.0, -0.84, 0.96, 0.98), level(-1.0, -0.84, 0.96, 1.06), wing, WHOLE, ANY)
+    spoiler = Solid(level(-1.0, -0.84, 0.96, 0.98), level(-1.0, -0.84, 0.96, 1.06), wing, WHOLE, ANY)
     parts = [
-        Part(ground, ground, shadow, TOP_ONLY, ANY),
-        Part(level(-1.0, 1.0, 0.98, 0.26), level(-1.0, 0.98, 0.94, 0.62), PAINTED, WHOLE, ANY),
-        Part(level(-1.0, 0.6, 0.94, 0.62), level(-0.98, 0.34, 0.88, 0.76), PAINTED, WHOLE, NEAR),
+        Solid(ground, ground, shadow, TOP_ONLY, ANY),
+        Solid(level(-1.0, 1.0, 0.98, 0.26), level(-1.0, 0.98, 0.94, 0.62), PAINTED, WHOLE, ANY),
+        Solid(level(-1.0, 0.6, 0.94, 0.62), level(-0.98, 0.34, 0.88, 0.76), PAINTED, WHOLE, NEAR),
         spoiler._replace(when=FROM_AHEAD),
-        Part(low, high, glass, SIDES_ONLY, ANY),
-        Part(low, high, PAINTED, TOP_ONLY, ANY),
+        Solid(low, high, glass, SIDES_ONLY, ANY),
+        Solid(low, high, PAINTED, TOP_ONLY, ANY),
         spoiler._replace(when=FROM_BEHIND),
     ]
     lamps = [

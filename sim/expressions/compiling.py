@@ -13,7 +13,16 @@ import numpy as np
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.expressions.functions import FUNCTIONS, common
-from nathlon.sim.expressions.part import TRUTH, Function, Part, Range, Readings, Values, apply, constant
+from nathlon.sim.expressions.part import (
+    TRUTH,
+    ExpressionPart,
+    Function,
+    Range,
+    Readings,
+    Values,
+    apply,
+    constant,
+)
 from nathlon.sim.expressions.quantity import Quantity
 from nathlon.sim.expressions.text import fault
 from nathlon.sim.expressions.unit import CONSTANTS, NUMBER, Unit
@@ -60,7 +69,7 @@ class Compiler:
                 self._constants.setdefault(base, (1.0, Unit.of(**{base: 1})))
         self._units = {name: Unit.parse(quantity.unit) for name, quantity in quantities.items()}
 
-    def compile(self, node: ast.expr) -> Part:
+    def compile(self, node: ast.expr) -> ExpressionPart:
         """The part that a node stands for.
 
         Raises:
@@ -93,7 +102,7 @@ class Compiler:
             raise fault(node, f"may be as large as {part.range.largest:g}, expected at most {LARGEST:g}")
         return part
 
-    def _literal(self, node: ast.Constant) -> Part:
+    def _literal(self, node: ast.Constant) -> ExpressionPart:
         value = node.value
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise fault(node, f"{value!r} is no number")
@@ -101,12 +110,12 @@ class Compiler:
             raise fault(node, f"a number larger than {LARGEST:g}")
         return constant(float(value), None if value == 0 else NUMBER)
 
-    def _name(self, node: ast.Name) -> Part:
+    def _name(self, node: ast.Name) -> ExpressionPart:
         name = node.id
         if name in self._quantities:
             quantity = self._quantities[name]
             reading = partial(_reading, name, quantity.low, quantity.high)
-            return Part(self._units[name], Range(quantity.low, quantity.high), reading)
+            return ExpressionPart(self._units[name], Range(quantity.low, quantity.high), reading)
         if name in self._constants:
             return constant(*self._constants[name])
         if name in FUNCTIONS:
@@ -118,31 +127,31 @@ class Compiler:
         near = difflib.get_close_matches(name, known, n=3)
         return f"expected one like {', '.join(near)}" if near else f"expected one of {', '.join(known)}"
 
-    def _unary(self, node: ast.UnaryOp) -> Part:
+    def _unary(self, node: ast.UnaryOp) -> ExpressionPart:
         inner = self.compile(node.operand)
         low, high = inner.range
         match node.op:
             case ast.USub():
-                return Part(inner.unit, Range(-high, -low), apply(np.negative, [inner]))
+                return ExpressionPart(inner.unit, Range(-high, -low), apply(np.negative, [inner]))
             case ast.UAdd():
                 return inner
         self._check_truth(node.operand, inner)
-        return Part(NUMBER, TRUTH, apply(_numbers(np.logical_not), [inner]))
+        return ExpressionPart(NUMBER, TRUTH, apply(_numbers(np.logical_not), [inner]))
 
-    def _sum(self, node: ast.BinOp) -> Part:
+    def _sum(self, node: ast.BinOp) -> ExpressionPart:
         left, right = self.compile(node.left), self.compile(node.right)
         unit = self._common(node, left, right)
         (a, b), (c, d) = left.range, right.range
         subtracts = isinstance(node.op, ast.Sub)
         reach = Range(a - d, b - c) if subtracts else Range(a + c, b + d)
-        return Part(unit, reach, apply(np.subtract if subtracts else np.add, [left, right]))
+        return ExpressionPart(unit, reach, apply(np.subtract if subtracts else np.add, [left, right]))
 
-    def _product(self, node: ast.BinOp) -> Part:
+    def _product(self, node: ast.BinOp) -> ExpressionPart:
         left, right = self.compile(node.left), self.compile(node.right)
         (a, b), (c, d) = left.range, right.range
         if isinstance(node.op, ast.Mult):
             reach = Range.around([a * c, a * d, b * c, b * d])
-            return Part(left.dimension * right.dimension, reach, apply(np.multiply, [left, right]))
+            return ExpressionPart(left.dimension * right.dimension, reach, apply(np.multiply, [left, right]))
         if not isinstance(node.op, ast.Div):
             raise fault(node, "is not part of the language")
         if right.range.holds_zero:
@@ -150,9 +159,9 @@ class Compiler:
                 node.right, f"divides by what may be 0 (from {c:g} to {d:g}), expected as with max(.., 1)"
             )
         reach = Range.around([a / c, a / d, b / c, b / d])
-        return Part(left.dimension / right.dimension, reach, apply(np.divide, [left, right]))
+        return ExpressionPart(left.dimension / right.dimension, reach, apply(np.divide, [left, right]))
 
-    def _power(self, node: ast.BinOp) -> Part:
+    def _power(self, node: ast.BinOp) -> ExpressionPart:
         base, exponent = self.compile(node.left), self.compile(node.right)
         power = exponent.range.low
         if exponent.range.low != exponent.range.high or exponent.dimension != NUMBER:
@@ -170,34 +179,34 @@ class Compiler:
         if base.range.holds_zero:
             ends.append(0.0**power)
         unit = base.dimension ** Fraction(power)
-        return Part(unit, Range.around(ends), lambda readings: base.compute(readings) ** power)
+        return ExpressionPart(unit, Range.around(ends), lambda readings: base.compute(readings) ** power)
 
-    def _logical(self, node: ast.BoolOp) -> Part:
+    def _logical(self, node: ast.BoolOp) -> ExpressionPart:
         parts = [self.compile(value) for value in node.values]
         for value, part in zip(node.values, parts, strict=True):
             self._check_truth(value, part)
         function = TOGETHER[type(node.op)]
-        return Part(NUMBER, TRUTH, apply(_numbers(_folded(function)), parts))
+        return ExpressionPart(NUMBER, TRUTH, apply(_numbers(_folded(function)), parts))
 
-    def _comparison(self, node: ast.Compare) -> Part:
+    def _comparison(self, node: ast.Compare) -> ExpressionPart:
         sides = [self.compile(side) for side in (node.left, *node.comparators)]
         found = []
         for op, left, right in zip(node.ops, sides, sides[1:], strict=False):
             self._common(node, left, right)
-            found.append(Part(NUMBER, TRUTH, apply(_numbers(COMPARISONS[type(op)]), [left, right])))
+            found.append(ExpressionPart(NUMBER, TRUTH, apply(_numbers(COMPARISONS[type(op)]), [left, right])))
         if len(found) == 1:
             return found[0]
-        return Part(NUMBER, TRUTH, apply(_numbers(_folded(np.logical_and)), found))
+        return ExpressionPart(NUMBER, TRUTH, apply(_numbers(_folded(np.logical_and)), found))
 
-    def _choice(self, node: ast.IfExp) -> Part:
+    def _choice(self, node: ast.IfExp) -> ExpressionPart:
         condition = self.compile(node.test)
         self._check_truth(node.test, condition)
         parts = [self.compile(node.body), self.compile(node.orelse)]
         unit = self._common(node, *parts)
         reach = Range.around([edge for part in parts for edge in part.range])
-        return Part(unit, reach, apply(_choose, [condition, *parts]))
+        return ExpressionPart(unit, reach, apply(_choose, [condition, *parts]))
 
-    def _call(self, node: ast.Call) -> Part:
+    def _call(self, node: ast.Call) -> ExpressionPart:
         if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS:
             called = ast.unparse(node.func)
             raise fault(node, f"{called!r} is no function, expected one of {', '.join(FUNCTIONS)}")
@@ -210,15 +219,15 @@ class Compiler:
             unit, reach = function.unit(parts), function.range([part.range for part in parts])
         except InputError as error:
             raise fault(node, f"{name}: {error}") from None
-        return Part(unit, reach, apply(function.function, parts))
+        return ExpressionPart(unit, reach, apply(function.function, parts))
 
-    def _common(self, node: ast.AST, left: Part, right: Part) -> Unit | None:
+    def _common(self, node: ast.AST, left: ExpressionPart, right: ExpressionPart) -> Unit | None:
         try:
             return common([left, right])
         except InputError as error:
             raise fault(node, str(error)) from None
 
-    def _check_truth(self, node: ast.AST, part: Part) -> None:
+    def _check_truth(self, node: ast.AST, part: ExpressionPart) -> None:
         if part.dimension != NUMBER:
             raise fault(
                 node, f"a condition in {part.dimension}, expected a comparison as in speed > 10 * m/s"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nathlon.sim.errors import InputError
-from nathlon.sim.expressions.part import Function, Part, Range
+from nathlon.sim.expressions.part import ExpressionPart, Function, Range
 from nathlon.sim.expressions.unit import NUMBER, Unit
 
 UNBOUNDED = 700.0
@@ -31,12 +31,12 @@ class Builtin(NamedTuple):
     least: int
     most: int
     function: Function
-    unit: Callable[[Sequence[Part]], Unit | None]
+    unit: Callable[[Sequence[ExpressionPart]], Unit | None]
     range: Callable[[Sequence[Range]], Range]
     meaning: str
 
 
-def common(parts: Sequence[Part]) -> Unit | None:
+def common(parts: Sequence[ExpressionPart]) -> Unit | None:
     """The unit that parts share; None if any will do.
 
     Raises:
@@ -49,14 +49,14 @@ def common(parts: Sequence[Part]) -> Unit | None:
     return units[0] if units else None
 
 
-def _number(parts: Sequence[Part]) -> Unit:
+def _number(parts: Sequence[ExpressionPart]) -> Unit:
     [part] = parts
     if part.dimension != NUMBER:
         raise InputError(f"the argument is in {part.dimension}, expected a pure number")
     return NUMBER
 
 
-def _root_unit(parts: Sequence[Part]) -> Unit | None:
+def _root_unit(parts: Sequence[ExpressionPart]) -> Unit | None:
     [part] = parts
     return part.unit if part.unit is None else part.unit ** Fraction(1, 2)
 

@@ -42,7 +42,7 @@ class Range(NamedTuple):
 TRUTH = Range(0.0, 1.0)
 
 
-class Part(NamedTuple):
+class ExpressionPart(NamedTuple):
     """A part of an expression.
 
     Attributes:
@@ -61,7 +61,7 @@ class Part(NamedTuple):
         return NUMBER if self.unit is None else self.unit
 
 
-def apply(function: Function, parts: Sequence[Part]) -> Compute:
+def apply(function: Function, parts: Sequence[ExpressionPart]) -> Compute:
     """How a function of parts is computed."""
     computes = [part.compute for part in parts]
     if len(computes) == 1:
@@ -73,7 +73,7 @@ def apply(function: Function, parts: Sequence[Part]) -> Compute:
     return lambda readings: function(*(compute(readings) for compute in computes))
 
 
-def constant(value: float, unit: Unit | None) -> Part:
+def constant(value: float, unit: Unit | None) -> ExpressionPart:
     """A part that is always the same."""
     number = np.asarray(value, np.float64)
-    return Part(unit, Range(value, value), lambda _: number)
+    return ExpressionPart(unit, Range(value, value), lambda _: number)

@@ -9,7 +9,7 @@ import numpy as np
 from nathlon.sim.car import Car
 from nathlon.sim.expressions import Quantity, Values
 from nathlon.sim.instruments.dashboard import AMONG_CARS, INSTRUMENTS
-from nathlon.sim.instruments.moment import Moment, Transition
+from nathlon.sim.instruments.moment import MeasuredStep, Transition
 from nathlon.sim.track import Track
 
 __all__ = ["AMONG_CARS", "QUANTITIES", "Instruments", "Transition"]
@@ -34,5 +34,5 @@ class Instruments:
 
     def read(self, names: Iterable[str], step: Transition) -> dict[str, Values]:
         """Some of QUANTITIES in a step by name, each (races, cars) float64."""
-        moment = Moment(self.track, self._car, self._step_s, step)
+        moment = MeasuredStep(self.track, self._car, self._step_s, step)
         return {name: np.asarray(INSTRUMENTS[name].read(moment), np.float64) for name in names}

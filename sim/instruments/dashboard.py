@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.expressions import Quantity, Values
-from nathlon.sim.instruments.moment import FAR_M, Moment, Records
+from nathlon.sim.instruments.moment import FAR_M, MeasuredStep, Records
 from nathlon.sim.track import CURVATURE
 
-Read = Callable[[Moment], NDArray[np.generic]]
+Read = Callable[[MeasuredStep], NDArray[np.generic]]
 
 
 class Instrument(NamedTuple):
@@ -46,21 +46,21 @@ def _slip(cars: Records) -> Values:
     return np.asarray((np.minimum(np.abs(cars["slip_ratio"]), 1.0) * np.abs(cars["slip_angle"])).sum(axis=-1))
 
 
-def _edge(moment: Moment) -> Values:
+def _edge(moment: MeasuredStep) -> Values:
     return np.asarray(-moment.tyres.beyond.max(axis=-1))
 
 
-def _on_kerb(moment: Moment) -> Values:
+def _on_kerb(moment: MeasuredStep) -> Values:
     beyond, kerb = moment.tyres
     return np.asarray(((beyond > 0.0) & (beyond <= kerb)).sum(axis=-1))
 
 
-def _out(moment: Moment) -> Values:
+def _out(moment: MeasuredStep) -> Values:
     beyond, kerb = moment.tyres
     return np.asarray(((beyond > 0.0) & (beyond > kerb)).sum(axis=-1))
 
 
-def _wear(moment: Moment) -> Values:
+def _wear(moment: MeasuredStep) -> Values:
     worn: Values = moment.gained("wear").mean(axis=-1) / moment.step_s
     return worn
 
@@ -121,7 +121,7 @@ INSTRUMENTS: Mapping[str, Instrument] = {
         "m/s", -300, 300, "by which the gap ahead shrinks, of the whole step; 0 without a car", _closing(1.0)
     ),
     "closing_behind": Instrument("m/s", -300, 300, "by which the gap behind shrinks, alike", _closing(-1.0)),
-    "nearest": Instrument("m", 0, FAR_M, "to the nearest car, between centres", Moment.nearest),
+    "nearest": Instrument("m", 0, FAR_M, "to the nearest car, between centres", MeasuredStep.nearest),
     "touching": Instrument("1", 0, 1, "1 in contact with a car, or else 0", _after("car_contact")),
     "contacts": Instrument(
         "1", 0, 20, "with cars, that began in the step", lambda m: m.begun("behind", "ahead")

@@ -58,7 +58,7 @@ class Neighbours(NamedTuple):
     gained: Values
 
 
-class Moment:
+class MeasuredStep:
     """A step as the instruments see it; what several quantities need is computed once."""
 
     def __init__(self, track: Track, car: Car, step_s: float, step: Transition) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from nathlon.sim.whole_file import whole_file
+from nathlon.sim.errors import InputError
+from nathlon.sim.whole_file import whole_file, write_whole, writing
 
 OTHER = """
 import sys
@@ -143,3 +144,23 @@ def test_a_folder_by_another_name_is_the_same_folder(path: Path) -> None:
         with whole_file(alias / "other") as other:
             other.write_text("two")
     assert files(path) == {"table.csv": "one", "other": "two"}
+
+
+def test_what_cannot_be_written_is_named_with_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "none" / "map.png"
+    with (
+        pytest.raises(InputError, match=r"map\.png: the map cannot be written: No such file"),
+        writing(path, "map"),
+    ):
+        write_whole(path, b"")
+    with pytest.raises(InputError, match=r"map\.png: cannot be written: No such file"), writing(path):
+        write_whole(path, b"")
+
+
+def test_texts_and_bytes_are_written_whole(tmp_path: Path) -> None:
+    path = tmp_path / "said.txt"
+    write_whole(path, "größer\n")
+    assert path.read_bytes() == "größer\n".encode()
+    write_whole(path, b"\x00")
+    assert [each.name for each in tmp_path.iterdir()] == ["said.txt"]
+    assert path.read_bytes() == b"\x00"

@@ -10,6 +10,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from nathlon.policies.ray_actor import start_actor
 from nathlon.policies.training.ablation import AblationRun, OnStatus
 from nathlon.policies.training.on_ray.run_actor import Report, RunActor, RunStart
 from nathlon.policies.training.on_ray.travel import needed, pack
@@ -119,22 +120,10 @@ class _Training:
             on_status(trainee.run, report.status)
 
     def _start(self, run: AblationRun, losses: int = 0) -> _Trainee:
-        import ray
-
         run.claim()
-        # A run that is lost goes on from what has come here: Ray repeats nothing on its own.
-        actor: Any = (
-            ray.remote(RunActor)
-            .options(
-                name=f"nathlon training {next(_actors)}: {run}",
-                num_cpus=1,
-                max_restarts=0,
-                max_task_retries=0,
-                max_concurrency=2,
-                scheduling_strategy="SPREAD",
-            )
-            .remote(f"training of {run}")
-        )
+        called = f"nathlon training {next(_actors)}: {run}", f"training of {run}"
+        # A run that is lost goes on from what has come here.
+        actor = start_actor(RunActor, *called, num_cpus=1, max_concurrency=2, scheduling_strategy="SPREAD")
         parcels = [pack(name) for name in needed(run.config, [])]
         start = RunStart(fingerprint(), run.config, run.seed, parcels, _files(run.folder))
         return _Trainee(run, actor, actor.train.remote(start), actor.report.remote(), losses)

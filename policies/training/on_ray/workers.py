@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from nathlon.policies.ray_actor import start_actor
 from nathlon.policies.training.on_ray.actor import Begin, RolloutActor
 from nathlon.policies.training.on_ray.travel import needed, pack
 from nathlon.policies.training.worker import Experience, Gathered, News, WorkerSetup
@@ -100,21 +101,10 @@ class RayWorkers:
         self._hands = [self._start() for _ in range(config.workers)]
 
     def _start(self) -> _RemoteWorker:
-        import ray
-
         number = next(_actors)
-        # Races that are repeated would be others: Ray repeats nothing on its own.
-        actor: Any = (
-            ray.remote(RolloutActor)
-            .options(
-                name=f"nathlon rollouts {number}",
-                num_cpus=1,
-                max_restarts=0,
-                max_task_retries=0,
-                scheduling_strategy="SPREAD",
-            )
-            .remote(f"rollout worker {number}")
-        )
+        called = f"nathlon rollouts {number}", f"rollout worker {number}"
+        # Races that are repeated would be others.
+        actor = start_actor(RolloutActor, *called, num_cpus=1, scheduling_strategy="SPREAD")
         [seed] = self._seed.spawn(1)
         letter, checkpoints = self._post.since(-1, 0)
         hand = _RemoteWorker(
