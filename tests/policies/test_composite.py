@@ -213,7 +213,7 @@ def test_without_a_place_a_composite_has_no_conditions() -> None:
     assert actions.tolist() == np.full((3, 2), 0.3, np.float32).tolist()
     assert memory[:, -1].tolist() == [1.0] * 3
     parts = [CompositePart(policy="a", until_m=9.0), CompositePart(policy="b")]
-    with pytest.raises(InputError, match="version 4 of the observations with a plan .* names no place"):
+    with pytest.raises(InputError, match=r"version 4 of the observations with a plan .* names no place"):
         Composite(TRACK, parts, [Planning(0.1)] * 2, spec)
 
 
