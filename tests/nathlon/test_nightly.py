@@ -7,7 +7,7 @@ import json
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,6 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.recording import recording_name
 from nathlon.arena.results import TABLES
 from nathlon.arena.store import Store
-from nathlon.lab.pack import packing
 from nathlon.lab.pack.packing import pack_run
 from nathlon.lab.pack.verifying import Verification, verify_pack
 from nathlon.policies.checkpoint import read_checkpoint, save_checkpoint
@@ -36,6 +35,7 @@ from tests.support import forked
 from tests.support.checkpoints import BUNDLED
 from tests.support.clocks import Jumping
 from tests.support.command_line import nathlon, refused
+from tests.support.packs import repacked
 from tests.support.selections import build
 
 pytestmark = pytest.mark.takes_long
@@ -461,22 +461,6 @@ def packed(folder: Path, nights: list[Night]) -> Path:
     return out
 
 
-def repacked(pack: Path, out: Path, change: Callable[[dict[str, Any]], None], honest: bool = True) -> Path:
-    """A pack with changed files; the manifest of an honest one knows them, and nobody has signed it."""
-    with zipfile.ZipFile(pack) as archive:
-        files: dict[str, Any] = {name: archive.read(name) for name in archive.namelist()}
-    change(files)
-    if honest:
-        del files["manifest.json.sig"]
-        manifest = json.loads(files["manifest.json"])
-        known = {name: hashlib.sha256(files[name]).hexdigest() for name in files if name != "manifest.json"}
-        files["manifest.json"] = json.dumps(manifest | {"files": known}).encode()
-    with zipfile.ZipFile(out, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return out
-
-
 def looked_into(pack: Path, signers: Path | None = None, sample: int = 2) -> Verification:
     with Pool(1) as pool:
         return verify_pack(pack, sample, 1, signers, pool, lambda *_: None)
@@ -532,77 +516,6 @@ def test_what_was_changed_in_a_pack_is_found(packed: Path, tmp_path: Path) -> No
     (tmp_path / "6.zip").write_bytes(b"no zip")
     with pytest.raises(InputError, match="not a packed run"):
         looked_into(tmp_path / "6.zip")
-
-
-def test_a_pack_that_tells_half_of_it_is_found(packed: Path, tmp_path: Path) -> None:
-    """None of these is found by racing again: the sample, even of all matches, comes to the same."""
-
-    def without_the_best(files: dict[str, Any]) -> None:
-        summary = json.loads(files["summary.json"])
-        del summary["ranking"][0]
-        files["summary.json"] = json.dumps(summary).encode()
-
-    def matches(change: Callable[[list[Any]], Any]) -> Callable[[dict[str, Any]], None]:
-        def changed(files: dict[str, Any]) -> None:
-            listed = json.loads(files["matches.json"])
-            change(listed)
-            files["matches.json"] = json.dumps(listed).encode()
-
-        return changed
-
-    def a_bare_specification(listed: list[Any]) -> None:
-        listed[0]["spec"] = {"world": "racing", "stage": "tournament"}
-        text = json.dumps(listed[0]["spec"], sort_keys=True)
-        listed[0]["key"] = hashlib.sha256(text.encode()).hexdigest()
-
-    [fault] = looked_into(repacked(packed, tmp_path / "0.zip", without_the_best), sample=0).faults
-    assert fault.endswith("has raced and is not in the ranking.")
-    for change, said in (
-        (matches(lambda listed: listed.append(listed[0])), "holds a match twice"),
-        (
-            matches(lambda listed: listed[0]["results"].update(match=listed[1]["results"]["match"])),
-            "every row",
-        ),
-        (matches(a_bare_specification), "its matches cannot be read"),
-        (lambda files: files.update({"entrants.json": b"[" * 100_000}), "its matches cannot be read"),
-        (lambda files: files.update({"a": b"", "a/b": b""}), r"'a/b' cannot be unpacked"),
-        (lambda files: files.update({"a" * 300: b""}), "cannot be unpacked: File name too long"),
-    ):
-        with pytest.raises(InputError, match=said):
-            looked_into(repacked(packed, tmp_path / "1.zip", change), sample=0)
-    strange = matches(lambda listed: listed[0]["results"].update(team=[None] * 2))
-    assert looked_into(repacked(packed, tmp_path / "2.zip", strange), sample=0).faults
-
-
-def test_a_pack_is_of_the_run_of_its_folder_and_no_larger_than_is_read(
-    folder: Path, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    night, out = folder / "nights" / "night-0001", tmp_path / "run.zip"
-    shutil.copytree(night, tmp_path / "renamed")
-    assert pack_run(tmp_path / "renamed", store, out).run == "night-0001"
-    summary = json.loads((night / "summary.json").read_text())
-    for change, said in (
-        ({"ranking": summary["ranking"][:1]}, "holds no run with the ranking of"),
-        (
-            {"replays": [{"match": "a", "race": 0, "why": "", "recording": "../../x.mcap"}]},
-            "not in its folder",
-        ),
-    ):
-        (tmp_path / "renamed" / "summary.json").write_text(json.dumps(summary | change))
-        with pytest.raises(InputError, match=said):
-            pack_run(tmp_path / "renamed", store, out)
-    planner = store.table("night-0001", "entrants").with_columns(source=pl.lit("mppi:a.safetensors"))
-    with monkeypatch.context() as patched:
-        patched.setattr(Store, "table", lambda self, run, name: planner)
-        with pytest.raises(InputError, match=r"mppi:a\.safetensors: cannot be packed"):
-            pack_run(night, store, out)
-    monkeypatch.setattr(packing, "MOST_MIB", packing.SPARE_MIB)
-    with pytest.raises(InputError, match="MiB with its checkpoints, expected at most"):
-        pack_run(night, store, out)
-    (tmp_path / "renamed" / "summary.json").write_text(json.dumps(summary))
-    (tmp_path / "renamed" / "report" / "my notes.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"my notes\.txt: expected a name of letters"):
-        pack_run(tmp_path / "renamed", store, out)
 
 
 def test_a_pack_of_somebody_else_is_refused(packed: Path, folder: Path, tmp_path: Path) -> None:
