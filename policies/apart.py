@@ -49,6 +49,7 @@ class PolicyApart:
     Attributes:
         process: the process.
         failure: why it is asked no more, in a clause without its name; '' while it answers as it should.
+        reverse: whether its cars have a reverse gear.
     """
 
     observation_spec: ObservationSpec
@@ -78,6 +79,7 @@ class PolicyApart:
         opened, _ = self._ask({"source": source, "circuit": circuit, "car": car, "path": sys.path})
         try:
             self.observation_spec = ObservationSpec.from_dict(opened["observation_spec"])
+            self.reverse = bool(opened["reverse"])
         except (KeyError, TypeError):
             raise self._refused("answers without its observations, expected a policy") from None
         self._limit_s = first_answer_s

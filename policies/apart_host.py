@@ -11,7 +11,7 @@ from nathlon.policies.child_host import messages, pipe_to_parent
 from nathlon.policies.isolation import Globals
 from nathlon.policies.load import load_policy
 from nathlon.policies.memory_limit import memory_limit
-from nathlon.policies.policy import Observations, Policy
+from nathlon.policies.policy import Observations, Policy, has_reverse
 from nathlon.sim.errors import InputError
 from nathlon.sim.wire import pack
 
@@ -29,7 +29,9 @@ def main() -> None:
     except InputError as error:
         pipe.send_bytes(pack({"refused": str(error)}))
         return
-    pipe.send_bytes(pack({"observation_spec": policy.observation_spec.to_dict()}))
+    pipe.send_bytes(
+        pack({"observation_spec": policy.observation_spec.to_dict(), "reverse": has_reverse(policy)})
+    )
     for message, arrays in asked:
         pipe.send_bytes(_answer(policy, message, arrays))
 

@@ -178,7 +178,6 @@ class NetworkPolicy:
         card: what the policy is.
         id: the checkpoint's id.
         observation_spec: layout of the observations that it expects.
-        reverse: whether its cars have a reverse gear; those who trained without one would only be upset.
         network: from observations to actions.
     """
 
@@ -187,7 +186,6 @@ class NetworkPolicy:
         self.card = card
         self.id = identity
         self.observation_spec = card.observation
-        self.reverse = card.observation.planned
         self.network = encoded(card, tensors, mean_network(tensors, ACTION_SIZE))
 
     def initial_memory(self, n: int) -> Batch:

@@ -14,9 +14,13 @@ Observations = NDArray[Any]
 """As `World.observe` gives them: (n, size) float32, with a camera (n,) records."""
 
 
-def has_reverse(policy: object) -> bool:
-    """Whether a policy's cars have a reverse gear: if its `reverse` says so, which most policies lack."""
-    return bool(getattr(policy, "reverse", False))
+def has_reverse(policy: Any) -> bool:
+    """Whether a policy's cars have a reverse gear: if its `reverse` says so, or else if it sees a plan.
+
+    Whoever sees one is trained with a reverse gear, see `nathlon.policies.environments.opponents`.
+    """
+    seen: ObservationSpec | None = getattr(policy, "observation_spec", None)
+    return bool(getattr(policy, "reverse", seen is not None and seen.planned))
 
 
 class Policy(Protocol):

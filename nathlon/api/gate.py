@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
@@ -33,10 +34,11 @@ class GateResult:
     Attributes:
         folder: of all that it has left: `gate.json`, `gate.md`, `junit.xml`, `index.html`, `store.sqlite`.
         report: what `gate.json` holds.
+        sources: of the candidates, on this machine.
     """
 
-    def __init__(self, folder: Path, report: GateReport) -> None:
-        self.folder, self.report = folder, report
+    def __init__(self, folder: Path, report: GateReport, sources: Sequence[str]) -> None:
+        self.folder, self.report, self.sources = folder, report, sources
 
     @property
     def verdict(self) -> Decision:
@@ -122,4 +124,4 @@ def gate(
         with output.filling():
             write_gate(report, output.root)
             write_gate_page(report, output.root)
-    return GateResult(output.root, report)
+    return GateResult(output.root, report, sources)

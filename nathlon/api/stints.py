@@ -18,7 +18,7 @@ from nathlon.lab.stints.model import LapModel, fit
 from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import Place, heavy, light, practise
 from nathlon.policies.sources import COMPOSITE, is_path
-from nathlon.sim.car import load_car
+from nathlon.sim.car import load_car, load_compounds
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import load_rules
 from nathlon.sim.scenario import load_scenario
@@ -124,6 +124,7 @@ def stints(
         raise InputError(f"{source}: expected one policy that is no composite")
     if runs < 2:
         raise InputError(f"runs is {runs}, expected at least 2")
+    _check_compounds(compounds)
     place = Place.alone(scenario, circuit, car)
     race = load_scenario(scenario)
     with (
@@ -142,6 +143,14 @@ def stints(
         laps.write_csv(partial_path)
     files = [_write(folder, source, entrant.name, plan) for plan in planned]
     return StintsResult(folder, laps, model, planned, files)
+
+
+def _check_compounds(compounds: Sequence[str]) -> None:
+    known = ", ".join(load_compounds())
+    if not compounds or not set(compounds) <= load_compounds().keys():
+        raise InputError(f"compounds is {', '.join(compounds)!r}, expected some of {known}")
+    if len(set(compounds)) < len(compounds):
+        raise InputError(f"compounds is {', '.join(compounds)!r}, expected each once")
 
 
 def _write(folder: Path, source: str, name: str, plan: StopPlan) -> Path:

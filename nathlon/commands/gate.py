@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +24,7 @@ from nathlon.policies.sources.finding import check_given
 from nathlon.terminal import new_table, print_json, print_table, say, warn
 
 if TYPE_CHECKING:
-    from nathlon.results.gate import GateReport
+    from nathlon.api.gate import GateResult
 
 HEADS = ("Measure", "Decision", "Difference", "Bounds", "May be", "Units")
 
@@ -83,19 +82,18 @@ def gate(
             say(remark)
         say(f"Page         {out / 'index.html'}")
     if config is not None:
-        _promote(result.report, checkpoints, config)
+        _promote(result, config)
     sys.exit(result.report.exit_code)
 
 
-def _promote(report: GateReport, checkpoints: Iterable[str], config: Path) -> None:
+def _promote(result: GateResult, config: Path) -> None:
     """Have the registry that the configuration names say who is champion now; standard error says it."""
     from nathlon.selection.config import read_config
 
     settings = read_config(config)
-    if not settings.results.sinks:
+    if settings.results.mlflow is None:
         return
-    from nathlon.api.candidates import named_sources
     from nathlon.lab.sinks.telling import tell_gate
 
-    for one in tell_gate(report, named_sources(checkpoints), settings):
+    for one in tell_gate(result.report, result.sources, settings):
         warn(f"Champion     {one.place or one.sentence.strip()}")

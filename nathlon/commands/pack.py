@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import secrets
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from nathlon.commands.options import AsJson, Seed, Workers, WorldName
+from nathlon.commands.options import LARGEST_SEED, AsJson, Workers, WorldName
 from nathlon.commands.selection import stoppable
-from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import print_json, say, tell
 
@@ -34,18 +34,17 @@ def pack(
     target = out or Path(f"{run.resolve().name}.nathlon.zip")
     check_output(target, is_file=True)
     with Store.open(store or run / "store.sqlite") as opened:
-        runs = [record.name for record in opened.runs()]
-        if not runs:
-            raise InputError(f"{opened.name}: holds no run yet")
-        name = run.resolve().name if run.resolve().name in runs else runs[-1]
-        manifest = pack_run(run, opened, name, target, key)
+        manifest = pack_run(run, opened, target, key)
     tell({"file": target, "files": len(manifest.files), "signed": "yes" if key else "no"}, as_json)
 
 
 def verify(
     file: Annotated[Path, typer.Argument(help="What nathlon pack has written.")],
     sample: Annotated[int, typer.Option(min=0, max=100_000, help="Matches to race again.")] = 8,
-    seed: Seed = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, max=LARGEST_SEED, help="Draws them; another one each time by default."),
+    ] = None,
     signers: Annotated[
         Path | None, typer.Option(help="Allowed signers of OpenSSH, of whom one must have signed it.")
     ] = None,
@@ -68,13 +67,14 @@ def verify(
         stage_progress(not as_json, (RACED_AGAIN,)) as on_match,
     ):
         worlds = (RACING,) if world is None else (RACING, world)
-        found = verify_pack(file, sample, seed, signers, pool, on_match, worlds)
+        drawn = secrets.randbits(32) if seed is None else seed
+        found = verify_pack(file, sample, drawn, signers, pool, on_match, worlds)
     if as_json:
         print_json(found._asdict())
     else:
         say(f"Run          {found.run}")
         say(f"Signed by    {found.signed_by or 'nobody'}")
-        say(f"Raced again  {found.again} of {found.matches} matches came to the same")
+        say(f"Raced again  {found.again} of {found.matches} matches came to the same (--seed {found.seed})")
         for fault in found.faults:
             say(f"Disagrees    {fault}")
         say(f"Outcome      {'Something disagrees.' if found.faults else 'It is what it claims to be.'}")

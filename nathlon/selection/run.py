@@ -23,6 +23,7 @@ from nathlon.arena.store import Store
 from nathlon.arena.voids import NotJudged, void_races
 from nathlon.arena.world_finding import RACING
 from nathlon.results.summary import Stage, Summary
+from nathlon.sim.errors import InputError
 
 STAGES = ("pareto", "battery", "tournament")
 RECORDINGS = "recordings"
@@ -38,6 +39,8 @@ GATE = "gate"
 MATRIX = "matrix"
 PLAYED_AGAIN = "played_again"
 """Fact of a run: what came of a match that was played once more."""
+PERHAPS_THE_MACHINE = (*VOID_ENDINGS, "timed_out")
+"""Endings that a busy machine may bring about."""
 CONFIDENCE = 0.95
 
 OTHERWISE = (
@@ -155,7 +158,12 @@ class Run:
         ended = next(filter(self._ended_well, matches), None)
         if ended is None:
             return
-        [(match, results)] = self.pool.run([ended])
+        try:
+            [(match, results)] = self.pool.run([ended])
+        except InputError:
+            return  # its policies have gone since
+        if results["ending"].is_in(PERHAPS_THE_MACHINE).any():
+            return  # which says nothing of seeds
         alike = came_out_alike(results, self.store.results_of([match.key]))
         self.store.put_fact(self.name, PLAYED_AGAIN, "" if alike else OTHERWISE.format(match.scenario))
 

@@ -29,7 +29,8 @@ class MlflowRemote:
             self._root = str(found.source).rstrip("/").rpartition("/artifacts/")[2]
 
     def listing(self) -> Mapping[str, Listed]:
-        """As of Remote; what a run has logged it keeps, so that path and size mark a file."""
+        """As of Remote; a run that goes on may log a path again, and marks nothing."""
+        ended = self._client.get_run(self._run).info.end_time
         waiting, found = [self._root], dict[str, Listed]()
         while waiting:
             for item in self._client.list_artifacts(self._run, waiting.pop() or None):
@@ -37,7 +38,8 @@ class MlflowRemote:
                     waiting.append(item.path)
                 else:
                     path = item.path.removeprefix(f"{self._root}/")
-                    found[path] = Listed(f"{self._run} {item.file_size}", item.file_size)
+                    mark = f"{self._run} {ended} {item.file_size}" if ended else None
+                    found[path] = Listed(mark, item.file_size)
         return found
 
     def fetch(self, path: str, to: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,12 @@ from nathlon.policies.policy_file import MOST_BYTES, content_id
 from nathlon.policies.remote.remote import Listed, Remote
 from nathlon.sim.errors import InputError
 from nathlon.sim.extras import need
-from nathlon.sim.names import file_stem, printable
+from nathlon.sim.names import file_stem
+from nathlon.sim.secrets import concealed, secrets_of, shown
 from nathlon.sim.whole_file import whole_file, write_whole
 
 INDEX = ".index.json"
 """What is there: marks and digests by path."""
-USER = re.compile(r"//[^/@]+@")
-LONGEST = 200
-"""Letters of what a library says of a failure."""
 
 
 def mirrored(address: str, wanted: Callable[[str], bool]) -> Path:
@@ -34,8 +31,7 @@ def mirrored(address: str, wanted: Callable[[str], bool]) -> Path:
     Raises:
         InputError: if the place cannot be reached, or what it needs is not installed.
     """
-    shown = printable(USER.sub("//***@", address))
-    folder = _cache() / f"{file_stem(shown)}-{hashlib.sha256(address.encode()).hexdigest()[:8]}"
+    folder = _cache() / f"{file_stem(shown(address))}-{hashlib.sha256(address.encode()).hexdigest()[:8]}"
     try:
         remote = _remote(address)
         listing = {
@@ -46,7 +42,7 @@ def mirrored(address: str, wanted: Callable[[str], bool]) -> Path:
     except InputError:
         raise
     except Exception as error:  # of a library, which may raise anything
-        raise _failed(shown, error) from None
+        raise _failed(address, error) from None
     folder.mkdir(parents=True, exist_ok=True)
     index = _index(folder)
     for path in index.keys() - listing.keys():
@@ -55,7 +51,7 @@ def mirrored(address: str, wanted: Callable[[str], bool]) -> Path:
     try:
         for path, listed in listing.items():
             if not _is_held(folder, path, listed, index.get(path)):
-                index[path] = _fetched(remote, folder, path, listed, shown)
+                index[path] = _fetched(remote, folder, path, listed, address)
     finally:
         write_whole(folder / INDEX, json.dumps(index, indent=1))
     return folder
@@ -63,29 +59,35 @@ def mirrored(address: str, wanted: Callable[[str], bool]) -> Path:
 
 def _is_safe(path: str) -> bool:
     """Whether a path of a listing leads into the folder, and is not hidden."""
-    parts = path.split("/")
-    return "\\" not in path and ":" not in path and not any(part[:1] in ("", ".") for part in parts)
+    if "\\" in path or ":" in path or not path.isprintable():
+        return False
+    return not any(part[:1] in ("", ".") for part in path.split("/"))
 
 
 def _is_held(folder: Path, path: str, listed: Listed, entry: list[str] | None) -> bool:
     """Whether a file is there as it was listed, whole and unchanged."""
     file = folder / path
-    if entry is None or entry[0] != listed.mark or not file.is_file():
+    if entry is None or listed.mark is None or entry[0] != listed.mark or not file.is_file():
         return False
     return content_id(file.read_bytes()) == entry[1]
 
 
-def _fetched(remote: Remote, folder: Path, path: str, listed: Listed, shown: str) -> list[str]:
-    if listed.size is not None and listed.size > MOST_BYTES:
-        raise InputError(f"{shown}: {printable(path)} has {listed.size} bytes, expected at most {MOST_BYTES}")
+def _fetched(remote: Remote, folder: Path, path: str, listed: Listed, address: str) -> list[str]:
     file = folder / path
-    file.parent.mkdir(parents=True, exist_ok=True)
     try:
+        _check_size(path, listed.size or 0)
+        file.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(file) as partial:
             remote.fetch(path, partial)
+            _check_size(path, partial.stat().st_size)
     except Exception as error:
-        raise _failed(shown, error) from None
-    return [listed.mark, content_id(file.read_bytes())]
+        raise _failed(address, error) from None
+    return [listed.mark or "", content_id(file.read_bytes())]
+
+
+def _check_size(path: str, size: int) -> None:
+    if size > MOST_BYTES:
+        raise InputError(f"{path} has {size} bytes, expected at most {MOST_BYTES}")
 
 
 def _remote(address: str) -> Remote:
@@ -122,6 +124,6 @@ def _index(folder: Path) -> dict[str, list[str]]:
         return {}
 
 
-def _failed(shown: str, error: Exception) -> InputError:
-    said = printable(USER.sub("//***@", " ".join(str(error).split())))[:LONGEST] or type(error).__name__
-    return InputError(f"{shown}: cannot be fetched: {said}")
+def _failed(address: str, error: Exception) -> InputError:
+    said = concealed(str(error), *secrets_of(address)) or type(error).__name__
+    return InputError(f"{shown(address)}: cannot be fetched: {said}")

@@ -11,11 +11,12 @@ class Listed(NamedTuple):
     """A file as a listing tells of it.
 
     Attributes:
-        mark: changes when the contents do: a digest, or else what the place has.
+        mark: changes when the contents do: a digest, or else what the place has; None where it has nothing:
+            the file is then fetched every time.
         size: bytes; None where the listing does not say.
     """
 
-    mark: str
+    mark: str | None
     size: int | None
 
 

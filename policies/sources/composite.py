@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN, ROLES
 from nathlon.policies.strategy import Stint, StintPlan, Strategist
 from nathlon.sim.data_file import Name, Section, read_toml
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observation import VERSION, ObservationSpec
 from nathlon.sim.track import Track, load_track
 
 NO_FILES = (DRIVER, PLUGIN)
@@ -137,6 +137,7 @@ class Composite:
 
     Attributes:
         strategist: who decides when its cars stop; None if they never do.
+        reverse: whether its cars have a reverse gear: if those of all its policies do.
     """
 
     def __init__(
@@ -157,9 +158,15 @@ class Composite:
             stints: its strategy.
 
         Raises:
-            InputError: if the circuit lacks a section.
+            InputError: if the circuit lacks a section, or what is seen does not tell where the car is while a
+                part has a condition.
         """
+        if spec.version != VERSION and not all(part.unconditional for part in parts):
+            raise InputError(
+                f"{_layout(spec)} names no place, expected version {VERSION} where parts have conditions"
+            )
         self.strategist: Strategist | None = StintPlan(stints) if stints else None
+        self.reverse = all(map(has_reverse, policies))
         self.observation_spec = spec
         self._policies = policies
         self._columns = [columns(spec, policy.observation_spec) for policy in policies]
@@ -171,7 +178,7 @@ class Composite:
             None if part.sections is None else [track.stretch(name) for name in part.sections]
             for part in parts
         ]
-        self._progress = spec.slice("progress")
+        self._progress = spec.slice("progress") if spec.version == VERSION else slice(0)
         mean, deviation = (half[self._progress].astype(np.float64) for half in spec.scaling)
         self._mean, self._deviation = mean, deviation
 
@@ -195,9 +202,12 @@ class Composite:
     def _follow(self, observations: Batch, place: Batch) -> tuple[NDArray[np.float64], Batch]:
         """Lap angles of the cars (n,), rad from 0 to 2 pi, and where they started and have come to.
 
+        Where nothing that is seen tells, the place stays unknown; there the first part drives everywhere.
         A car that is pushed back has still come as far as it had; so the way since the last tick is that to
         the nearest point with this lap angle.
         """
+        if not len(self._mean):
+            return np.zeros(len(observations)), place
         sine, cosine = (observations[:, self._progress] * self._deviation + self._mean).T
         angle = np.arctan2(sine, cosine) % (2.0 * np.pi)
         start, furthest = np.where(np.isnan(place), angle[:, None], place).T
@@ -214,7 +224,7 @@ class Composite:
             inside = np.full(len(at), stretches is None)
             for begin, end in stretches or ():
                 inside |= (begin <= at) & (at < end)
-            turns.append(inside & (gone < until))
+            turns.append(inside & ~(gone >= until))
         return np.argmax(turns, axis=0)
 
 
@@ -228,11 +238,22 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         specs: of each.
 
     Raises:
-        InputError: if two of them see different courses of more than one point, or one sees by a camera.
+        InputError: if two of them see different courses of more than one point or different layouts, or one
+            sees by a camera.
     """
     for source, spec in zip(sources, specs, strict=True):
         if spec.camera is not None:
             raise InputError(f"{source} sees by a camera, expected parts that are told numbers")
+    # Whoever sees a plan sees all that is seen of any car.
+    layout = max(specs, key=lambda spec: spec.version)
+    for source, spec in zip(sources, specs, strict=True):
+        if (spec.version == VERSION) != (layout.version == VERSION) or (
+            spec.planned and spec.plan_pace != layout.plan_pace
+        ):
+            raise InputError(
+                f"{source} sees {_layout(spec)}, {sources[specs.index(layout)]} {_layout(layout)}, "
+                "expected policies that see the same"
+            )
     widest = max(range(len(specs)), key=lambda index: specs[index].course_points)
     course = specs[widest]
     for source, spec in zip(sources, specs, strict=True):
@@ -250,7 +271,14 @@ def joint_spec(sources: Sequence[str], specs: Sequence[ObservationSpec]) -> Obse
         horizon_s=course.horizon_s,
         cars_ahead=max(spec.cars_ahead for spec in specs),
         cars_behind=max(spec.cars_behind for spec in specs),
+        version=layout.version,
+        plan_pace=layout.plan_pace,
     )
+
+
+def _layout(spec: ObservationSpec) -> str:
+    pace = f" with a plan at pace {spec.plan_pace:g}" if spec.planned else ""
+    return f"version {spec.version} of the observations{pace}"
 
 
 def columns(spec: ObservationSpec, part: ObservationSpec) -> NDArray[np.intp]:

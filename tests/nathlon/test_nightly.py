@@ -7,7 +7,7 @@ import json
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from tests.support import forked
 from tests.support.checkpoints import BUNDLED
 from tests.support.clocks import Jumping
 from tests.support.command_line import nathlon, refused
+from tests.support.packs import repacked
 from tests.support.selections import build
 
 pytestmark = pytest.mark.takes_long
@@ -456,23 +457,7 @@ def packed(folder: Path, nights: list[Night]) -> Path:
     (folder / "signers").write_text(f"ann@example.org {key.with_suffix('.pub').read_text()}")
     out = folder / "night.nathlon.zip"
     with Store.open(folder / "nathlon.sqlite") as store:
-        pack_run(folder / "nights" / "night-0001", store, "night-0001", out, key)
-    return out
-
-
-def repacked(pack: Path, out: Path, change: Callable[[dict[str, Any]], None], honest: bool = True) -> Path:
-    """A pack with changed files; the manifest of an honest one knows them, and nobody has signed it."""
-    with zipfile.ZipFile(pack) as archive:
-        files: dict[str, Any] = {name: archive.read(name) for name in archive.namelist()}
-    change(files)
-    if honest:
-        del files["manifest.json.sig"]
-        manifest = json.loads(files["manifest.json"])
-        known = {name: hashlib.sha256(files[name]).hexdigest() for name in files if name != "manifest.json"}
-        files["manifest.json"] = json.dumps(manifest | {"files": known}).encode()
-    with zipfile.ZipFile(out, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
+        pack_run(folder / "nights" / "night-0001", store, out, key)
     return out
 
 

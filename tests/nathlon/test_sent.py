@@ -76,6 +76,7 @@ def test_a_composite_and_roles_are_kept_with_their_parts(tmp_path: Path) -> None
         'name = "both ä"\n[[part]]\npolicy = "a/step.safetensors"\nuntil_m = 100.5\nsections = ["T1"]\n'
         '[[part]]\npolicy = "driver:pace=0.9"\ncircuit = "lindenring"\n'
         '[[part]]\npolicy = "b/step.safetensors"\n'
+        '[[stint]]\nlaps = 4\ncompound = "racing-soft"\nfuel_kg = 35\n[[stint]]\nlaps = 8\n'
     )
     (tmp_path / "hunt.roles.toml").write_text(
         '[roles]\n"the prey" = "a/step.safetensors"\nchaser = "b/step.safetensors"\nreferee = "random"\n'

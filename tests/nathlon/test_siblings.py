@@ -54,13 +54,15 @@ def test_who_was_stopped_stops_nobody(tmp_path: Path, stopped: bool) -> None:
     assert run.checkpoint(LOOKS, Path.touch, list(range(0, 24, 2))) is not stopped
 
 
-@pytest.mark.parametrize("kind", ["normal", "skewed", "rare"])
+@pytest.mark.parametrize("kind", ["normal", "skewed", "rare", "won or lost"])
 def test_equals_are_stopped_no_more_often_than_said(kind: str) -> None:
     rng = np.random.default_rng(5)
 
     def draw() -> Floats:
         if kind == "normal":
             return rng.normal(0, 100, 24)
+        if kind == "won or lost":
+            return np.where(rng.random(4) < 0.5, 100.0, 0.0)
         if kind == "skewed":
             return np.asarray(-100.0 * rng.pareto(3.0, 24), np.float64)
         return np.where(rng.random(24) < 0.1, -1000.0, 0.0)
@@ -70,6 +72,16 @@ def test_equals_are_stopped_no_more_often_than_said(kind: str) -> None:
         any(proved_worse(draw(), [draw(), draw()], 50.0, LOOKS) for _ in range(LOOKS)) for _ in range(runs)
     )
     assert stopped <= runs * RISK
+
+
+def test_a_step_that_comes_twice_is_one_look_and_there_are_no_more_than_said(tmp_path: Path) -> None:
+    run = TrainingRun(tmp_path, "own", checkpoints=8, stop_if_worse_by=20.0)
+    far_better = {"run": "other", "returns": [1e4 + i for i in range(12)], "stopped": False}
+    with Store(tmp_path / "store.sqlite") as store:
+        for step in (2, 3, 9):
+            store.append(KIND, far_better | {"step": step})
+    ends = [run.checkpoint(step, Path.touch, list(range(0, 24, 2))) for step in (1, 1, *range(2, 10))]
+    assert [number for number, end in enumerate(ends) if end] == [3], "not in the first quarter, nor a ninth"
 
 
 def test_other_numbers_of_episodes_are_not_compared() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import socketserver
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -105,6 +106,17 @@ def test_a_refusal_is_one_sentence_without_the_secret(
     assert said == "no *** at https://***@host/***"
     with pytest.raises(InputError, match="environment variable NOT_THERE is not set"):
         revealed("$NOT_THERE")
+
+
+@pytest.mark.parametrize("password", ["pa#ss-word", "pa/ss-word", "pa?ss-word", "[pa-ss-word"])
+def test_a_password_that_is_not_written_as_in_an_address_is_not_said(
+    password: str, told: Bulletin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(posting.SMTP, f"smtp://me:{password}@host:587")
+    with pytest.raises(InputError, match="NATHLON_SMTP is not set to a mail server") as caught:
+        posting.mail(told, "one@example.org")
+    assert "pa" not in str(caught.value).replace("PASSWORD", "").replace("in a password", "")
+    assert concealed(f"me:{password} and {password}", "one@example.org") == "*** and ***"
 
 
 @contextmanager
@@ -212,6 +224,8 @@ def test_only_a_gate_that_passes_one_candidate_makes_a_champion(monkeypatch: pyt
         telling.tell_gate(gated(*candidates), given, config)
     telling.tell_gate(gated(passed), given, Config())
     assert told == []
+    [lost] = telling.tell_gate(gated(passed), given[1:], config)
+    assert lost.sentence == " Not delivered to champion: new is no file, or has changed since it was judged."
     telling.tell_gate(gated(passed), given, config)
     promotion = Promotion(place="lindenring-gt3", entrant=identity, name="new", source=BUNDLED[0])
     assert told == [(promotion, {"champion": "https://mlflow.example"})]
@@ -271,6 +285,42 @@ def test_a_sink_that_hangs_or_is_not_there_costs_no_other(
     late = deliver(told, {"webhook": "http://127.0.0.1:9/x"})
     assert late == (Delivery("webhook", None, "no answer within 0.001 s"),)
     assert late[0].sentence == " Not delivered to webhook: no answer within 0.001 s."
+
+
+WAITS_FOR_THE_OTHER = """
+import json, pathlib, sys, time
+sink, folder = sys.argv[1], pathlib.Path(sys.argv[2])
+told, other = json.load(sys.stdin)
+(folder / sink).touch()
+while not (folder / other).exists():
+    time.sleep(0.005)
+print(json.dumps([sink, None]))
+"""
+"""A sink that delivers once another has been given the night."""
+
+
+def test_a_sink_that_takes_its_time_keeps_no_other_waiting(
+    told: Bulletin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def command(module: str, sink: str) -> list[str]:
+        return [sys.executable, "-S", "-E", "-c", WAITS_FOR_THE_OTHER, sink, str(tmp_path)]
+
+    monkeypatch.setattr(delivery, "command_of", command)
+    monkeypatch.setattr(delivery, "DEADLINE_S", 20.0)
+    assert deliver(told, {"webhook": "slack", "slack": "webhook"}) == (
+        Delivery("webhook", "webhook", None),
+        Delivery("slack", "slack", None),
+    )
+
+
+def test_without_room_for_another_process_a_sink_is_named(
+    told: Bulletin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(delivery.subprocess, "Popen", full)
+    assert deliver(told, {"slack": "x"}) == (Delivery("slack", None, "Resource temporarily unavailable"),)
 
 
 def test_a_night_says_what_its_sinks_did_and_comes_to_the_same(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 import nathlon
 from nathlon.lab.stints.model import LapModel, fit
 from nathlon.lab.stints.planning import StopPlan, plans
-from nathlon.lab.stints.practice import LAPS, SPARE_KG, Place, with_settings
+from nathlon.lab.stints.practice import LAPS, SPARE_KG, Place, _Begin, _rows, with_settings
 from nathlon.policies.sources.composite import CompositeSource
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import Pit
@@ -126,8 +127,41 @@ def test_settings_of_a_scenario_are_kept() -> None:
 
 @pytest.mark.parametrize("scenario", ["grand_prix", "standing_start"])
 def test_nothing_is_planned_where_nothing_wears(scenario: str) -> None:
-    with pytest.raises(InputError, match="laps or wear_rate is not set"):
+    with pytest.raises(InputError, match="expected a race of two laps or more on tyres that wear"):
         Place.alone(scenario, "lindenring", "gt3")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"compounds": ["soft"]}, "compounds is 'soft', expected some of "),
+        ({"compounds": []}, "compounds is '', expected some of "),
+        ({"compounds": ["racing-soft"] * 2}, "compounds is 'racing-soft, racing-soft', expected each once"),
+        ({"scenario": "grand_prix_stops:laps=1"}, "expected a race of two laps or more on tyres that wear"),
+    ],
+)
+def test_what_cannot_be_practised_is_refused(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said):
+        nathlon.stints("driver:pace=0.9", out=tmp_path, progress=False, **given)
+
+
+@pytest.mark.parametrize("after_line", [False, True])
+def test_a_stop_is_in_the_lap_that_was_asked_for_or_refused(after_line: bool) -> None:
+    """The box lies before the line or behind it: the stop is told with the one lap or the next."""
+
+    def begun(missed: int) -> list[_Begin]:
+        stop = 2 + after_line + missed
+        return [_Begin(100.0 * lap, 50.0 - lap, int(lap >= stop), missed) for lap in range(6)]
+
+    rows = _rows("racing-soft", 2, begun(0), 8.0)
+    assert [(age, stops) for _, _, _, age, stops, *_ in rows] == [
+        (1, False),
+        (2, True),
+        (2, False),
+        (3, False),
+    ]
+    with pytest.raises(InputError, match="on racing-soft came to the pit lane too fast"):
+        _rows("racing-soft", 2, begun(1), 8.0)
 
 
 def test_plans_are_entrants(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -20,12 +21,12 @@ from nathlon.arena.match_policies import match_policies
 from nathlon.arena.pool import Pool
 from nathlon.arena.runner import run_match
 from nathlon.policies.load import load_policy
-from nathlon.policies.policy import Batch, Policy
+from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources.composite import Composite, CompositePart, columns, joint_spec
 from nathlon.policies.sources.finding import find_sources
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
-from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.observation import ANY_CAR, PLANNED, ObservationSpec
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 from tests.support.checkpoints import BUNDLED
@@ -184,6 +185,52 @@ def test_policies_with_different_courses_cannot_be_joined() -> None:
     specs = [ObservationSpec(course_points=1), ObservationSpec(course_points=20), ObservationSpec()]
     with pytest.raises(InputError, match=r"^b sees 20 course points over 6 s, c 60 over 6 s, expected"):
         joint_spec(["a", "b", "c"], specs)
+
+
+def test_a_layout_for_any_car_stays_one_and_goes_with_no_other() -> None:
+    any_car, planned = (ObservationSpec(version=version, cars_ahead=1) for version in (ANY_CAR, PLANNED))
+    for specs in ([any_car], [planned], [any_car, planned]):
+        joint = joint_spec(["a", "b"][: len(specs)], specs)
+        assert joint == specs[-1]
+        for spec in specs:
+            assert len(columns(joint, spec)) == spec.size
+    slower = replace(planned, plan_pace=0.9)
+    for specs, said in (
+        ([ObservationSpec(), any_car], "^a sees version 2 of the observations, b version 3 of the obs"),
+        ([planned, slower], "^b sees version 4 .* with a plan at pace 0.9, a version 4 .* at pace 0.97"),
+    ):
+        with pytest.raises(InputError, match=said):
+            joint_spec(["a", "b"], specs)
+
+
+def test_without_a_place_a_composite_has_no_conditions() -> None:
+    class Planning(Steady):
+        observation_spec = ObservationSpec(version=PLANNED)
+
+    spec = Planning.observation_spec
+    composite = Composite(TRACK, [CompositePart(policy="a")], [Planning(0.3)], spec)
+    actions, memory = composite.act(spec.blank(3), composite.initial_memory(3))
+    assert actions.tolist() == np.full((3, 2), 0.3, np.float32).tolist()
+    assert memory[:, -1].tolist() == [1.0] * 3
+    parts = [CompositePart(policy="a", until_m=9.0), CompositePart(policy="b")]
+    with pytest.raises(InputError, match=r"version 4 of the observations with a plan .* names no place"):
+        Composite(TRACK, parts, [Planning(0.1)] * 2, spec)
+
+
+def test_a_composite_has_a_reverse_gear_if_all_its_policies_have_one() -> None:
+    class Backing(Steady):
+        reverse = True
+
+    class Planning(Steady):
+        observation_spec = ObservationSpec(version=PLANNED)
+
+    assert has_reverse(Planning(0.0))
+    parts = [CompositePart(policy="a", until_m=1.0), CompositePart(policy="b")]
+    for policies, reverse in (
+        ([Backing(0.0), Backing(0.1)], True),
+        ([Backing(0.0), Steady(0.1)], False),
+    ):
+        assert has_reverse(Composite(TRACK, parts, policies, BLIND)) is reverse
 
 
 def written(folder: Path, text: str) -> str:

@@ -104,6 +104,69 @@ def test_one_file_and_a_folder_of_this_machine_have_addresses(tmp_path: Path) ->
     assert "one.safetensors" in names(fetched(f"file://{tmp_path}"))
 
 
+@pytest.mark.parametrize("scheme", ["memory", "file"])
+def test_one_file_that_changes_is_fetched_again(
+    scheme: str, bucket: tuple[Any, list[str]], tmp_path: Path
+) -> None:
+    address = f"file://{tmp_path}/one.zip" if scheme == "file" else "memory://bucket/one.zip"
+    files = fsspec.filesystem(scheme)
+    for content in (b"once", b"then"):
+        files.pipe(address.partition("://")[2], content)
+        assert (fetched(address) / "one.zip").read_bytes() == content
+
+
+def test_what_has_no_mark_is_fetched_every_time_and_never_more_than_a_checkpoint_may_have(
+    bucket: tuple[Any, list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from nathlon.policies.remote import by_fsspec
+
+    files, took = bucket
+
+    def bare(self: Any, path: str, **more: Any) -> dict[str, Any]:
+        return {"/bucket/runs/a/step-1.safetensors": {"size": None}}
+
+    with monkeypatch.context() as patched:
+        patched.setattr(type(files), "find", bare)
+        for _ in range(2):
+            assert names(fetched("memory://bucket/runs")) == ["a/step-1.safetensors"]
+        assert took == ["step-1.safetensors"] * 2
+        patched.setattr(by_fsspec, "MOST_BYTES", 1000)
+        with pytest.raises(InputError, match="cannot be fetched: a file has more than 1000 bytes"):
+            fetched("memory://bucket/runs")
+
+
+def test_a_run_of_mlflow_that_goes_on_may_log_the_same_path_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mlflow")
+    from nathlon.policies.remote import by_mlflow
+
+    info = SimpleNamespace(end_time=None)
+    client = SimpleNamespace(
+        get_run=lambda run: SimpleNamespace(info=info),
+        list_artifacts=lambda run, path: [SimpleNamespace(path="last.zip", is_dir=False, file_size=3)],
+    )
+    monkeypatch.setattr(by_mlflow, "MlflowClient", lambda: client)
+    listing = by_mlflow.MlflowRemote("runs/abc").listing
+    assert listing()["last.zip"].mark is None
+    info.end_time = 17
+    assert listing()["last.zip"].mark == "abc 17 3"
+
+
+def test_an_address_is_said_without_what_signs_it(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    from nathlon.policies.remote import mirror
+
+    def listing() -> None:
+        raise OSError("404 for https://me:pa@ss-word@host/runs?signature=abcdef; pa@ss-word is wrong")
+
+    monkeypatch.setattr(mirror, "_remote", lambda address: SimpleNamespace(listing=listing))
+    with pytest.raises(InputError) as caught:
+        fetched("https://me:pa@ss-word@host/runs?signature=abcdef")
+    assert str(caught.value) == (
+        "https://***@host/runs: cannot be fetched: 404 for https://***@host/runs?*** *** is wrong"
+    )
+    monkeypatch.setattr(mirror, "_remote", lambda address: SimpleNamespace(listing=dict))
+    assert "abcdef" not in fetched("https://host/runs?signature=abcdef").name
+
+
 @pytest.mark.parametrize(
     ("address", "said"),
     [
@@ -138,12 +201,26 @@ def test_a_listing_leads_nowhere_else(monkeypatch: pytest.MonkeyPatch, cache: Pa
     from nathlon.policies.remote import mirror
     from nathlon.policies.remote.remote import Listed
 
-    outside = ("../out.zip", "/out.zip", "a/../../out.zip", "a//out.zip", "C:out.zip", "a\\out.zip")
+    outside = (
+        "../out.zip",
+        "/out.zip",
+        "a/../../out.zip",
+        "a//out.zip",
+        "C:out.zip",
+        "a\\out.zip",
+        "a\0.zip",
+    )
     listing = {path: Listed("1", 1) for path in (*outside, "in.zip")}
     remote = SimpleNamespace(listing=lambda: listing, fetch=lambda path, to: to.write_bytes(b"1"))
     monkeypatch.setattr(mirror, "_remote", lambda address: remote)
     assert names(fetched("s3://evil")) == ["in.zip"]
     assert [path.name for path in cache.rglob("*.zip")] == ["in.zip"]
+    both = SimpleNamespace(
+        listing=lambda: {"a.zip": Listed("1", 1), "a.zip/b.zip": Listed("1", 1)}, fetch=remote.fetch
+    )
+    monkeypatch.setattr(mirror, "_remote", lambda address: both)
+    with pytest.raises(InputError, match="s3://both: cannot be fetched: "):
+        fetched("s3://both")
     large = SimpleNamespace(listing=lambda: {"big.zip": Listed("1", 1 << 40)})
     monkeypatch.setattr(mirror, "_remote", lambda address: large)
     with pytest.raises(InputError, match=r"big\.zip has 1099511627776 bytes, expected at most"):

@@ -12,6 +12,7 @@ from zipfile import BadZipFile
 from pydantic import ValidationError
 
 from nathlon.policies.policy_file import MOST_BYTES
+from nathlon.policies.sources import DRIVER, PLUGIN, RANDOM
 from nathlon.policies.sources.archive import unpack
 from nathlon.results.part import ResultModel
 from nathlon.sim.errors import InputError
@@ -24,6 +25,10 @@ MATCHES, ENTRANTS_FILE = "matches.json", "entrants.json"
 CHECKPOINTS = "checkpoints"
 SAFE = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*")
 """Names of files in a pack."""
+NO_FILES = (DRIVER, PLUGIN, RANDOM)
+"""Kinds of entrants that a pack only names."""
+MOST_MIB = MOST_BYTES >> 20
+"""Of a pack, and of its files together."""
 
 
 class Manifest(ResultModel):
@@ -65,7 +70,7 @@ def read_pack(path: Path) -> tuple[Manifest, Mapping[str, bytes]]:
         InputError: if it is no pack, is damaged, or a file was changed, added or left out.
     """
     try:
-        files = unpack(read_bytes(path, MOST_BYTES >> 20, "pack"))
+        files = unpack(read_bytes(path, MOST_MIB, "pack"))
         manifest = Manifest.model_validate_json(files[MANIFEST])
     except (BadZipFile, KeyError):
         raise InputError(f"{path}: not a packed run, expected what nathlon pack writes") from None

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from nathlon.arena.engine import Records
+from nathlon.arena.match import Match
 from nathlon.arena.results import ENTRANTS, RESULTS
 from nathlon.arena.store import Store
 from nathlon.arena.store.matches import Finished
@@ -20,13 +22,14 @@ from nathlon.lab.pack.contents import (
     ENTRANTS_FILE,
     MANIFEST,
     MATCHES,
+    NO_FILES,
     SIGNATURE,
     PackedMatch,
     digest,
     read_pack,
 )
 from nathlon.lab.pack.signature import signer
-from nathlon.policies.sources import DRIVER, PLUGIN, RANDOM, is_path
+from nathlon.policies.sources import is_path
 from nathlon.policies.sources.identity import is_still
 from nathlon.results.summary import Summary, read_summary
 from nathlon.selection.publish.output import SUMMARY
@@ -50,6 +53,7 @@ class Verification(NamedTuple):
         signed_by: who has signed it; None where it is not signed.
         matches: of its tournament.
         again: how many of them were raced again and came to the same.
+        seed: that has drawn them.
         faults: what disagrees, in sentences.
     """
 
@@ -57,6 +61,7 @@ class Verification(NamedTuple):
     signed_by: str | None
     matches: int
     again: int
+    seed: int
     faults: tuple[str, ...]
 
 
@@ -87,9 +92,7 @@ def verify_pack(
     manifest, files = read_pack(path)
     with scratch_folder() as scratch:
         here = Path(scratch) / "files"  # whatever its files are called
-        for name, content in files.items():
-            (here / name).parent.mkdir(parents=True, exist_ok=True)
-            (here / name).write_bytes(content)
+        _unpack(path, files, here)
         signed_by = None
         if SIGNATURE in files:
             signed_by = signer(files[MANIFEST], here / SIGNATURE, allowed)
@@ -101,7 +104,7 @@ def verify_pack(
         faults = _claims(read_summary(here / SUMMARY), results, entrants)
         drawn = np.random.default_rng(seed).permutation(len(matches))[:sample]
         with Store(Path(scratch) / "again.sqlite") as store:
-            store.add_matches(matches)
+            _keep(path, store, matches)
             wanted = {matches[number].key: (0,) for number in sorted(drawn.tolist())}
             on_match(RACED_AGAIN, 0, len(wanted))
             different: list[str] = []
@@ -109,35 +112,56 @@ def verify_pack(
                 different += [f"{answer}."] if isinstance(answer, InputError) else []
                 on_match(RACED_AGAIN, done, len(wanted))
     again = len(wanted) - len(different)
-    return Verification(manifest.run, signed_by, len(matches), again, (*faults, *different))
+    return Verification(manifest.run, signed_by, len(matches), again, seed, (*faults, *different))
+
+
+def _unpack(path: Path, files: Mapping[str, bytes], here: Path) -> None:
+    for name, content in files.items():
+        try:
+            (here / name).parent.mkdir(parents=True, exist_ok=True)
+            (here / name).write_bytes(content)
+        except OSError as error:  # a name that is too long, or a folder's
+            raise InputError(f"{path}: {name[:100]!a} cannot be unpacked: {error.strerror}") from None
+
+
+def _keep(path: Path, store: Store, matches: Sequence[Finished]) -> None:
+    try:
+        store.add_matches(matches)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _read(path: Path, files: Mapping[str, bytes], here: Path) -> tuple[list[Finished], pl.DataFrame]:
     """Matches, and ENTRANTS with the places of their files."""
     try:
         packed = TypeAdapter(list[PackedMatch]).validate_json(files[MATCHES])
-        matches = [
-            Finished(
-                one.key, one.spec["stage"], one.spec, pl.DataFrame(one.results, schema=RESULTS), one.processor
-            )
-            for one in packed
-        ]
-        rows = json.loads(files[ENTRANTS_FILE])
+        matches = [_match(one) for one in packed]
+        rows = TypeAdapter(list[dict[str, Any]]).validate_json(files[ENTRANTS_FILE])
         entrants = pl.DataFrame(rows, schema=ENTRANTS)
         wrong = [
             one.key for one in packed if digest(json.dumps(one.spec, sort_keys=True).encode()) != one.key
         ]
-    except (KeyError, TypeError, ValueError, ValidationError, pl.exceptions.PolarsError):
+    except (AttributeError, LookupError, TypeError, ValueError, pl.exceptions.PolarsError):
         raise InputError(f"{path}: its matches cannot be read, expected what nathlon pack writes") from None
     if wrong or not matches:
-        raise InputError(f"{path}: match {(wrong or ['none'])[0][:10]} is not what its key says")
+        raise InputError(f"{path}: match {(wrong or ['none'])[0][:10]!a} is not what its key says")
+    # The store would keep one of them, while the points would be those of all.
+    if len({one.key for one in matches}) < len(matches):
+        raise InputError(f"{path}: holds a match twice, expected each once")
     places = []
     for source in entrants["source"]:
         kind = str(source).partition(":")[0]
-        if source not in files if is_path(str(source)) else kind not in (DRIVER, PLUGIN, RANDOM):
+        if source not in files if is_path(str(source)) else kind not in NO_FILES:
             raise InputError(f"{path}: {source!a} is not in it, expected the checkpoint of an entrant")
         places.append(str(here / source) if is_path(source) else source)
     return matches, entrants.with_columns(source=pl.Series(places, dtype=pl.String))
+
+
+def _match(packed: PackedMatch) -> Finished:
+    with suppress(InputError):  # of another version of nathlon
+        Match.from_spec(packed.spec, {})
+    results = pl.DataFrame(packed.results, schema=RESULTS)
+    return Finished(packed.key, packed.spec["stage"], packed.spec, results, packed.processor)
 
 
 def _check_worlds(path: Path, matches: Collection[Finished], worlds: Collection[str]) -> None:
@@ -158,8 +182,14 @@ def _claims(summary: Summary, results: pl.DataFrame, entrants: pl.DataFrame) -> 
     ]
     if results["test"].n_unique() > 1:  # whose weights the pack does not say
         return faults
-    computed = rank(results, np.random.default_rng(1), resamples=2)
+    try:
+        computed = rank(results, np.random.default_rng(1), resamples=2)
+    except (ArithmeticError, LookupError, TypeError, ValueError, pl.exceptions.PolarsError):
+        return [*faults, "No ranking follows from the races."]
     points = dict(computed.select("entrant", "points_per_race").iter_rows())
+    names = dict(entrants.select("entrant", "name").iter_rows())
+    left_out = points.keys() - {row.entrant for row in summary.ranking}
+    faults += [f"{names.get(one, one)} has raced and is not in the ranking." for one in sorted(left_out)]
     return faults + [
         f"The points of {row.name} do not follow from its races."
         for row in summary.ranking

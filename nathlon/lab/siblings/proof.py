@@ -14,13 +14,16 @@ RISK = 0.05
 """Probability to stop a run that is as good as all of its siblings, over its whole length."""
 FIRST = 24
 """Episodes below which only what is far worse is proved to be."""
+BY_CHANCE = 0.25
+"""Probability that one of two equals loses an episode that the other wins, at most."""
 
 
 def proved_worse(own: Floats, others: Iterable[Floats], margin: float, looks: int) -> bool:
-    """Whether one of the others is better by more than a margin, for sure.
+    """Whether a run is worse than one of the others, for sure.
 
     The test of the gate (`nathlon.tournament.non_inferiority`), once for each sibling and each look: all
-    share the risk.
+    share the risk. It tells a run that is worse by the margin from one that is as good; what lies between
+    the two may be called either.
 
     Args:
         own: (N,) returns of the run's policy.
@@ -29,5 +32,9 @@ def proved_worse(own: Floats, others: Iterable[Floats], margin: float, looks: in
         looks: how often it is asked, at most.
     """
     compared = [own - other for other in others if len(other) == len(own)]
-    test = NonInferiority(margin, beta=RISK / (looks * max(1, len(compared))), first=FIRST)
+    risk = RISK / (looks * max(1, len(compared)))
+    # Where an episode is won or lost, equals lose so many against wins, one after another, by chance.
+    if BY_CHANCE ** len(own) > risk:
+        return False
+    test = NonInferiority(margin, beta=risk, first=FIRST)
     return any(test.verdict(Sample.of(np.asarray(one))) == Decision.FAIL for one in compared)

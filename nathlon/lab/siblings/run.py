@@ -57,8 +57,8 @@ class TrainingRun:
             folder: of all siblings; the store is in it, and a folder for each run.
             name: of the run.
             checkpoints: that it will have, at most.
-            stop_if_worse_by: returns by which a sibling must be better, for sure, for this run to end; None
-                never ends it.
+            stop_if_worse_by: returns that matter: a run that is worse than a sibling by so much ends as soon
+                as it shows, one that is as good goes on, others may do either; None never ends it.
 
         Raises:
             InputError: if the folder cannot be written, or a number is not positive.
@@ -108,10 +108,14 @@ class TrainingRun:
         return worse
 
     def _worse(self, known: Iterable[Checkpoint], step: int, own: np.ndarray) -> bool:
-        """By its siblings at the same step, but for those that were themselves stopped."""
+        """By its siblings at the same step, but for those that were themselves stopped.
+
+        The risk is that of as many looks as there are checkpoints: after these nothing is proved any more.
+        """
         listed = list(known)
-        mine = sum(one.run == self.name and one.step < step for one in listed)
-        if self._margin is None or mine + 1 <= GRACE * self._checkpoints:
+        # A run that was killed may come to a step twice.
+        look = len({one.step for one in listed if one.run == self.name and one.step < step}) + 1
+        if self._margin is None or not GRACE * self._checkpoints < look <= self._checkpoints:
             return False
         stopped = {one.run for one in listed if one.stopped}
         others = {one.run: np.array(one.returns) for one in listed if one.step == step}

@@ -41,7 +41,7 @@ class NathlonCallback(BaseCallback):
             environment: of Gymnasium, in which policies are compared; not the one that is trained in.
             checkpoints: at equal distances.
             episodes: after each checkpoint, with greedy actions.
-            stop_if_worse_by: returns of an episode by which a sibling must be better, for sure.
+            stop_if_worse_by: returns of an episode that matter, as of `nathlon.TrainingRun`.
 
         Raises:
             InputError: if the folder cannot be written, or a number is not positive.

@@ -6,8 +6,8 @@ import json
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, NamedTuple
 
@@ -45,11 +45,15 @@ def deliver(told: ResultModel, sinks: Mapping[str, str]) -> tuple[Delivery, ...]
 
     What trackers print and leave behind stays in their processes.
     """
-    with ExitStack() as stack:
-        end = time.monotonic() + DEADLINE_S
-        started = [(sink, stack.enter_context(_process(sink))) for sink in sinks]
-        content = told.model_dump(mode="json")
-        return tuple(_answer(sink, process, [content, sinks[sink]], end) for sink, process in started)
+    content = told.model_dump(mode="json")
+    try:
+        # Processes end before the threads that wait for them do.
+        with ThreadPoolExecutor(max(len(sinks), 1)) as threads, ExitStack() as stack:
+            started = [stack.enter_context(_process(sink)) for sink in sinks]
+            jobs = [[content, address] for address in sinks.values()]
+            return tuple(threads.map(_answer, sinks, started, jobs))
+    except OSError as error:  # no room for more processes
+        return tuple(Delivery(sink, None, error.strerror or str(error)) for sink in sinks)
 
 
 @contextmanager
@@ -71,9 +75,9 @@ def _process(sink: str) -> Iterator[subprocess.Popen[bytes]]:
         process.wait()
 
 
-def _answer(sink: str, process: subprocess.Popen[bytes], job: list[Any], end: float) -> Delivery:
+def _answer(sink: str, process: subprocess.Popen[bytes], job: list[Any]) -> Delivery:
     try:
-        said, _ = process.communicate(json.dumps(job).encode(), timeout=max(0.0, end - time.monotonic()))
+        said, _ = process.communicate(json.dumps(job).encode(), DEADLINE_S)
         place, error = json.loads(said)
     except subprocess.TimeoutExpired:
         return Delivery(sink, None, f"no answer within {DEADLINE_S:g} s")

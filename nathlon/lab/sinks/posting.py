@@ -7,7 +7,7 @@ import smtplib
 import ssl
 from email.message import EmailMessage
 from typing import Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import SplitResult, unquote, urlsplit
 
 import httpx
 
@@ -43,24 +43,37 @@ def mail(bulletin: Bulletin, address: str) -> str:
     Raises:
         InputError: if the environment names no mail server.
     """
-    server = urlsplit(os.environ.get(SMTP, ""))
-    if server.scheme not in PORTS or not server.hostname:
-        raise InputError(f"{SMTP} is not set to a mail server, expected smtp://HOST:587")
+    server, port = _server()
     user, password = unquote(server.username or ""), unquote(server.password or "")
     letter = EmailMessage()
     letter["Subject"] = f"nathlon {messages.title(bulletin)}"
     letter["To"] = address
     letter["From"] = user if "@" in user else address.partition(",")[0]
     letter.set_content(messages.text(bulletin))
-    where = (server.hostname, server.port or PORTS[server.scheme])
     try:
-        with _connected(server.scheme, where) as connection:
+        with _connected(server.scheme, (str(server.hostname), port)) as connection:
             if user:
                 _log_in(connection, user, password)
             connection.send_message(letter)
     except (OSError, smtplib.SMTPException) as error:
         raise InputError(f"{server.hostname} does not take the message: {error}") from None
     return address
+
+
+def _server() -> tuple[SplitResult, int]:
+    """What the environment says of the mail server, and its port."""
+    try:
+        server = urlsplit(os.environ.get(SMTP, ""))
+        port = server.port
+        beyond = server.path.strip("/") or server.query or server.fragment
+        if server.scheme in PORTS and server.hostname and not beyond:
+            return server, port or PORTS[server.scheme]
+    except ValueError:
+        pass  # it quotes parts of a password
+    raise InputError(
+        f"{SMTP} is not set to a mail server, expected smtp://HOST:587 or smtp://USER:PASSWORD@HOST:587, "
+        "in a password %23 for #, %2F for / and %3F for ?"
+    )
 
 
 def _connected(scheme: str, where: tuple[str, int]) -> smtplib.SMTP:

@@ -27,9 +27,10 @@ def tell_night(night: Night, config: Config) -> tuple[Delivery, ...]:
     if night.selection is None:
         sinks = {name: address for name, address in sinks.items() if name not in TRACKERS}
     try:
-        return deliver(bulletin(night, config), sinks)
-    except OSError as error:  # no room for the picture, or for more processes
+        told = bulletin(night, config)
+    except OSError as error:  # no room for the picture
         return tuple(Delivery(sink, None, str(error.strerror)) for sink in sinks)
+    return deliver(told, sinks)
 
 
 def tell_gate(report: GateReport, given: Iterable[str], config: Config) -> tuple[Delivery, ...]:
@@ -45,7 +46,7 @@ def tell_gate(report: GateReport, given: Iterable[str], config: Config) -> tuple
     [passed] = report.candidates
     files = [source for source in given if is_path(source) and is_still(source, passed.entrant)]
     if not files:
-        return ()
+        return (Delivery(CHAMPION, None, f"{passed.name} is no file, or has changed since it was judged"),)
     told = Promotion(
         place=place(report.circuit, report.car, report.world),
         entrant=passed.entrant,

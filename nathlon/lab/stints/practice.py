@@ -71,12 +71,13 @@ class Place(NamedTuple):
         """In a scenario, but alone.
 
         Raises:
-            InputError: if it is not driven in laps, or nothing wears in it.
+            InputError: if it is not driven in two laps or more, or nothing wears in it.
         """
         wanted = load_scenario(scenario)
-        if wanted.laps is None or wanted.wear_rate == 0.0:
+        if wanted.laps is None or wanted.laps < 2 or wanted.wear_rate == 0.0:
             raise InputError(
-                f"scenario {scenario!r}: laps or wear_rate is not set, expected a race on tyres that wear"
+                f"scenario {scenario!r}: laps is {wanted.laps}, wear_rate {wanted.wear_rate:g}, "
+                "expected a race of two laps or more on tyres that wear"
             )
         laps = min(wanted.laps, MOST_STINT_LAPS)
         return cls(with_settings(scenario, cars=1, laps=laps), circuit, car)
@@ -181,22 +182,33 @@ def drive(
         state = world.state[0, 0]
         service_s = max(service_s, float(state["service_s"]))
         if state["progress"] >= 0.0 and int(state["laps"]) == len(begun):
-            begun.append(_Begin(float(state["line_s"][0]), float(state["fuel"]), int(state["stops"])))
+            line_s, fuel_kg = float(state["line_s"][0]), float(state["fuel"])
+            begun.append(_Begin(line_s, fuel_kg, int(state["stops"]), int(state["missed"])))
 
     run_match(match, [planned], look)
     return _rows(str(stints[0].compound), stints[0].laps, begun, service_s)
 
 
 class _Begin(NamedTuple):
-    """When a lap began, with how much fuel, and after how many stops."""
+    """When a lap began, with how much fuel, after how many stops, and how many that were missed."""
 
     time_s: float
     fuel_kg: float
     stops: int
+    missed: int
 
 
 def _rows(compound: str, stop: int, begun: Sequence[_Begin], service_s: float) -> list[LapRow]:
-    """Those of a run; the laps before and after its stop together, wherever the line lies."""
+    """Those of a run; the laps before and after its stop together, wherever the line lies.
+
+    Raises:
+        InputError: if it came to the pit lane too fast and stopped a lap late: no row tells of that.
+    """
+    if begun and begun[-1].missed:
+        raise InputError(
+            f"a practice run on {compound} came to the pit lane too fast, "
+            "expected a stop in the lap that was asked for"
+        )
     rows: list[LapRow] = []
     first, age = 0, 1
     while first < len(begun) - 1:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -76,16 +76,13 @@ def copy_policy(source: Path, copy: Path) -> None:
     """Copy a file, and the files that belong to it: those that it names, or that lie beside it."""
     if source.name.endswith(ROLES):
         named = RolesSource.read(source).sources
-        roles = [f"{json.dumps(role)} = {_named(part, copy.parent)}" for role, part in named.items()]
-        _write(copy, ["[roles]", *roles])
+        _write(copy, {"roles": {role: _named(part, copy.parent) for role, part in named.items()}})
     elif source.name.endswith(COMPOSITE):
         composite = CompositeSource.read(source)
-        lines = [f"name = {_text(composite.file.name)}"]
-        for part in composite.file.part:
-            facts = part.model_dump(mode="json", exclude={"policy"}, exclude_none=True)
-            lines += ["", "[[part]]", f"policy = {_named(composite.source(part), copy.parent)}"]
-            lines += [f"{field} = {_text(value)}" for field, value in facts.items()]
-        _write(copy, lines)
+        facts = composite.file.model_dump(mode="json", exclude_none=True)
+        for part, copied in zip(composite.file.part, facts["part"], strict=True):
+            copied["policy"] = _named(composite.source(part), copy.parent)
+        _write(copy, facts)
     else:
         beside = companions(source).named_after(copy)
         for one, other in {copy: source, **beside}.items():
@@ -96,16 +93,29 @@ def copy_policy(source: Path, copy: Path) -> None:
 def _named(source: str, folder: Path) -> str:
     """How a copy names one of its policies, which lies beside it, called after its contents."""
     if not is_path(source):
-        return _text(source)
+        return source
     copy = folder / f"{policy_id(source)[:12]}{suffix_of(source)}"
     copy_policy(Path(source), copy)
-    return _text(copy.name)
+    return copy.name
 
 
-def _text(value: Any) -> str:
-    """As in TOML, where texts, numbers and lists of them are written as in JSON."""
-    return json.dumps(value, ensure_ascii=False)
+def _write(path: Path, facts: Mapping[str, Any]) -> None:
+    """Write facts as TOML: tables, and lists of them, after all else."""
+    lines = [_line(name, value) for name, value in facts.items() if not _tables(value)]
+    for name, value in facts.items():
+        head = f"[{name}]" if isinstance(value, dict) else f"[[{name}]]"
+        for table in _tables(value):
+            lines += ["", head, *(_line(*fact) for fact in table.items())]
+    write_whole(path, "\n".join(lines).lstrip() + "\n")
 
 
-def _write(path: Path, lines: Iterable[str]) -> None:
-    write_whole(path, "\n".join(lines) + "\n")
+def _tables(value: Any) -> list[dict[str, Any]]:
+    """A value's tables: one, several, or none where it is no table."""
+    if isinstance(value, dict):
+        return [value]
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
+
+
+def _line(name: str, value: Any) -> str:
+    """In TOML texts, numbers and lists of them are written as in JSON."""
+    return f"{json.dumps(name, ensure_ascii=False)} = {json.dumps(value, ensure_ascii=False)}"
