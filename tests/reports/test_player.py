@@ -183,6 +183,6 @@ def test_the_same_race_gives_the_same_page_and_its_policy_admits_nothing_else(lo
 
 
 def test_the_page_stays_small() -> None:
-    """Scripts and circuit below 80 kB, and some 200 bytes for each second of a car."""
+    """Scripts and circuit below 150 kB, and some 60 bytes for each second of a car."""
     log = oval_race(cars=8, duration_s=90.0)
-    assert len(render_player(log).encode()) < 80_000 + 200 * 8 * 90
+    assert len(render_player(log).encode()) < 150_000 + 60 * 8 * 90
