@@ -30,9 +30,9 @@ def said(again: Callable[[], pl.DataFrame]) -> Any:
         results_of=lambda keys: played("finished"),
         interrupted=lambda run: [],
     )
-    own: Any = Run(
-        store, "run", (1,), SimpleNamespace(run=run), lambda *_: None, other_engine=SimpleNamespace()
-    )  # type: ignore[arg-type]
+    pool: Any = SimpleNamespace(run=run)
+    engine: Any = SimpleNamespace()
+    own: Any = Run(store, "run", (1,), pool, lambda *_: None, other_engine=engine)
     own._play_again([SimpleNamespace(world="other", key="k", scenario="duel")])
     return facts.get(PLAYED_AGAIN)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import socketserver
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
@@ -319,7 +320,7 @@ def test_without_room_for_another_process_a_sink_is_named(
     def full(*_: object, **__: object) -> None:
         raise BlockingIOError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(delivery.subprocess, "Popen", full)
+    monkeypatch.setattr(subprocess, "Popen", full)
     assert deliver(told, {"slack": "x"}) == (Delivery("slack", None, "Resource temporarily unavailable"),)
 
 
