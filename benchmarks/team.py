@@ -83,8 +83,9 @@ class Laps:
         """Draw laps."""
         for number, (match, policies) in line_ups.items():
             rows = []
+            pace: Any = policies[0]
             for index, race in enumerate(match.races):
-                lap = policies[0] + np.random.default_rng(race.seed).normal(0.0, 0.5)
+                lap = pace + np.random.default_rng(race.seed).normal(0.0, 0.5)
                 told = {"place": 1, "points": -lap, "score": -lap, "ending": "finished", "best_lap_s": lap}
                 rows.append(match.seat_facts(index, 0) | told)
             yield number, pl.DataFrame(rows, schema=RESULTS)

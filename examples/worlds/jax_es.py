@@ -88,7 +88,8 @@ def train(out: Path, seed: int, rounds: int = ROUNDS) -> None:
         shares = np.array(gains) / (np.std(gains) + 1e-6)
         parameters = whole(flat + RATE * jnp.asarray(shares) @ noise / PAIRS)
         if number % max(rounds // 12, 1) == 0:
-            np.savez(out / f"es_{seed}_{number:04}.npz", **{k: np.asarray(v) for k, v in parameters.items()})
+            arrays: dict[str, Any] = {name: np.asarray(value) for name, value in parameters.items()}
+            np.savez(out / f"es_{seed}_{number:04}.npz", **arrays)
             print(f"{number}: {length(environment, parameters, 0):.0f} steps", flush=True)
 
 

@@ -51,7 +51,8 @@ def train(out: Path, seed: int, iterations: int = ITERATIONS) -> None:
     algorithm = config.build_algo()
     for iteration in range(1, iterations + 1):
         algorithm.train()
-        algorithm.get_module().save_to_path((out / f"ppo_{seed}_{iteration:03}").absolute())
+        module: Any = algorithm.get_module()
+        module.save_to_path((out / f"ppo_{seed}_{iteration:03}").absolute())
     algorithm.stop()
 
 

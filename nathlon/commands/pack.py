@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from nathlon.commands.options import LARGEST_SEED, AsJson, Workers, WorldName
+from nathlon.commands.options import AsJson, Workers, WorldName
 from nathlon.commands.selection import stoppable
+from nathlon.selection.bounds import LARGEST_SEED
 from nathlon.sim.whole_file import check_output
 from nathlon.terminal import print_json, say, tell
 

@@ -39,10 +39,8 @@ def said(again: Callable[[], pl.DataFrame]) -> Any:
 
 def test_what_comes_otherwise_is_said() -> None:
     assert said(lambda: played("finished")) == ""
-    for results in (played("finished", 2.0), played("policy_raised")):
-        assert said(lambda results=results: results).startswith(
-            "An episode of scenario 'duel' came out otherwise"
-        )
+    for again in (lambda: played("finished", 2.0), lambda: played("policy_raised")):
+        assert said(again).startswith("An episode of scenario 'duel' came out otherwise")
 
 
 @pytest.mark.parametrize("ending", ["interrupted", "simulator_fault", "timed_out"])
