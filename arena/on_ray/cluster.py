@@ -53,14 +53,28 @@ def joined(address: str) -> Iterator[None]:
     try:
         _knock(address)
         os.environ.setdefault(*SILENT)
-        # Never one of its own, which could outlive this process.
-        ray.init(address, job_config=_job(), log_to_driver=False, logging_level=logging.ERROR)
+        with _silent():  # it says that it will say nothing
+            # Never one of its own, which could outlive this process.
+            ray.init(address, job_config=_job(), log_to_driver=False, logging_level=logging.ERROR)
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError(f"engine_address is {address!r}: {refusal(str(error), ray.__version__)}") from None
     try:
         yield
     finally:
         ray.shutdown()
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Without what is written to standard error, from below Python too."""
+    kept = os.dup(2)
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def refusal(said: str, here: str) -> str:

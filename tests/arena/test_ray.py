@@ -288,7 +288,7 @@ def test_a_selection_comes_to_the_same_on_a_cluster(cluster: Cluster, tmp_path: 
     assert done.returncode == 0, done.stderr
     # Of what Ray says nothing gets here.
     told = [line.split()[0] for line in done.stderr.splitlines()]
-    assert told == ["Filter", "N-athlon", "Round"]
+    assert told == ["Filter", "N-athlon", "Round", "Timing"], done.stderr
     here = nathlon.select(
         players,
         tmp_path / "here",

@@ -104,6 +104,8 @@ def outcome(folder: Path) -> dict[str, Any]:
         for record in store.runs():
             facts: Any = store.facts(record.name)
             facts.pop("progress")
+            timed = facts.pop("action_times"), facts["summary"].pop("action_times")
+            assert len(timed[0]) == len(timed[1]) > 0
             for told in (facts["summary"], facts["forecast"], facts["summary"]["forecast"]):
                 for stage in told["stages"]:
                     for clocked in ("wall_s", "ran", "core_s"):

@@ -75,7 +75,7 @@ def run(entrants: list[Entrant], tmp_path_factory: pytest.TempPathFactory) -> Pa
             lambda *progress: seen.append(progress),
             on_verdict,
         )
-    assert {stage for stage, _, _ in seen} == {"kernels", "pareto", "battery", "tournament"}
+    assert {stage for stage, _, _ in seen} == {"kernels", "pareto", "battery", "timing", "tournament"}
     [verdict] = told
     published = read_summary(folder / "summary.json")
     assert verdict.ranking
