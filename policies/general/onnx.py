@@ -47,7 +47,7 @@ def load_onnx(path: Path, seen: Space[Any] | None = None) -> GeneralPolicy:
             step=card.step,
             seed=card.seed,
             observation_size=graph.size,
-            network=_Checked(path, graph),
+            network=_CheckedGraph(path, graph),
             outputs=Outputs(
                 "clip", "choice" if tried.dtype == np.int64 else "argmax", count=int(tried.shape[1])
             ),
@@ -55,7 +55,7 @@ def load_onnx(path: Path, seen: Space[Any] | None = None) -> GeneralPolicy:
         )
 
 
-class _Checked:
+class _CheckedGraph:
     """A graph as a network, whose answers are looked at."""
 
     def __init__(self, path: Path, graph: OnnxGraph) -> None:

@@ -19,7 +19,7 @@ from nathlon.policies.sources import PLUGIN
 from nathlon.policies.sources.plugin import check_methods, make_plugin, plugin_id
 
 
-class _Checked:
+class _CheckedObject:
     """What foreign code answers, which may be anything."""
 
     def __init__(self, policy: Any) -> None:
@@ -54,7 +54,7 @@ def load_general_plugin(name: str, observation_space: Space[Any], action_space: 
         step=None,
         seed=None,
         observation_size=None,
-        network=_Checked(made),
+        network=_CheckedObject(made),
         outputs=Outputs("clip", "choice"),
     )
 

@@ -33,7 +33,7 @@ Told = tuple[str, str, list[Any]]
 
 
 @dataclass(frozen=True)
-class State:
+class RecurrentState:
     """One of these arrays.
 
     Attributes:
@@ -81,7 +81,7 @@ def find_states(
     outputs: Sequence[Told],
     named: Mapping[str, str],
     observed: Collection[str],
-) -> tuple[State, ...]:
+) -> tuple[RecurrentState, ...]:
     """The states of a graph: those that its card names, or else inputs and outputs that are called alike.
 
     Args:
@@ -102,7 +102,7 @@ def find_states(
             if name not in observed and len(same) == 1 and same[0] not in pairs.values():
                 pairs[name] = same[0]
     known, there = {each[0]: each for each in inputs}, {each[0] for each in outputs}
-    states: list[State] = []
+    states: list[RecurrentState] = []
     place = 0
     for taken, after in pairs.items():
         if taken not in known or after not in there:
@@ -127,7 +127,7 @@ def without_state(path: Path, found: str, keys: Collection[str]) -> InputError:
     )
 
 
-def _state(path: Path, told: Told, after: str, place: int) -> State:
+def _state(path: Path, told: Told, after: str, place: int) -> RecurrentState:
     name, kind, sizes = told
     free = [axis for axis, size in enumerate(sizes) if type(size) is not int]
     fixed = [size for size in sizes if type(size) is int]
@@ -137,7 +137,7 @@ def _state(path: Path, told: Told, after: str, place: int) -> State:
             "but that of the batch"
         )
     at = slice(place, place + prod(fixed))
-    return State(name, after, tuple(fixed), free[0] if free else None, _NUMBERS[kind], at)
+    return RecurrentState(name, after, tuple(fixed), free[0] if free else None, _NUMBERS[kind], at)
 
 
 def _key(name: str, words: Collection[str]) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ def test_contacts(
     if fault >= 0:
         world.state[0, fault]["penalties"] += 1
     watch.see(world)
-    cars = (int(text[0]), 1 - int(text[0]))
+    cars = (int(text[0]) - 1, 2 - int(text[0]))
     [incident] = watch.incidents
     assert incident.closing_m_s == pytest.approx(4.2)
     assert replace(incident, closing_m_s=4.2) == Incident(7.25, "contact", cars, text, fault, 4.2, penalty_s)

@@ -50,7 +50,7 @@ def result(
     early: tuple[Path, float], usual: tuple[Path, float], tmp_path_factory: pytest.TempPathFactory
 ) -> CoachResult:
     out = tmp_path_factory.mktemp("coach")
-    return nathlon.coach(early[0], car=0, against=usual[0], out=out, progress=False)
+    return nathlon.coach(early[0], car=1, against=usual[0], out=out, progress=False)
 
 
 @pytest.fixture(scope="module")

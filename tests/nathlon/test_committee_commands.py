@@ -65,7 +65,7 @@ def test_a_committee_meets_at_the_terminal(terminal: Terminal) -> None:
     assert [s["name"] for s in closed["standings"] if s["chosen"]] == ["cedar", "delta"]
     assert "open" in terminal("reopen", "--member", "bob", "--reason", "new videos")
     shown = terminal("show")
-    assert " 1= " in shown
+    assert " 1 to 4 " in shown
     for part in ("shortlist-", "birch", "bob prefers cedar to delta: on second sight", "Agreement"):
         assert part in shown
     assert [entry["event"] for entry in terminal.json("log")] == [

@@ -90,7 +90,7 @@ def test_a_race_with_other_inputs_is_another_one(driven: tuple[DrivenHeat, list[
 
 def test_a_recording_of_a_drive_has_a_twin(kept: Kept, tmp_path: Path) -> None:
     """It is run again by the race runner's own processes, once with a driver in the person's place."""
-    result = twin(kept.recording, car=1, policy="driver:pace=0.95", at_s=2.0, out=tmp_path, progress=False)
+    result = twin(kept.recording, car=2, policy="driver:pace=0.95", at_s=2.0, out=tmp_path, progress=False)
     assert result.parted_s == pytest.approx(2.0, abs=0.2)
     assert result.outcomes["driver"].to_list() == ["human:Ada", "driver:pace=0.95 from 2 s"]
 

@@ -133,7 +133,7 @@ def test_two_recordings_from_one_start_are_shown_together(scenario: Path, tmp_pa
     ]
     assert paths[0] is not None
     assert paths[1] is not None
-    result = nathlon.twin(paths[0], paths[1], car=1, out=tmp_path / "out", progress=False)
+    result = nathlon.twin(paths[0], paths[1], car=2, out=tmp_path / "out", progress=False)
     assert 0.0 <= (result.parted_s or 0.0) < 5.0
     assert "It is not known" not in result.page.read_text()
     assert result.twin.read_bytes() == paths[1].read_bytes()
@@ -143,7 +143,7 @@ def test_races_that_cannot_be_run_again_are_shown_without_what_was_seen(
     result: TwinResult, tmp_path: Path
 ) -> None:
     again = nathlon.twin(result.original, result.twin, car=NUMBER, out=tmp_path / "out", progress=False)
-    assert f"It is not known: car 0 is &#39;{RACER.stem}&#39;: expected" in again.page.read_text()
+    assert f"It is not known: car 1 is &#39;{RACER.stem}&#39;: expected" in again.page.read_text()
     assert again.parted_s == result.parted_s
     assert again.twin.read_bytes() == result.twin.read_bytes()
 
@@ -291,10 +291,10 @@ def test_races_that_did_not_begin_alike_are_refused(recording: Path, scenario: P
     elsewhere = tmp_path / "elsewhere.mcap"
     write_recording(elsewhere, oval_race(cars=4))
     with pytest.raises(InputError, match="circuit is 'lindenring' and 'oval', expected the same"):
-        nathlon.twin(recording, elsewhere, car=0, out=tmp_path / "out")
+        nathlon.twin(recording, elsewhere, car=1, out=tmp_path / "out")
     moved = read_recording(recording)
     moved.samples["x_m"][0, 1] += 1.0
     write_recording(elsewhere, moved)
     with pytest.raises(InputError, match="expected one start"):
-        nathlon.twin(recording, elsewhere, car=0, out=tmp_path / "out")
+        nathlon.twin(recording, elsewhere, car=1, out=tmp_path / "out")
     assert os.listdir(tmp_path) == ["elsewhere.mcap"]

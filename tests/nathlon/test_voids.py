@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,11 @@ class OwnProcess:
 
     def open(self, openings: Sequence[Any], on_opened: Any = None) -> list[Any]:
         return [opening.function(*opening.arguments) for opening in openings]
+
+    def run(self, matches: Sequence[Match]) -> Iterator[tuple[Match, pl.DataFrame]]:
+        for match in matches:
+            [(_, results)] = load_world(match.world).run({0: (match, match_policies(match))}, Watch())
+            yield match, results
 
 
 NAMES = ("all", "two", "none")

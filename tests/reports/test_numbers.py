@@ -47,9 +47,15 @@ def test_what_rounds_to_zero_has_no_sign_and_no_second_has_sixty(
 
 
 @pytest.mark.parametrize(
-    ("rows", "expected"), [([1, 2, 2, 4], ["1", "2=", "2=", "4"]), ([1, None, None], ["1", "–", "–"])]
+    ("row", "written"),
+    [
+        ({"rank": 1, "worst_rank": 1}, "1"),
+        ({"rank": 2, "worst_rank": 4}, "2 to 4"),
+        ({"rank": 2, "worst_rank": None}, "from 2"),
+        ({"rank": None}, "–"),
+    ],
 )
-def test_a_rank_that_several_share_is_marked(page: Page, rows: list[int | None], expected: list[str]) -> None:
-    table = json.dumps([{"rank": rank} for rank in rows])
-    written = f"((rows) => rows.map((row) => {module('rank.js')}.rankIn(rows)(row.rank)))({table})"
-    assert page.evaluate(written) == expected
+def test_a_rank_is_the_range_of_those_that_are_possible(
+    page: Page, row: dict[str, int | None], written: str
+) -> None:
+    assert page.evaluate(f"{module('rank.js')}.rankText({json.dumps(row)})") == written
