@@ -21,6 +21,7 @@ from typing import NamedTuple
 from urllib.error import URLError
 from urllib.request import urlopen
 
+from nathlon.reports.es_modules import bundle
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import command_of
 
@@ -59,7 +60,7 @@ class WebViewer(ThreadingHTTPServer):
             raise InputError(f"{replay} cannot be read: {error.strerror}.") from None
         self.files: Mapping[str, Served] = {
             "/": Served("text/html; charset=utf-8", (TEMPLATES / "web_viewer.html").read_bytes()),
-            "/web_viewer.js": Served("text/javascript", (TEMPLATES / "web_viewer.js").read_bytes()),
+            "/web_viewer.js": Served("text/javascript", bundle(TEMPLATES, "web_viewer.js").encode()),
             "/race.rrd": Served("application/octet-stream", race),
             **{f"/{name}": file for name, file in _viewer_files().items()},
         }

@@ -180,7 +180,7 @@ def test_rows_above_the_limit_are_counted(
     both = replace(selection, results=pl.concat([early, selection.results]))
     path = write_spreadsheet(both, tmp_path / "ranking.xlsx")
     races = _rows(path, "Races")
-    assert [row["Stage"] for row in races] == ["tournament"] * 6
+    assert [row["Stage"] for row in races] == ["round robin"] * 6
     run = {row["Fact"]: row["Value"] for row in _rows(path, "Run")}
     assert run["Rows left out of Races"] == both.results.height - 6
 
