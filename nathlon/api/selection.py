@@ -228,7 +228,7 @@ def configured(
 
 
 def _with(section: SectionT, **given: Any) -> SectionT:
-    """A section with what is given, all but None, in place of its own."""
+    """A section with what is given, all but None, instead of its own."""
     return section.model_copy(update={name: value for name, value in given.items() if value is not None})
 
 

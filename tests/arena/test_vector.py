@@ -51,7 +51,7 @@ class Lights:
 
 
 class Two(Lights):
-    '''Two seats see the same; who is right gets the point of who is not.'''
+    '''Two seats see the same; whoever is right takes the point of the other one.'''
 
     possible_agents = ("left", "right")
 
