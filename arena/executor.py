@@ -9,6 +9,7 @@ from itertools import chain
 from typing import TypeVar
 
 from nathlon.arena.job import Answer, Job, MatchJob, Wanted
+from nathlon.arena.leg import Leg, LegDriven
 from nathlon.arena.match import Match
 from nathlon.arena.recorder import Recorded
 from nathlon.arena.results import VOID_ENDINGS
@@ -65,6 +66,16 @@ class Executor(ABC):
                     yield racing.match, racing.wanted.came_otherwise if void else answer
                 else:
                     yield racing.match, answer
+
+    def drive_leg(self, match: Match, leg: Leg) -> LegDriven | InputError:
+        """Drive a part of a match, watched as any; an InputError where it cannot go on."""
+        with closing(self.work(once([[MatchJob(match, leg=leg)]]))) as rounds:
+            [(_, answer)] = chain.from_iterable(rounds)
+        if isinstance(answer, LegDriven | InputError):
+            return answer
+        return InputError(
+            f"leg {leg.number + 1} of {match.test}: the simulator failed, expected it to go on; try again"
+        )
 
 
 def once(groups: list[list[JobT]]) -> Callable[[int], list[list[JobT]]]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import polars as pl
 
 from nathlon.arena.classification import void
+from nathlon.arena.leg import Leg
 from nathlon.arena.match import Match
 from nathlon.arena.processor import processor
 from nathlon.arena.recorder import Recorded
@@ -61,12 +62,14 @@ class MatchJob:
 
     Attributes:
         wanted: what is to be recorded of it; None if nothing is.
+        leg: which part of it is to be driven; None for all of it.
         absent: endings of the entrants that are not asked, having stopped a worker before.
         alone: whether it runs by itself in a fresh worker, having lost one for an unknown reason.
     """
 
     match: Match
     wanted: Wanted | None = None
+    leg: Leg | None = None
     absent: Mapping[int, str] = field(default_factory=dict)
     alone: bool = False
 
@@ -101,7 +104,7 @@ class Opening:
 
 Job = MatchJob | Opening
 Answer = Any
-"""`Recorded`, or what the function of an `Opening` returns; an InputError where it does not work out."""
+"""`Recorded`, `LegDriven`, or what the function of an `Opening` returns; an InputError where it does not work out."""
 
 
 class Loss(NamedTuple):

@@ -23,16 +23,22 @@ class Advised(NamedTuple):
 class PitWalls:
     """All strategists of a world."""
 
-    def __init__(self, world: World, laps: int | None, advised: Sequence[Advised]) -> None:
+    def __init__(
+        self, world: World, laps: int | None, advised: Sequence[Advised], starts: bool = True
+    ) -> None:
         """Fit the cars as their strategists have them start.
 
         Args:
             world: whose cars are at their start.
             laps: of its races.
             advised: who has a strategist.
+            starts: whether the races start; if not, they go on, and the cars stay as they are.
         """
         self._world, self._laps, self._advised = world, laps, advised
         self._begun = np.full(world.state.shape, -1.0)
+        if not starts:
+            self._begun = np.maximum(np.floor(world.state["progress"] / world.track.length), self._begun)
+            return
         for race, car, strategist in advised:
             world.fit(race, car, strategist.start(laps))
 

@@ -13,6 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.classification import BLANK, classify
+from nathlon.arena.halt import Halt
 from nathlon.arena.match import Match, Swap
 from nathlon.arena.pit_walls import Advised, PitWalls
 from nathlon.arena.team import ROW_WISE, Absent, Team
@@ -21,11 +22,13 @@ from nathlon.arena.watch import Watch
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources.composite import Composite
+from nathlon.policies.strategy import Strategist, WhenNeeded
 from nathlon.sim.car import load_car
 from nathlon.sim.episode import end_runs
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.reaction import Perception, Reaction
 from nathlon.sim.scenario import load_scenario
+from nathlon.sim.state import Races
 from nathlon.sim.track import load_track
 from nathlon.sim.world import World
 
@@ -35,6 +38,8 @@ Observer = Callable[[World], None]
 LineUp = tuple[Match, Sequence[Policy | Absent]]
 """A match and a policy for each of its entrants."""
 
+LEG_SEEDS = 1_000_003
+"""From the seeds of one leg to those of the next: more than entrants and seeds of a run take."""
 EARLY_S = 1e-6
 """By how much a moment of the world may fall short of one that is named."""
 MOTION = ("x", "y", "yaw", "world_velocity_x", "world_velocity_y", "yaw_rate")
@@ -89,6 +94,40 @@ def run_together(
                 observer(meeting.world)
 
 
+def run_until(
+    match: Match,
+    policies: Sequence[Policy | Absent],
+    watch: Watch,
+    until_s: float,
+    leg: int = 0,
+    begin: Halt | None = None,
+    observer: Observer | None = None,
+) -> tuple[Halt, pl.DataFrame | None]:
+    """Run a match up to a moment, or on from one.
+
+    Args:
+        match, policies, observer: as for `run_match`.
+        watch: told who is asked.
+        until_s: when to halt, s since the start; whole seconds, at which all cars act.
+        leg: how often it has halted before; policies that are code draw other numbers in each leg.
+        begin: where it goes on; None for the start.
+
+    Returns:
+        where it halts, and the results (RESULTS) if all races are over.
+    """
+    meeting = _Meeting({0: (match, policies)}, watch, leg, begin)
+    if observer:
+        observer(meeting.world)
+    ended = True
+    while not meeting.over(0) and (meeting.world.time < until_s - EARLY_S).any():
+        if ended:
+            meeting.drop_cars_that_are_out()
+        ended = meeting.tick()
+        if observer:
+            observer(meeting.world)
+    return meeting.halt(), meeting.results(0) if meeting.over(0) else None
+
+
 class _View:
     """Teams that observe by the same spec, and what their cars see."""
 
@@ -135,7 +174,11 @@ class _Relief(NamedTuple):
 class _Meeting:
     """Matches that share a world, whose cars are numbered race by race."""
 
-    def __init__(self, line_ups: Mapping[int, LineUp], watch: Watch) -> None:
+    def __init__(
+        self, line_ups: Mapping[int, LineUp], watch: Watch, leg: int = 0, begin: Halt | None = None
+    ) -> None:
+        """Matches at their start, or as they halted after so many legs."""
+        self._leg = leg
         self._matches = {number: match for number, (match, _) in line_ups.items()}
         races = [race for match in self._matches.values() for race in match.races]
         ends = np.cumsum([0, *(len(match.races) for match in self._matches.values())])
@@ -151,10 +194,21 @@ class _Meeting:
         self._endings = np.full(self.world.state.shape, "", dtype="U16")
         self._driven = np.zeros(self.world.state.shape)
         self._actions = np.zeros((self._cars.size, 2), np.float32)
+        if begin is not None:
+            for array, kept in zip(self.world.arrays(), begin.races, strict=True):
+                array[:] = kept
+            self._endings[:], self._driven[:] = begin.endings, begin.driven
         everybody = [one for _, policies in line_ups.values() for one in policies]
         show_plan(self.world, *(one.observation_spec for one in everybody if not isinstance(one, Absent)))
         self._views = self._line_up(line_ups)
-        self._pit_walls = PitWalls(self.world, scenario.laps, list(self._advised(line_ups)))
+        if begin is not None:
+            for team in self._teams:
+                team.recall(begin.memory)
+        self._usual: Strategist | None = None
+        if scenario.stops_when_needed:
+            compound = scenario.compound or self.world.car.tyre.compound
+            self._usual = WhenNeeded(self.world.car, compound, scenario.fuel_rate)
+        self._pit_walls = PitWalls(self.world, scenario.laps, list(self._advised(line_ups)), begin is None)
         self._reliefs = [
             self._relief(number, match.swap, policies)
             for number, (match, policies) in line_ups.items()
@@ -176,21 +230,36 @@ class _Meeting:
                 elif isinstance(policy, ROW_WISE):
                     shared[id(policy)].append(Team(policy, cars, number, entrant))
                 else:
-                    team = Team(policy, cars, number, entrant, match.races[0].seed + entrant)
+                    seed = match.races[0].seed + entrant + LEG_SEEDS * self._leg
+                    team = Team(policy, cars, number, entrant, seed)
                     views[policy.observation_spec].append(team)
         for teams in shared.values():
             everybody = Team(teams[0].policy, np.concatenate([team.cars for team in teams]), 0, 0)
             views[everybody.policy.observation_spec].append(everybody)
         return [_View(spec, teams, grid, self._reaction) for spec, teams in views.items()]
 
+    @property
+    def _teams(self) -> Iterator[Team]:
+        """Those that remember something."""
+        for view in self._views:
+            yield from (team for team in view.teams if isinstance(team, Team))
+
+    def halt(self) -> Halt:
+        """The present state, copied."""
+        memory = {car: row.copy() for team in self._teams for car, row in team.memory.items()}
+        races = Races._make(array.copy() for array in self.world.arrays())
+        return Halt(races, self._endings.copy(), self._driven.copy(), memory)
+
     def _advised(self, line_ups: Mapping[int, LineUp]) -> Iterator[Advised]:
-        """The cars whose policies have a strategist."""
+        """The cars whose policies have a strategist, or that stop as their scenario says."""
         for number, (match, policies) in line_ups.items():
             for index, race in enumerate(match.races, start=self._races[number].start):
                 for car, seat in enumerate(race.seats):
                     policy = policies[seat.entrant]
-                    if isinstance(policy, Composite) and policy.strategist is not None:
-                        yield Advised(index, car, policy.strategist)
+                    own = policy.strategist if isinstance(policy, Composite) else None
+                    strategist = own or self._usual
+                    if strategist is not None:
+                        yield Advised(index, car, strategist)
 
     def _relief(self, number: int, swap: Swap, policies: Sequence[Policy | Absent]) -> _Relief:
         match, first, grid = self._matches[number], self._races[number].start, self._endings.shape[1]

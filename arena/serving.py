@@ -11,6 +11,7 @@ from multiprocessing import connection
 from typing import Any
 
 from nathlon.arena.job import Answer, Job, MatchJob, Opening, Wanted
+from nathlon.arena.leg import drive_leg
 from nathlon.arena.match_policies import match_policy
 from nathlon.arena.output_log import print_into
 from nathlon.arena.recorder import Recorded, record_races
@@ -88,7 +89,9 @@ def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
         except InputError as error:
             yield number, error
             continue
-        if job.wanted:
+        if job.leg:
+            yield number, drive_leg(job.match, policies, job.leg, watch)
+        elif job.wanted:
             yield number, _record(job.wanted, policies, watch)
         else:
             line_ups[number] = job.match, policies

@@ -7,6 +7,7 @@ gets random generators of its own.
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any
@@ -90,6 +91,18 @@ class Team:
         if self._memory is not None:
             self._memory = self._memory[kept]
         return kept
+
+    @property
+    def memory(self) -> dict[int, Batch]:
+        """What the policy remembers of each car, by the car's index; empty before it was asked."""
+        return {} if self._memory is None else dict(zip(self.cars.tolist(), self._memory, strict=True))
+
+    def recall(self, memory: Mapping[int, Batch]) -> None:
+        """Go on from a memory as of `memory`; cars that it lacks are out, and asked no more."""
+        known = [memory[car] for car in self.cars.tolist() if car in memory]
+        if known:
+            blank = np.zeros_like(known[0])
+            self._memory = np.stack([memory.get(car, blank) for car in self.cars.tolist()])
 
     def act(self, world: World, seen: Batch, due: NDArray[np.bool_], watch: Watch) -> tuple[Batch, str]:
         """Ask the policy.

@@ -26,6 +26,14 @@ if TYPE_CHECKING:
     from typing import Any
 
     from nathlon.api.coach import CoachResult, coach
+    from nathlon.api.events import (
+        EnduranceResult,
+        SeasonResult,
+        WeekendResult,
+        endurance,
+        season,
+        weekend,
+    )
     from nathlon.api.gate import GateResult, gate
     from nathlon.api.league import LeagueResult, league
     from nathlon.api.matrix import MatrixResult, matrix
@@ -57,6 +65,14 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "nathlon.api.coach": ("CoachResult", "coach"),
+    "nathlon.api.events": (
+        "EnduranceResult",
+        "SeasonResult",
+        "WeekendResult",
+        "endurance",
+        "season",
+        "weekend",
+    ),
     "nathlon.api.gate": ("GateResult", "gate"),
     "nathlon.api.league": ("LeagueResult", "league"),
     "nathlon.api.matrix": ("MatrixResult", "matrix"),
@@ -92,6 +108,7 @@ __all__ = [
     "CoachResult",
     "Config",
     "Declared",
+    "EnduranceResult",
     "Forecast",
     "Formula",
     "FormulaReward",
@@ -110,14 +127,17 @@ __all__ = [
     "RaceVectorEnv",
     "RecipesResult",
     "RewardDesign",
+    "SeasonResult",
     "SelectionResult",
     "StintsResult",
     "TrainingResult",
     "TrainingRun",
     "TwinResult",
     "VectorWorld",
+    "WeekendResult",
     "coach",
     "design_reward",
+    "endurance",
     "gate",
     "league",
     "load_policy",
@@ -126,10 +146,12 @@ __all__ = [
     "plan",
     "race",
     "recipes",
+    "season",
     "select",
     "stints",
     "train",
     "twin",
+    "weekend",
     "work",
 ]
 

@@ -16,6 +16,7 @@ from nathlon.commands.car import check_car, generate_car, tune_car
 from nathlon.commands.coach import coach
 from nathlon.commands.committee import committee
 from nathlon.commands.drive import drive
+from nathlon.commands.events import endurance, season, weekend
 from nathlon.commands.export import export
 from nathlon.commands.gate import gate
 from nathlon.commands.groups import CommandGroup
@@ -87,7 +88,7 @@ app.add(
     committee=committee,
 )
 app.add("Judge", gate, matrix, recipes, incident, twin)
-app.add("Look", race, stints, drive, serve, replay, coach)
+app.add("Look", race, endurance, weekend, season, stints, drive, serve, replay, coach)
 app.add("Train", train, polish, league, ablate, reward=reward)
 app.add("Files", export, pack, verify, observation, track=track, car=car, world=world, store=store)
 

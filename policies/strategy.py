@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from nathlon.sim.car import load_compounds
+from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import Section
 from nathlon.sim.scenario import MOST_LAPS
 from nathlon.sim.world import Service
@@ -100,3 +100,39 @@ class StintPlan:
         if stint + 1 >= len(self._stints) or wall.ends_lap < self._ends[stint]:
             return None
         return self._stints[stint + 1].service
+
+
+WORN = 0.85
+"""Wear at which a car stops that has no plan."""
+HALF_WORN = 0.4
+"""Wear from which it gets new tyres when it stops for fuel."""
+
+
+class WhenNeeded:
+    """A strategist without a plan: it stops when tyres are worn or fuel is short.
+
+    Tyres are worn at `WORN`; fuel is short if it would not last two laps at full power. The car gets a full
+    tank, and new tyres of the same compound unless its own are good for as long again.
+    """
+
+    def __init__(self, car: Car, compound: str, fuel_rate: float) -> None:
+        """For a car that starts on a compound and burns fuel at a multiple of its own rate."""
+        engine, fuel = car.engine, car.fuel
+        powers = np.array(engine.rpm) * np.array(engine.torque_n_m) * 2.0 * np.pi / 60.0
+        self._burnt_kg_s = fuel_rate * fuel.consumption_kg_j * float(powers.max())
+        self._compound, self._tank_kg = compound, fuel.capacity_kg
+
+    def start(self, laps: int | None) -> Service:
+        """See `Strategist.start`."""
+        return Service()
+
+    def decide(self, wall: PitWall) -> Service | None:
+        """See `Strategist.decide`."""
+        left = np.inf if wall.laps is None else wall.laps - wall.lap
+        lap_s = float(np.nan_to_num(wall.last_lap_s[wall.car]))
+        short = wall.fuel_kg < min(2.0, left) * lap_s * self._burnt_kg_s
+        worn = float(wall.wear.max()) > WORN and left > 2
+        if not short and not worn:
+            return None
+        tyres = self._compound if wall.wear.max() > HALF_WORN else None
+        return Service(tyres, self._tank_kg)

@@ -65,6 +65,7 @@ DECISIVE = (
     "policies/vision.py",
     "policies/weights.py",
     "arena/classification.py",
+    "arena/halt.py",
     "arena/match.py",
     "arena/match_policies.py",
     "arena/pit_walls.py",

@@ -37,8 +37,8 @@ SPUN_OFF_M = 20.0
 
 
 MOST_LAPS = 1000
-LONGEST_S = 21_600.0
-"""Six hours, most of a minute to simulate."""
+LONGEST_S = 86_400.0
+"""A day."""
 Rate = Annotated[float, Field(ge=0, le=1e4)]
 
 
@@ -68,6 +68,7 @@ class Scenario(Section):
         compound: of the tyres; the car's own if none is named.
         wear_rate, fuel_rate: multiples of the car's wear of tyres and use of fuel.
         grip: of the surfaces; dry if nothing is said.
+        stops_when_needed: whether cars that have no plan stop for tyres and fuel when they need some.
         action_hz: actions a second, one number or one for each starting place.
         perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
     """
@@ -88,6 +89,7 @@ class Scenario(Section):
     wear_rate: Rate = 0.0
     fuel_rate: Rate = 0.0
     grip: SurfaceGrip = DRY
+    stops_when_needed: bool = False
     action_hz: Hertz | tuple[Hertz, ...] = float(AGENT_HZ)
     perception_delay_s: Delay | tuple[Delay, ...] = 0.0
 
@@ -250,7 +252,7 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip")
+SETTINGS = ("laps", "hours", "cars", "person", "compound", "delay", "grip")
 """What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,grip=0.65`."""
 
 
@@ -258,8 +260,8 @@ SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip")
 def load_scenario(name: str) -> Scenario:
     """A scenario by its shipped name, or by the path of a `.toml` file, with settings instead of its own.
 
-    With other laps its time changes in proportion; cars are how many start; a person sits in that place, from
-    1, and acts in every dynamics step; a compound is that of all cars, and a delay, s, that with which all of
+    With other laps its time changes in proportion; hours are until a race ends that is not driven in laps;
+    cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound is that of all cars, and a delay, s, that with which all of
     them see; a grip is a multiple of that of every surface when dry.
 
     Raises:
@@ -273,6 +275,8 @@ def load_scenario(name: str) -> Scenario:
         match key:
             case "laps":
                 scenario = scenario.model_copy(update=_other_laps(name, scenario, value))
+            case "hours":
+                scenario = scenario.model_copy(update={"time_s": _hours(name, scenario, value)})
             case "cars":
                 scenario = scenario.model_copy(update={"cars": _cars(name, scenario, value)})
             case "person":
@@ -299,6 +303,15 @@ def _other_laps(name: str, scenario: Scenario, laps: str) -> dict[str, float]:
     if time_s > LONGEST_S:
         raise InputError(f"scenario {name!r}: takes {time_s:.0f} s, expected at most {LONGEST_S:.0f} s")
     return {"laps": number, "time_s": time_s}
+
+
+def _hours(name: str, scenario: Scenario, hours: str) -> float:
+    """How long a race lasts, s, in whole seconds."""
+    if scenario.laps is not None or scenario.finish_m is not None:
+        raise InputError(f"scenario {name!r}: {scenario.name} ends at a line, expected one that ends by time")
+    most = LONGEST_S / 3600.0
+    kind = Annotated[float, Field(ge=1.0 / 60.0, le=most)]
+    return round(3600.0 * _number(name, "hours", hours, kind, f"hours from 1/60 to {most:g}"))
 
 
 def _cars(name: str, scenario: Scenario, cars: str) -> int:

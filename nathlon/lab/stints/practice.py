@@ -125,7 +125,7 @@ def light(source: str, place: Place, driven: pl.DataFrame, runs: int, seed: int)
     return asked
 
 
-def with_settings(scenario: str, **settings: int) -> str:
+def with_settings(scenario: str, **settings: float) -> str:
     """The name of a scenario with some settings instead of its own.
 
     Raises:
@@ -134,7 +134,9 @@ def with_settings(scenario: str, **settings: int) -> str:
     file, _, given = scenario.rpartition(":")
     if not file or "=" not in given:
         file, given = scenario, ""
-    kept = dict(settings_of(given, f"scenario {scenario!r}")) | {key: str(n) for key, n in settings.items()}
+    kept = dict(settings_of(given, f"scenario {scenario!r}")) | {
+        key: f"{n:.12g}" for key, n in settings.items()
+    }
     name = f"{file}:{','.join(f'{key}={value}' for key, value in kept.items())}"
     load_scenario(name)
     return name

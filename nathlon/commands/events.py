@@ -1,0 +1,174 @@
+"""`nathlon endurance`, `nathlon weekend` and `nathlon season`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nathlon.commands.options import AsJson, CarName, Circuit, Out, Seed, Workers
+from nathlon.policies.sources.finding import check_given
+from nathlon.terminal import new_table, print_json, print_table, say
+
+if TYPE_CHECKING:
+    import polars as pl
+
+Entrants = Annotated[
+    list[str],
+    typer.Argument(help="Entrants: checkpoints, composites with stints, driver:pace=0.95, plugin:NAME."),
+]
+Laps = Annotated[int, typer.Option(min=1, max=1000, help="Laps of a race.")]
+Scenario = Annotated[str, typer.Option(help="Name or path of the race's scenario.")]
+NoPractice = Annotated[
+    bool, typer.Option("--no-practice", help="No practice: cars without a plan stop when they need to.")
+]
+GOES_ON = "The same command goes on from here."
+
+
+def endurance(
+    entrants: Entrants,
+    circuit: Circuit = "lindenring",
+    car: CarName = "gt3",
+    hours: Annotated[float, typer.Option(help="Hours until the race ends, up to 24.")] = 24.0,
+    cars: Annotated[
+        int | None,
+        typer.Option(min=1, max=20, help="Cars, which entrants fill in turn; one each by default."),
+    ] = None,
+    scenario: Scenario = "endurance",
+    seed: Seed = 1,
+    out: Out = Path("runs/endurance"),
+    as_json: AsJson = False,
+) -> None:
+    """Run a race by the clock, for 24 hours if you like; it goes on where it was stopped."""
+    check_given(entrants)
+    _start()
+    import nathlon
+    from nathlon.commands.selection import stoppable
+
+    with stoppable(GOES_ON):
+        result = nathlon.endurance(
+            entrants,
+            circuit=circuit,
+            car=car,
+            hours=hours,
+            cars=cars,
+            scenario=scenario,
+            seed=seed,
+            out=out,
+            progress=not as_json,
+        )
+    if as_json:
+        print_json(result.results.to_dicts())
+        return
+    _print_race(f"{hours:g} hours of {circuit}", result.results)
+    say(f"Page         {result.page}")
+
+
+def weekend(
+    entrants: Entrants,
+    circuit: Circuit = "lindenring",
+    car: CarName = "gt3",
+    laps: Laps = 40,
+    scenario: Scenario = "weekend",
+    no_practice: NoPractice = False,
+    seed: Seed = 1,
+    workers: Workers = None,
+    out: Out = Path("runs/weekend"),
+    as_json: AsJson = False,
+) -> None:
+    """Run practice, qualifying and a race; it goes on where it was stopped."""
+    check_given(entrants)
+    _start()
+    import nathlon
+    from nathlon.commands.selection import stoppable
+
+    with stoppable(GOES_ON):
+        result = nathlon.weekend(
+            entrants,
+            circuit=circuit,
+            car=car,
+            laps=laps,
+            scenario=scenario,
+            practice=not no_practice,
+            seed=seed,
+            workers=workers,
+            out=out,
+            progress=not as_json,
+        )
+    if as_json:
+        practice = None if result.practice is None else result.practice.to_dicts()
+        qualifying, results = result.qualifying.to_dicts(), result.results.to_dicts()
+        print_json({"practice": practice, "qualifying": qualifying, "results": results})
+        return
+    grid = new_table("Qualifying", ("Entrant", "Lap s"))
+    for name, lap_s in result.qualifying.iter_rows():
+        grid.add_row(name, "no time" if lap_s is None else f"{lap_s:.3f}")
+    print_table(grid)
+    _print_race(f"{laps} laps of {circuit}", result.results)
+    say(f"Page         {result.page}")
+
+
+def season(
+    entrants: Entrants,
+    circuits: Annotated[str, typer.Option(metavar="NAME,NAME", help="Circuits of the weekends.")],
+    car: CarName = "gt3",
+    laps: Laps = 40,
+    scenario: Scenario = "weekend",
+    no_practice: NoPractice = False,
+    seed: Seed = 1,
+    workers: Workers = None,
+    out: Out = Path("runs/season"),
+    as_json: AsJson = False,
+) -> None:
+    """Run weekends on several circuits, and add their points up; it goes on where it was stopped."""
+    check_given(entrants)
+    _start()
+    import nathlon
+    from nathlon.commands.selection import stoppable
+
+    with stoppable(GOES_ON):
+        result = nathlon.season(
+            entrants,
+            circuits=circuits.split(","),
+            car=car,
+            laps=laps,
+            scenario=scenario,
+            practice=not no_practice,
+            seed=seed,
+            workers=workers,
+            out=out,
+            progress=not as_json,
+        )
+    if as_json:
+        print_json(result.table.to_dicts())
+        return
+    table = new_table("Season", ("Place", "Entrant", "Points", "Wins", *circuits.split(",")))
+    for row in result.table.iter_rows():
+        table.add_row(*(f"{value:g}" if isinstance(value, float) else str(value) for value in row))
+    print_table(table)
+    say(f"Page         {result.page}")
+
+
+def _start() -> None:
+    from nathlon.arena.workers import start_server
+
+    start_server()
+
+
+def _print_race(title: str, results: pl.DataFrame) -> None:
+    heads = ("Place", "Grid", "Entrant", "Laps", "Time s", "Lap s", "Stops", "Contacts", "Pen.", "Points")
+    table = new_table(title, heads, lean=True)
+
+    def seconds(value: float | None) -> str:
+        return "" if value is None else f"{value:.3f}"
+
+    for row in results.iter_rows(named=True):
+        table.add_row(
+            *(str(row["place"]), str(row["slot"]), row["name"], str(row["laps"])),
+            seconds(row["race_time_s"]) or row["ending"].replace("_", " "),
+            seconds(row["best_lap_s"]),
+            *(str(row[count]) for count in ("stops", "contacts", "penalties")),
+            f"{row['points']:g}",
+        )
+    print_table(table)

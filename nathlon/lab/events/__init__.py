@@ -1,0 +1,1 @@
+"""Events: long races driven leg by leg, weekends and seasons."""

@@ -1,0 +1,144 @@
+"""Long races, weekends and seasons."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from nathlon.arena.lap_chart import LAP_CHART, running_order, stints
+from nathlon.arena.leg import Leg, LegDriven, drive_leg
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pool import Pool
+from nathlon.arena.runner import run_match
+from nathlon.arena.watch import Watch
+from nathlon.lab.events.race_folder import drive_race
+from nathlon.lab.events.standings import season_table
+from nathlon.policies.policy import Batch
+from nathlon.policies.strategy import PitWall, WhenNeeded
+from nathlon.reports.event_page import lap_chapter, table_chapter, write_event_page
+from nathlon.sim.car import load_car
+from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.world import Service
+from tests.support.refusals import refusal
+
+
+class Counting:
+    """Drives off by how often it has been asked, which it must remember."""
+
+    observation_spec = ObservationSpec(course_points=4)
+
+    def initial_memory(self, n: int) -> Batch:
+        return np.zeros((n, 1), np.float32)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        actions = np.zeros((len(observations), 2), np.float32)
+        actions[:, 0] = 0.3 + 0.3 * np.sin(memory[:, 0] / 7.0)
+        return actions, memory + 1.0
+
+
+def race(seed: int = 1) -> Match:
+    """Five minutes of two cars."""
+    scenario, ids = "endurance:hours=0.02,cars=2", ("one", "two")
+    return Match("race", scenario, scenario, "lindenring", "gt3", ids, ids, (Race(seed, (Seat(0), Seat(1))),))
+
+
+class Here(Pool):
+    """Drives legs in this process, until it is stopped."""
+
+    def __init__(self, legs: int) -> None:
+        super().__init__(1)
+        self.left = legs
+
+    def drive_leg(self, match: Match, leg: Leg) -> LegDriven:
+        if not self.left:
+            raise KeyboardInterrupt
+        self.left -= 1
+        return drive_leg(match, [Counting(), Counting()], leg, Watch())
+
+
+def test_a_race_that_was_stopped_ends_as_if_it_had_not_been(tmp_path: Path) -> None:
+    whole = drive_race(Here(9), race(), tmp_path / "whole", leg_s=30.0)
+    with pytest.raises(KeyboardInterrupt):
+        drive_race(Here(1), race(), tmp_path / "stopped", leg_s=30.0)
+    went_on = drive_race(Here(2), race(), tmp_path / "stopped", leg_s=30.0)
+    assert went_on.results.equals(whole.results)
+    assert went_on.laps.equals(whole.laps)
+    # And as in a single run, for policies without random generators of their own.
+    assert whole.results.equals(run_match(race(), [Counting(), Counting()]))
+    assert whole.results["ending"].to_list() == ["time_up", "time_up"]
+    # What is over is not driven again.
+    assert drive_race(Here(0), race(), tmp_path / "stopped", leg_s=30.0).results.equals(whole.results)
+
+
+def test_a_folder_goes_on_with_its_own_race_only(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        drive_race(Here(1), race(), tmp_path, leg_s=5.0)
+    other = refusal(lambda: drive_race(Here(9), race(seed=2), tmp_path, leg_s=5.0))
+    assert "leg-01.npz: is of a race with other entrants" in other
+    (tmp_path / "leg-01.npz").write_bytes(b"PK\3\4 no more than this")
+    assert "is no leg of a race" in refusal(lambda: drive_race(Here(9), race(), tmp_path, leg_s=5.0))
+
+
+def wall(wear: float, fuel_kg: float, lap: int = 3, laps: int | None = None) -> PitWall:
+    one = np.zeros(1, int)
+    lap_s, gap_s = np.array([100.0]), np.zeros(1)
+    return PitWall(0, laps, lap, lap + 1, np.array([wear, 0.0, 0.0, 0.0]), fuel_kg, lap_s, gap_s, one, one)
+
+
+def test_who_has_no_plan_stops_when_tyres_are_worn_or_fuel_is_short() -> None:
+    strategist = WhenNeeded(load_car("gt3"), "racing-medium", 1.0)
+    tank = load_car("gt3").fuel.capacity_kg
+    assert strategist.decide(wall(0.5, 40.0)) is None
+    assert strategist.decide(wall(0.9, 40.0)) == Service("racing-medium", tank)
+    assert strategist.decide(wall(0.1, 4.0)) == Service(None, tank)
+    # Two laps at full power burn some 6 kg; in the last lap three will do, and tyres last.
+    assert strategist.decide(wall(0.9, 4.0, lap=9, laps=10)) is None
+
+
+def laps() -> pl.DataFrame:
+    rows = [
+        (0, 1, 100.0, None, 0, "racing-soft", 0.1, 70.0, 0, 0),
+        (1, 1, 101.0, None, 0, "racing-hard", 0.1, 70.0, 0, 0),
+        (0, 2, 230.0, 130.0, 1, "racing-hard", 0.0, 70.0, 0, 0),
+        (1, 2, 201.0, 100.0, 0, "racing-hard", 0.2, 60.0, 0, 0),
+        (1, 3, 301.0, 100.0, 0, "racing-hard", 0.3, 50.0, 0, 0),
+    ]
+    return pl.DataFrame(rows, schema=LAP_CHART, orient="row")
+
+
+def test_places_are_those_when_the_leader_completes_a_lap() -> None:
+    order = running_order(laps())
+    assert order.filter(car=1).sort("lap")["place"].to_list() == [2, 1, 1]
+    assert stints(laps()).select("car", "stint", "compound", "first", "last").rows() == [
+        (0, 1, "racing-soft", 1, 1),
+        (0, 2, "racing-hard", 2, 2),
+        (1, 1, "racing-hard", 1, 3),
+    ]
+
+
+def test_wins_decide_between_equal_points() -> None:
+    schema = {"slot": pl.Int64, "name": pl.String, "place": pl.Int64, "points": pl.Float64}
+    first = [(1, "a", 2, 8.0), (2, "b", 1, 10.0), (3, "c", 3, 6.0)]
+    second = [(1, "b", 4, 5.0), (2, "a", 3, 7.0), (3, "c", 1, 10.0)]
+    table = season_table(
+        {name: pl.DataFrame(rows, schema, orient="row") for name, rows in (("x", first), ("y", second))}
+    )
+    assert table.rows() == [
+        (1, "c", 16.0, 1, 6.0, 10.0),
+        (2, "b", 15.0, 1, 10.0, 5.0),
+        (3, "a", 15.0, 0, 8.0, 7.0),
+    ]
+
+
+def test_the_page_of_an_event_shows_its_laps(tmp_path: Path) -> None:
+    names = pl.when(pl.col("car") == 0).then(pl.lit("<first>")).otherwise(pl.lit("second"))
+    chapters = [
+        table_chapter("Race", [["1", "<first>"]], ("Place", "Entrant")),
+        lap_chapter(laps().with_columns(name=names), "Laps"),
+    ]
+    text = write_event_page(tmp_path, "second wins", "a race", chapters).read_text("utf-8")
+    assert "&lt;first&gt;" in text
+    assert "data:image/png;base64," in text
