@@ -228,7 +228,8 @@ class _Meeting:
     def results(self, number: int) -> pl.DataFrame:
         """RESULTS of a match that is over."""
         races, match = self._races[number], self._matches[number]
-        return classify(match, self.world.state[races], self._endings[races], self._driven[races])
+        stints = self._pit_walls.stints(races)
+        return classify(match, self.world.state[races], self._endings[races], self._driven[races], stints)
 
     def tick(self) -> bool:
         """Have everybody act whose turn it is, and advance the world; whether a car's run has ended."""

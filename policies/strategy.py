@@ -12,6 +12,7 @@ from pydantic import Field, field_validator
 
 from nathlon.sim.car import load_compounds
 from nathlon.sim.data_file import Section
+from nathlon.sim.rules import PitParameters
 from nathlon.sim.scenario import MOST_LAPS
 from nathlon.sim.world import Service
 
@@ -28,8 +29,11 @@ class PitWall(NamedTuple):
         fuel_kg: in its tank.
         last_lap_s: of all cars (cars,), nan before a lap.
         gap_s: of all cars (cars,) to the leader at the last timing line, nan for those a lap behind.
+        compounds: of the tyres of all cars.
         laps_done: of all cars (cars,) int64.
         stops: of all cars (cars,) int64.
+        pit: what a stop takes.
+        tank_kg: fuel in a full tank.
     """
 
     car: int
@@ -40,15 +44,23 @@ class PitWall(NamedTuple):
     fuel_kg: float
     last_lap_s: NDArray[np.float64]
     gap_s: NDArray[np.float64]
+    compounds: tuple[str, ...]
     laps_done: NDArray[np.int64]
     stops: NDArray[np.int64]
+    pit: PitParameters
+    tank_kg: float
+
+    @property
+    def last_lap(self) -> bool:
+        """Whether the race is over when the car comes back from a stop at the next entry."""
+        return self.laps is not None and self.ends_lap >= self.laps
 
 
 class Strategist(Protocol):
     """Decides for one car at a time; it keeps nothing between calls, so that it can serve any number."""
 
-    def start(self, laps: int | None) -> Service:
-        """With what the car starts a race of so many laps."""
+    def start(self, wall: PitWall) -> Service:
+        """With what the car starts."""
         ...
 
     def decide(self, wall: PitWall) -> Service | None:
@@ -90,13 +102,13 @@ class StintPlan:
         self._stints = stints
         self._ends = list(accumulate(stint.laps for stint in stints))
 
-    def start(self, laps: int | None) -> Service:
+    def start(self, wall: PitWall) -> Service:
         """See `Strategist.start`."""
         return self._stints[0].service
 
     def decide(self, wall: PitWall) -> Service | None:
-        """See `Strategist.decide`; a stop that was missed is due in the next lap."""
+        """See `Strategist.decide`; a stop that was missed is due in the next lap, unless that is the last."""
         stint = int(wall.stops[wall.car])
-        if stint + 1 >= len(self._stints) or wall.ends_lap < self._ends[stint]:
+        if wall.last_lap or stint + 1 >= len(self._stints) or wall.ends_lap < self._ends[stint]:
             return None
         return self._stints[stint + 1].service

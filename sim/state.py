@@ -118,6 +118,7 @@ class CarRecord(Protocol):
     stage: int  # of a stop
     lane_m: float  # from the entry line
     lane_s: float  # in the lane since the start, s
+    stood_s: float  # of this in the box
     service_s: float  # still to stand in the box
     clear_s: float  # since it came back to the road
     stops: int

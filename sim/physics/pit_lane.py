@@ -158,6 +158,7 @@ def drive_lane(
     speed = car.velocity_x
     if car.stage == IN_BOX:
         car.service_s -= dt
+        car.stood_s += dt
         if car.service_s > 0.0:
             return
         car.stage = LEAVING
