@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,11 @@ for _unset in ("best_lap_s", "finish_s"):
 
 
 def classify(
-    match: Match, cars: NDArray[np.void], endings: NDArray[np.str_], driven: NDArray[np.float64]
+    match: Match,
+    cars: NDArray[np.void],
+    endings: NDArray[np.str_],
+    driven: NDArray[np.float64],
+    stints: Mapping[tuple[int, int], str] = MappingProxyType({}),
 ) -> pl.DataFrame:
     """Results of a match, schema RESULTS.
 
@@ -34,11 +40,12 @@ def classify(
         cars: (races, cars) CAR_STATE at the end.
         endings: (races, cars) how each run ended.
         driven: (races, cars) time until then, s.
+        stints: of the cars that have a strategist, as RESULTS has them, by race and car.
     """
     rows = [
         row
         for index in range(len(match.races))
-        for row in _classify_race(match, index, cars[index], endings[index], driven[index])
+        for row in _classify_race(match, index, cars[index], endings[index], driven[index], stints)
     ]
     return pl.DataFrame(rows, schema=RESULTS)
 
@@ -50,7 +57,12 @@ def void(match: Match, ending: str = "simulator_fault") -> pl.DataFrame:
 
 
 def _classify_race(
-    match: Match, index: int, cars: NDArray[np.void], endings: NDArray[np.str_], driven: NDArray[np.float64]
+    match: Match,
+    index: int,
+    cars: NDArray[np.void],
+    endings: NDArray[np.str_],
+    driven: NDArray[np.float64],
+    stints: Mapping[tuple[int, int], str],
 ) -> list[dict[str, Any]]:
     distance = cars["progress"] - cars["start"]
     finished = endings == "finished"
@@ -82,6 +94,7 @@ def _classify_race(
                 "contacts_faster_behind": int(state["contacts_faster_behind"]),
                 "contacts_at_fault": int(state["contacts_at_fault"]),
                 "penalties": int(state["penalties"]),
+                "stints": stints.get((index, car)),
             }
         )
     return rows

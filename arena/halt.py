@@ -22,18 +22,21 @@ class Halt(NamedTuple):
         races: as of `World.arrays`.
         endings: (races, cars) str, how runs have ended; '' while they last.
         driven: (races, cars) float64, time until then, s.
+        pit_walls: notes of `PitWalls`.
         memory: (m,) float32 of the policy of each car, by its index in the world.
     """
 
     races: Races
     endings: NDArray[np.str_]
     driven: NDArray[np.float64]
+    pit_walls: str
     memory: Mapping[int, Batch]
 
     def arrays(self) -> dict[str, NDArray]:
         """All of it as arrays by name, for a file."""
         named = {MEMORY + str(car): row for car, row in self.memory.items()}
-        return {**self.races._asdict(), "endings": self.endings, "driven": self.driven, **named}
+        kept = {"endings": self.endings, "driven": self.driven, "pit_walls": np.array(self.pit_walls)}
+        return {**self.races._asdict(), **kept, **named}
 
     @classmethod
     def of(cls, arrays: Mapping[str, NDArray]) -> Halt:
@@ -47,4 +50,4 @@ class Halt(NamedTuple):
         if races.cars.dtype != CAR_STATE or races.contacts.dtype != CONTACT:
             raise ValueError("cars or contacts are of another version")
         memory = {int(name.removeprefix(MEMORY)): row for name, row in arrays.items() if MEMORY in name}
-        return cls(races, arrays["endings"], arrays["driven"], memory)
+        return cls(races, arrays["endings"], arrays["driven"], str(arrays["pit_walls"]), memory)

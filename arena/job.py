@@ -104,7 +104,7 @@ class Opening:
 
 Job = MatchJob | Opening
 Answer = Any
-"""`Recorded`, `LegDriven`, or what the function of an `Opening` returns; an InputError where it does not work out."""
+"""`Recorded`, `LegDriven` or what the function of an `Opening` returns; an InputError where it fails."""
 
 
 class Loss(NamedTuple):

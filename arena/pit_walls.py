@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from nathlon.arena.stints import DrivenStint, written
 from nathlon.policies.strategy import PitWall, Strategist
+from nathlon.sim.physics.pit_lane import ENTERING, ON_ROAD, REJOINING
 from nathlon.sim.timing import gaps
+from nathlon.sim.weather import Weather
 from nathlon.sim.world import World
+
+ARRAYS = "_begun", "_stops", "_inside"
+"""Attributes with a number or flag of each car."""
+PLACES = 3
+"""Decimals of seconds that are kept of a stop."""
 
 
 class Advised(NamedTuple):
@@ -20,39 +29,127 @@ class Advised(NamedTuple):
     strategist: Strategist
 
 
-class PitWalls:
-    """All strategists of a world."""
+class _Begun(NamedTuple):
+    """A stint under way, and what stood on the clocks of the car when it began."""
 
-    def __init__(
-        self, world: World, laps: int | None, advised: Sequence[Advised], starts: bool = True
-    ) -> None:
-        """Fit the cars as their strategists have them start.
+    compound: str
+    laps: int
+    stood_s: float
+    lane_s: float
+
+
+class PitWalls:
+    """All strategists of a world, and what their cars drive between stops."""
+
+    def __init__(self, world: World, laps: int | None, advised: Sequence[Advised], notes: str = "") -> None:
+        """Fit the cars as their strategists have them start, unless their races go on.
 
         Args:
             world: whose cars are at their start.
             laps: of its races.
             advised: who has a strategist.
-            starts: whether the races start; if not, they go on, and the cars stay as they are.
+            notes: as of `notes`, of races that go on; empty at their start.
         """
         self._world, self._laps, self._advised = world, laps, advised
-        self._begun = np.full(world.state.shape, -1.0)
-        if not starts:
-            self._begun = np.maximum(np.floor(world.state["progress"] / world.track.length), self._begun)
+        shape = world.state.shape
+        self._begun = np.full(shape, -1.0)
+        self._stops, self._inside = np.zeros(shape, np.int64), np.zeros(shape, bool)
+        default = world.conditions.compound or world.car.tyre.compound
+        self._compounds = [[default] * shape[1] for _ in range(shape[0])]
+        self._asked: dict[tuple[int, int], str | None] = {}
+        self._driven: dict[tuple[int, int], list[DrivenStint]] = {}
+        self._stint: dict[tuple[int, int], _Begun] = {}
+        if notes:
+            self._recall(notes)
             return
         for race, car, strategist in advised:
-            world.fit(race, car, strategist.start(laps))
+            service = strategist.start(self._wall(race, car))
+            world.fit(race, car, service)
+            self._asked[race, car] = service.compound
+            self._fitted(race, car)
+            self._driven[race, car] = []
+            self._stint[race, car] = _Begun(self._compounds[race][car], 0, 0.0, 0.0)
+
+    @property
+    def notes(self) -> str:
+        """All that is kept, as JSON."""
+        arrays = {name: getattr(self, name).tolist() for name in ARRAYS}
+        cars = [[*at, self._asked[at], self._driven[at], self._stint[at]] for at in self._driven]
+        return json.dumps({**arrays, "compounds": self._compounds, "cars": cars})
+
+    def _recall(self, notes: str) -> None:
+        kept = json.loads(notes)
+        for name in ARRAYS:
+            getattr(self, name)[:] = kept[name]
+        self._compounds = kept["compounds"]
+        for race, car, asked, driven, stint in kept["cars"]:
+            self._asked[race, car] = asked
+            self._driven[race, car] = [DrivenStint(*one) for one in driven]
+            self._stint[race, car] = _Begun(*stint)
 
     def listen(self) -> None:
-        """Ask the strategists of cars that began a lap in the last step, the first too, and tell the cars."""
+        """Ask the strategists of cars that began a lap in the last step, the first too, and tell the cars.
+
+        Whoever begins it on the way to the box is asked after the service.
+        """
         if not self._advised:
             return
+        self._note_stops()
         state = self._world.state
         laps = np.floor(state["progress"] / self._world.track.length)
-        began = (laps > self._begun) & state["driving"]
-        self._begun = np.maximum(laps, self._begun)
+        began = (laps > self._begun) & state["driving"] & (state["stage"] != ENTERING)
+        if not began.any():
+            return
+        self._begun[began] = laps[began]
         for race, car, strategist in self._advised:
             if began[race, car]:
-                self._world.ask_stop(race, car, strategist.decide(self._wall(race, car)))
+                service = strategist.decide(self._wall(race, car))
+                self._world.ask_stop(race, car, service)
+                self._asked[race, car] = service.compound if service else None
+
+    def stints(self, races: slice) -> dict[tuple[int, int], str]:
+        """What the cars with a strategist drove in some races, as RESULTS has it.
+
+        Args:
+            races: which; the first of them is race 0.
+
+        Returns:
+            column `stints` by race and car.
+        """
+        told = {}
+        for race, car in self._driven:
+            if races.start <= race < races.stop:
+                begun = self._stint[race, car]
+                laps = int(self._world.state["laps"][race, car]) - begun.laps
+                told[race - races.start, car] = written(
+                    [*self._driven[race, car], DrivenStint(begun.compound, laps)]
+                )
+        return told
+
+    def _note_stops(self) -> None:
+        """Keep what happened in the pit lane in the last step."""
+        state = self._world.state
+        inside = (state["stage"] != ON_ROAD) & (state["stage"] != REJOINING)
+        served, left = state["stops"] > self._stops, self._inside & ~inside & state["driving"]
+        self._stops, self._inside = state["stops"].copy(), inside
+        for race, car in np.argwhere(served).tolist():
+            self._fitted(race, car)
+        for race, car in np.argwhere(left).tolist():
+            begun, now = self._stint[race, car], state[race, car]
+            ended = _Begun(
+                self._compounds[race][car], int(now["laps"]), float(now["stood_s"]), float(now["lane_s"])
+            )
+            self._stint[race, car] = ended
+            stood_s, lane_s = ended.stood_s - begun.stood_s, ended.lane_s - begun.lane_s
+            self._driven[race, car].append(
+                DrivenStint(
+                    begun.compound, ended.laps - begun.laps, round(stood_s, PLACES), round(lane_s, PLACES)
+                )
+            )
+
+    def _fitted(self, race: int, car: int) -> None:
+        """Note that a car has the tyres that were asked for."""
+        self._compounds[race][car] = self._asked[race, car] or self._compounds[race][car]
 
     def _wall(self, race: int, car: int) -> PitWall:
         cars, track = self._world.state[race], self._world.track
@@ -66,6 +163,24 @@ class PitWalls:
             fuel_kg=float(cars["fuel"][car]),
             last_lap_s=cars["last_lap_s"].copy(),
             gap_s=np.asarray(gaps(cars)),
+            compounds=tuple(self._compounds[race]),
             laps_done=cars["laps"].copy(),
             stops=cars["stops"].copy(),
+            pit=self._world.parameters.rules.pit,
+            tank_kg=float(self._world.parameters.car.fuel_capacity),
+            film_mm=float(cars["film"][car]),
+            rain_mm_h=self._world.rain_mm_h(race),
+            forecast=self._forecast(race),
         )
+
+    def _forecast(self, race: int) -> tuple[Weather, ...]:
+        """The weathers that may come and agree with the rain until now, their chances adding up to 1."""
+        world = self._world
+        weather = world.conditions.weather
+        if not weather:
+            return ()
+        came = weather[world.state["sky"][race, 0]]
+        time_s, lap = float(world.time[race]), world.leader_lap(race)
+        left = [one for one in weather if one.agrees(came, time_s, lap)]
+        whole = sum(one.chance for one in left)
+        return tuple(one.model_copy(update={"chance": one.chance / whole}) for one in left)

@@ -55,6 +55,7 @@ RESULTS = pl.Schema(
         "penalties": pl.Int64,
         "score": pl.Float64,  # more is better; null where places alone count
         "measures": pl.String,  # the world's own, a JSON object of numbers; null without any
+        "stints": pl.String,  # JSON, see `nathlon.arena.stints`; null of a car without a strategist
     }
 )
 """What a world does not measure is null."""

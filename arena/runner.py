@@ -208,7 +208,8 @@ class _Meeting:
         if scenario.stops_when_needed:
             compound = scenario.compound or self.world.car.tyre.compound
             self._usual = WhenNeeded(self.world.car, compound, scenario.fuel_rate)
-        self._pit_walls = PitWalls(self.world, scenario.laps, list(self._advised(line_ups)), begin is None)
+        advised, notes = list(self._advised(line_ups)), begin.pit_walls if begin else ""
+        self._pit_walls = PitWalls(self.world, scenario.laps, advised, notes)
         self._reliefs = [
             self._relief(number, match.swap, policies)
             for number, (match, policies) in line_ups.items()
@@ -248,7 +249,7 @@ class _Meeting:
         """The present state, copied."""
         memory = {car: row.copy() for team in self._teams for car, row in team.memory.items()}
         races = Races._make(array.copy() for array in self.world.arrays())
-        return Halt(races, self._endings.copy(), self._driven.copy(), memory)
+        return Halt(races, self._endings.copy(), self._driven.copy(), self._pit_walls.notes, memory)
 
     def _advised(self, line_ups: Mapping[int, LineUp]) -> Iterator[Advised]:
         """The cars whose policies have a strategist, or that stop as their scenario says."""
@@ -297,7 +298,8 @@ class _Meeting:
     def results(self, number: int) -> pl.DataFrame:
         """RESULTS of a match that is over."""
         races, match = self._races[number], self._matches[number]
-        return classify(match, self.world.state[races], self._endings[races], self._driven[races])
+        stints = self._pit_walls.stints(races)
+        return classify(match, self.world.state[races], self._endings[races], self._driven[races], stints)
 
     def tick(self) -> bool:
         """Have everybody act whose turn it is, and advance the world; whether a car's run has ended."""

@@ -12,7 +12,9 @@ from pydantic import Field, field_validator
 
 from nathlon.sim.car import Car, load_compounds
 from nathlon.sim.data_file import Section
+from nathlon.sim.rules import PitParameters
 from nathlon.sim.scenario import MOST_LAPS
+from nathlon.sim.weather import Weather, wet_share
 from nathlon.sim.world import Service
 
 
@@ -28,8 +30,14 @@ class PitWall(NamedTuple):
         fuel_kg: in its tank.
         last_lap_s: of all cars (cars,), nan before a lap.
         gap_s: of all cars (cars,) to the leader at the last timing line, nan for those a lap behind.
+        compounds: of the tyres of all cars.
         laps_done: of all cars (cars,) int64.
         stops: of all cars (cars,) int64.
+        pit: what a stop takes.
+        tank_kg: fuel in a full tank.
+        film_mm: water on the road.
+        rain_mm_h: how hard it rains.
+        forecast: weathers that agree with the rain so far, with their chances; none without weather.
     """
 
     car: int
@@ -40,15 +48,26 @@ class PitWall(NamedTuple):
     fuel_kg: float
     last_lap_s: NDArray[np.float64]
     gap_s: NDArray[np.float64]
+    compounds: tuple[str, ...]
     laps_done: NDArray[np.int64]
     stops: NDArray[np.int64]
+    pit: PitParameters
+    tank_kg: float
+    film_mm: float = 0.0
+    rain_mm_h: float = 0.0
+    forecast: tuple[Weather, ...] = ()
+
+    @property
+    def last_lap(self) -> bool:
+        """Whether the race is over when the car comes back from a stop at the next entry."""
+        return self.laps is not None and self.ends_lap >= self.laps
 
 
 class Strategist(Protocol):
     """Decides for one car at a time; it keeps nothing between calls, so that it can serve any number."""
 
-    def start(self, laps: int | None) -> Service:
-        """With what the car starts a race of so many laps."""
+    def start(self, wall: PitWall) -> Service:
+        """With what the car starts."""
         ...
 
     def decide(self, wall: PitWall) -> Service | None:
@@ -90,14 +109,14 @@ class StintPlan:
         self._stints = stints
         self._ends = list(accumulate(stint.laps for stint in stints))
 
-    def start(self, laps: int | None) -> Service:
+    def start(self, wall: PitWall) -> Service:
         """See `Strategist.start`."""
         return self._stints[0].service
 
     def decide(self, wall: PitWall) -> Service | None:
-        """See `Strategist.decide`; a stop that was missed is due in the next lap."""
+        """See `Strategist.decide`; a stop that was missed is due in the next lap, unless that is the last."""
         stint = int(wall.stops[wall.car])
-        if stint + 1 >= len(self._stints) or wall.ends_lap < self._ends[stint]:
+        if wall.last_lap or stint + 1 >= len(self._stints) or wall.ends_lap < self._ends[stint]:
             return None
         return self._stints[stint + 1].service
 
@@ -106,13 +125,26 @@ WORN = 0.85
 """Wear at which a car stops that has no plan."""
 HALF_WORN = 0.4
 """Wear from which it gets new tyres when it stops for fuel."""
+WET = ("intermediate", "wet")
+"""Compounds that it may be given in the rain."""
+BETTER = 1.04
+"""How much more other tyres must grip on the road as it is, before it stops for them."""
+
+
+def suiting(film_mm: float, compounds: Sequence[str]) -> dict[str, float]:
+    """The grip of compounds in water, against racing-medium on dry road."""
+    known = load_compounds()
+    return {
+        name: known[name].grip * float(wet_share(film_mm, known[name].film_mm) if film_mm else 1.0)
+        for name in compounds
+    }
 
 
 class WhenNeeded:
-    """A strategist without a plan: it stops when tyres are worn or fuel is short.
+    """A strategist without a plan: it stops when tyres are worn or do not suit the road, or fuel is short.
 
     Tyres are worn at `WORN`; fuel is short if it would not last two laps at full power. The car gets a full
-    tank, and new tyres of the same compound unless its own are good for as long again.
+    tank, and new tyres, those that suit the road best, unless its own do and are good for as long again.
     """
 
     def __init__(self, car: Car, compound: str, fuel_rate: float) -> None:
@@ -120,19 +152,26 @@ class WhenNeeded:
         engine, fuel = car.engine, car.fuel
         powers = np.array(engine.rpm) * np.array(engine.torque_n_m) * 2.0 * np.pi / 60.0
         self._burnt_kg_s = fuel_rate * fuel.consumption_kg_j * float(powers.max())
-        self._compound, self._tank_kg = compound, fuel.capacity_kg
+        self._compounds = tuple(dict.fromkeys((compound, *WET)))
 
-    def start(self, laps: int | None) -> Service:
+    def start(self, wall: PitWall) -> Service:
         """See `Strategist.start`."""
-        return Service()
+        return Service(self._best(wall)) if wall.forecast else Service()
 
     def decide(self, wall: PitWall) -> Service | None:
         """See `Strategist.decide`."""
         left = np.inf if wall.laps is None else wall.laps - wall.lap
         lap_s = float(np.nan_to_num(wall.last_lap_s[wall.car]))
         short = wall.fuel_kg < min(2.0, left) * lap_s * self._burnt_kg_s
-        worn = float(wall.wear.max()) > WORN and left > 2
-        if not short and not worn:
+        wear, best = float(wall.wear.max()), self._best(wall)
+        unsuited = best != wall.compounds[wall.car]
+        if not short and (left <= 2 or (wear <= WORN and not unsuited)):
             return None
-        tyres = self._compound if wall.wear.max() > HALF_WORN else None
-        return Service(tyres, self._tank_kg)
+        return Service(best if unsuited or wear > HALF_WORN else None, wall.tank_kg)
+
+    def _best(self, wall: PitWall) -> str:
+        """The compound that suits the road; the one on the car unless another is clearly better."""
+        on = wall.compounds[wall.car]
+        grips = suiting(wall.film_mm, (on, *(self._compounds if wall.forecast else self._compounds[:1])))
+        best = max(grips, key=grips.__getitem__)
+        return best if grips[best] > BETTER * grips[on] else on

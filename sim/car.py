@@ -288,10 +288,18 @@ def with_grip(car: Car, multiple: float) -> Car:
 
 
 class Compound(Section):
-    """A tyre compound: its grip and how fast it wears, against the others."""
+    """A tyre compound.
+
+    Attributes:
+        grip, wear: how much it grips and how fast it wears, against the others, on dry road.
+        film_mm: depth of water that it displaces, see `nathlon.sim.weather`.
+        peak_slip: multiple of the car's slip at which its force peaks.
+    """
 
     grip: Annotated[float, Field(gt=0, le=10)]
     wear: Annotated[float, Field(gt=0, le=1000)]
+    film_mm: Annotated[float, Field(gt=0, le=100)] = 0.35
+    peak_slip: Annotated[float, Field(ge=0.2, le=5)] = 1.0
 
 
 class Compounds(Section):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.sim.car_facts import car_facts
+from nathlon.sim.car_facts import FACTS, car_facts
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import (
     ACCELERATION_X,
@@ -118,6 +118,8 @@ class ViewParameters(NamedTuple):
         full_lock: of the car's steering, rad.
         fuel_capacity: of the car, kg.
         facts: of `nathlon.sim.car_facts`, standardised.
+        grips, peaks: (facts,) float32, what each loses of all the grip, and of all the slip at its peak; no
+            numbers where there is no weather.
         course: the circuit.
         plan: the table of the plan of a lap on it.
     """
@@ -125,6 +127,8 @@ class ViewParameters(NamedTuple):
     full_lock: float
     fuel_capacity: float
     facts: NDArray[np.float32]
+    grips: NDArray[np.float32]
+    peaks: NDArray[np.float32]
     course: CourseParameters
     plan: NDArray[np.float64]
 
@@ -132,8 +136,16 @@ class ViewParameters(NamedTuple):
 def view_parameters(p: WorldParameters, plan: NDArray[np.float64] = UNPLANNED) -> ViewParameters:
     """What observations need of a world, and of the plan of a lap in it."""
     mean, deviation = (part[-CAR.size :] for part in ObservationSpec(version=ANY_CAR).scaling)
-    facts = ((car_facts(p.car, p.course.surface_grip) - mean) / deviation).astype(np.float32)
-    return ViewParameters(p.car.full_lock, p.car.fuel_capacity, facts, p.course, plan)
+    known = car_facts(p.car, p.course.surface_grip)
+    facts = ((known - mean) / deviation).astype(np.float32)
+    kept = slice(None) if p.rates.weather else slice(0)
+    grips, peaks = (
+        np.where([name.startswith(told) for name, *_ in FACTS], known / deviation, 0.0).astype(np.float32)[
+            kept
+        ]
+        for told in ("grip_", "peak_slip_")
+    )
+    return ViewParameters(p.car.full_lock, p.car.fuel_capacity, facts, grips, peaks, p.course, plan)
 
 
 class Nearby(NamedTuple):
@@ -219,6 +231,10 @@ def observe_car(
         observe_slip(field[index], values)
         for k in range(layout.facts):
             values[facts + k] = p.facts[k]
+        for k in range(len(p.grips)):
+            car = field[index]
+            values[facts + k] += p.grips[k] * (car.tyre_grip * car.wet_grip - 1.0)
+            values[facts + k] += p.peaks[k] * (car.wet_peak - 1.0)
     for k in range(OWN_SIZE):
         values[k] = (values[k] - mean[k]) * scale[k]
     for k in range(lists, facts):

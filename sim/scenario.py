@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated, Any
 
@@ -25,6 +26,7 @@ from nathlon.sim.scenario_start import (
     RollingStart,
 )
 from nathlon.sim.track import CURVATURE, LEFT, RIGHT, WALL_LEFT, WALL_RIGHT, Track
+from nathlon.sim.weather import Film, Weather, draw
 from nathlon.sim.world import AGENT_HZ, DYNAMICS_HZ, Conditions, Start, World
 
 SAFE_LATERAL = 8.0
@@ -68,6 +70,8 @@ class Scenario(Section):
         compound: of the tyres; the car's own if none is named.
         wear_rate, fuel_rate: multiples of the car's wear of tyres and use of fuel.
         grip: of the surfaces; dry if nothing is said.
+        weather: what may come, one of which does; without any the road stays as it is.
+        film_mm: water on the road at the start; needs weather.
         stops_when_needed: whether cars that have no plan stop for tyres and fuel when they need some.
         action_hz: actions a second, one number or one for each starting place.
         perception_delay_s: from what happens to when it is seen, to the nearest 1/60 s; likewise.
@@ -89,6 +93,8 @@ class Scenario(Section):
     wear_rate: Rate = 0.0
     fuel_rate: Rate = 0.0
     grip: SurfaceGrip = DRY
+    weather: tuple[Weather, ...] = ()
+    film_mm: Film = 0.0
     stops_when_needed: bool = False
     action_hz: Hertz | tuple[Hertz, ...] = float(AGENT_HZ)
     perception_delay_s: Delay | tuple[Delay, ...] = 0.0
@@ -97,6 +103,8 @@ class Scenario(Section):
     def _consistent(self) -> Scenario:
         if self.laps is not None and self.finish_m is not None:
             raise ValueError("laps and finish_m exclude each other")
+        if self.film_mm > 0.0 and not self.weather:
+            raise ValueError("film_mm is given, expected weather beside it")
         if isinstance(self.start, FrozenStart) and len(self.start.car) != self.cars:
             raise ValueError(f"start.car has {len(self.start.car)} cars, expected {self.cars}")
         for name in ("action_hz", "perception_delay_s"):
@@ -111,7 +119,9 @@ class Scenario(Section):
         Raises:
             InputError: if its rules or compound are unknown.
         """
-        conditions = Conditions(self.compound, self.wear_rate, self.fuel_rate, self.grip)
+        conditions = Conditions(
+            self.compound, self.wear_rate, self.fuel_rate, self.grip, self.weather, self.film_mm
+        )
         return World(track, car, races, self.cars, conditions, load_rules(self.rules), threads)
 
     @property
@@ -123,7 +133,7 @@ class Scenario(Section):
         )
 
     def place(self, track: Track, rng: np.random.Generator) -> Start:
-        """Starting places of all cars, first to last.
+        """Starting places of all cars, first to last, and the weather that comes.
 
         Raises:
             InputError: if the circuit lacks the section of the scenario's origin.
@@ -141,7 +151,7 @@ class Scenario(Section):
                 start = self._anywhere(self.start, track, rng)
             case FrozenStart():
                 start = self._frozen(self.start, track, rng)
-        return start
+        return replace(start, sky=draw(self.weather, rng))
 
     def _finish(self, track: Track) -> np.ndarray:
         if self.laps is not None:
@@ -261,8 +271,8 @@ def load_scenario(name: str) -> Scenario:
     """A scenario by its shipped name, or by the path of a `.toml` file, with settings instead of its own.
 
     With other laps its time changes in proportion; hours are until a race ends that is not driven in laps;
-    cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound is that of all cars, and a delay, s, that with which all of
-    them see; a grip is a multiple of that of every surface when dry.
+    cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound
+    is that of all cars, and a delay, s, that with which all of them see; a grip is a multiple of that of every surface when dry.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.

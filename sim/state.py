@@ -114,10 +114,18 @@ class CarRecord(Protocol):
     # Tyres as fitted, against those of the world's compound.
     tyre_grip: float
     tyre_wear: float
+    tyre_film: float  # mm of water that they displace
+    tyre_peak: float  # multiple of the slip at which they peak
+    # Weather, see `nathlon.sim.weather`; set only in a world that has any.
+    sky: int  # which of the weathers that may come has come
+    film: float  # mm of water on the road
+    wet_grip: float  # shares of the grip, and of the slip at its peak, that are left there
+    wet_peak: float
     # In the pit lane, see `nathlon.sim.physics.pit_lane`.
     stage: int  # of a stop
     lane_m: float  # from the entry line
     lane_s: float  # in the lane since the start, s
+    stood_s: float  # of this in the box
     service_s: float  # still to stand in the box
     clear_s: float  # since it came back to the road
     stops: int
@@ -127,6 +135,8 @@ class CarRecord(Protocol):
     asked_tyres: bool
     asked_grip: float
     asked_wear: float
+    asked_film: float
+    asked_peak: float
     asked_fuel: float  # kg in the tank afterwards; no more than there is where it is less
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.sim.camera.picture import Photographer
-from nathlon.sim.car import Car, compound_ratio, parameters, with_grip
+from nathlon.sim.car import Car, compound_ratio, load_compounds, parameters, with_grip
 from nathlon.sim.errors import InputError
 from nathlon.sim.kernel import lean_inlined, lean_kernel
 from nathlon.sim.observation import ObservationSpec
@@ -49,6 +49,7 @@ from nathlon.sim.state import CAR_STATE, CONTACT, CarRecord, Cars, RaceRows, Rac
 from nathlon.sim.steward import Approach, note_contact, serve_penalty, watch_limits
 from nathlon.sim.timing import first_line, time_lines
 from nathlon.sim.track import Track
+from nathlon.sim.weather import Weather, film_after, wet_share
 from nathlon.sim.work_stealing import Tally, ThreadPool, finish, take
 
 DYNAMICS_HZ = 60
@@ -61,6 +62,9 @@ RENEWAL_SUBSTEPS = 6
 CONTACT_GAP_S = 1.0
 """Touches of the same two cars closer together than this are one contact."""
 MOVING_M_S = 2.0
+TYRE = "tyre_grip", "tyre_wear", "tyre_film", "tyre_peak"
+ASKED = "asked_grip", "asked_wear", "asked_film", "asked_peak"
+"""What is kept of the compound on a car, and of the one that is asked for."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,7 @@ class Start:
         heading: relative to the centre line, rad.
         speed: along the heading, m/s.
         finish: progress at which the run is over, m; inf for none.
+        sky: which of the weathers that may come does.
         side_speed: to the left of the heading, m/s.
         yaw_rate: rad/s.
     """
@@ -84,6 +89,7 @@ class Start:
     finish: NDArray[np.float64]
     side_speed: NDArray[np.float64] | float = 0.0
     yaw_rate: NDArray[np.float64] | float = 0.0
+    sky: int = 0
 
 
 @dataclass(frozen=True)
@@ -94,12 +100,16 @@ class Conditions:
         compound: of the tyres; None is the car's own.
         wear_rate, fuel_rate: multiples of the car's figures; 0 leaves tyres new and the tank full.
         grip: of the surfaces.
+        weather: what may come; none is a road as it is.
+        film_mm: water on the road at the start, where there is weather.
     """
 
     compound: str | None = None
     wear_rate: float = 0.0
     fuel_rate: float = 0.0
     grip: SurfaceGrip = DRY
+    weather: tuple[Weather, ...] = ()
+    film_mm: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -160,7 +170,7 @@ def step_race(race: RaceRows, actions: np.ndarray, substeps: int, ground: Ground
         p: of the world.
     """
     cars, ticks, course = race.cars, race.ticks, p.course
-    worn = p.rates.wear > 0.0
+    worn = p.rates.wear > 0.0 or p.rates.weather
     reach_squared = 4.0 * (p.car.half_length * p.car.half_length + p.car.half_width * p.car.half_width)
     count = len(cars)
     for i in range(count):
@@ -303,7 +313,7 @@ class World:
         self.parameters = WorldParameters(
             parameters(with_grip(car, conditions.grip.tarmac), conditions.compound),
             course_parameters(track, conditions.grip),
-            Rates(float(conditions.wear_rate), float(conditions.fuel_rate)),
+            Rates(float(conditions.wear_rate), float(conditions.fuel_rate), bool(conditions.weather)),
             rule_parameters(rules or load_rules("free")),
             lane_parameters(track),
         )
@@ -362,7 +372,12 @@ class World:
             cars[unset] = np.nan
         cars["contact_s"] = -np.inf
         cars["driving"] = True
-        cars["tyre_grip"] = cars["tyre_wear"] = 1.0
+        for name, value in zip(TYRE, self._fitted(self._compound), strict=True):
+            cars[name] = value
+        cars["sky"], cars["film"] = start.sky, self.conditions.film_mm
+        cars["wet_grip"] = cars["wet_peak"] = 1.0
+        if self.conditions.weather:
+            self._wet_tyres(race)
         cars["finish"] = start.finish
         locate_all(cars, self.parameters.course)
         cars["start"] = cars["progress"]
@@ -388,17 +403,48 @@ class World:
             # The notes of contacts have room for one of each two cars.
             raise ValueError(f"substeps is {substeps}, expected at most {CONTACT_GAP_S * DYNAMICS_HZ:.0f}")
         legal = np.clip(actions, -1.0, 1.0, dtype=np.float64)
+        if self.conditions.weather:
+            for race in range(len(self.state)):
+                self._rain(race, substeps * DYNAMICS_DT)
 
         def work(tally: Tally, thread: int) -> None:
             step_races(self._races, legal, substeps, self._ground[thread], self.parameters, tally, thread)
 
         self._threads.run(work, len(self.state))
 
+    def rain_mm_h(self, race: int) -> float:
+        """How hard it rains in a race now."""
+        if not self.conditions.weather:
+            return 0.0
+        sky = self.state["sky"][race, 0]
+        return self.conditions.weather[sky].rain_mm_h(float(self.time[race]), self.leader_lap(race))
+
+    def leader_lap(self, race: int) -> int:
+        """The lap that the first car of a race is in, 1 being the first."""
+        return int(self.state["progress"][race].max() // self.track.length) + 1
+
+    def _rain(self, race: int, time_s: float) -> None:
+        """Have a race's weather go on for some time."""
+        cars = self.state[race]
+        driving = np.count_nonzero(cars["driving"]) / (self.track.length / 1000.0)
+        cars["film"] = film_after(float(cars["film"][0]), self.rain_mm_h(race), driving, time_s)
+        self._wet_tyres(race)
+
+    def _wet_tyres(self, race: int) -> None:
+        """Set what the water leaves of the tyres' grip in a race.
+
+        A tyre's stiffness stays, so the slip at its peak falls with the grip.
+        """
+        cars = self.state[race]
+        share = wet_share(float(cars["film"][0]), cars["tyre_film"])
+        cars["wet_grip"], cars["wet_peak"] = share, share * cars["tyre_peak"]
+
     def fit(self, race: int, car: int, service: Service) -> None:
         """Do to a car at once what a stop would do: before its start."""
         state = self.state[race, car]
         if service.compound is not None:
-            state["tyre_grip"], state["tyre_wear"] = self._fitted(service.compound)
+            for name, value in zip(TYRE, self._fitted(service.compound), strict=True):
+                state[name] = value
             state["wear"] = 0.0
         if service.fuel_kg is not None:
             state["fuel"] = min(service.fuel_kg, self.parameters.car.fuel_capacity)
@@ -420,12 +466,19 @@ class World:
             return
         state["asked_tyres"] = service.compound is not None
         if service.compound is not None:
-            state["asked_grip"], state["asked_wear"] = self._fitted(service.compound)
+            for name, value in zip(ASKED, self._fitted(service.compound), strict=True):
+                state[name] = value
         state["asked_fuel"] = 0.0 if service.fuel_kg is None else service.fuel_kg
 
-    def _fitted(self, compound: str) -> tuple[float, float]:
-        """Grip and wear of a compound against those of the world's."""
-        return compound_ratio(self.conditions.compound or self.car.tyre.compound, compound)
+    @property
+    def _compound(self) -> str:
+        """That which the cars start on."""
+        return self.conditions.compound or self.car.tyre.compound
+
+    def _fitted(self, compound: str) -> tuple[float, float, float, float]:
+        """Of a compound: grip and wear against those of the world's, then the film and the peak."""
+        of = load_compounds()[compound]
+        return *compound_ratio(self._compound, compound), of.film_mm, of.peak_slip
 
     def new_contacts(self, race: int) -> NDArray[np.void]:
         """The contacts of one race that began in the last step, CONTACT."""

@@ -16,10 +16,23 @@ from nathlon.arena.pool import Pool
 from nathlon.arena.qualifying import qualify as drive_qualifying
 from nathlon.arena.recording import write_recording
 from nathlon.arena.single_race import single_race
+from nathlon.arena.stints import read
 from nathlon.arena.world_finding import RACING, with_loader
 from nathlon.selection.publish.output import OutputFolder
 from nathlon.sim.errors import InputError
 from nathlon.sim.whole_file import check_output
+
+STINTS = pl.Schema(
+    {
+        "place": pl.Int64,
+        "name": pl.String,
+        "compound": pl.String,
+        "laps": pl.Int64,
+        "stood_s": pl.Float64,  # in the box at the stop that ended it; null of the last, as the next
+        "lane_s": pl.Float64,  # in the pit lane, standing included
+    }
+)
+"""Schema of `RaceResult.stints`."""
 
 
 class RaceResult:
@@ -41,6 +54,16 @@ class RaceResult:
     ) -> None:
         self.results, self.qualifying = results, qualifying
         self.recording, self.printed = recording, printed
+
+    @property
+    def stints(self) -> pl.DataFrame:
+        """One row a stint of each car that has a strategist: `place`, `name`, and `DrivenStint`'s fields."""
+        rows = [
+            {"place": row["place"], "name": row["name"], **stint._asdict()}
+            for row in self.results.iter_rows(named=True)
+            for stint in read(row["stints"])
+        ]
+        return pl.DataFrame(rows, schema=STINTS)
 
     def __repr__(self) -> str:
         return "\n".join(

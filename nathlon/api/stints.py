@@ -14,13 +14,14 @@ from nathlon.api.candidates import Candidate, one_source
 from nathlon.arena.entrance import enter_all
 from nathlon.arena.entrant import CAR, CIRCUIT
 from nathlon.arena.pool import Pool
-from nathlon.lab.stints.model import LapModel, fit
+from nathlon.lab.stints.model import LapModel, fit, stint_model
 from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import Place, heavy, light, practise
 from nathlon.policies.sources import COMPOSITE, is_path
+from nathlon.policies.stint_model import StintModel
 from nathlon.sim.car import load_car, load_compounds
 from nathlon.sim.errors import InputError
-from nathlon.sim.rules import load_rules
+from nathlon.sim.rules import load_rules, rule_parameters
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.whole_file import check_output, whole_file, write_whole
 from nathlon.terminal.progress import stage_progress, worker_count
@@ -36,11 +37,12 @@ class StintsResult:
     """The plans of a race, and what they rest on.
 
     Attributes:
-        folder: of all that it has left: a composite for each plan, and `laps.csv`.
+        folder: of all that it has left: a composite for each plan, one with a planner, and `laps.csv`.
         laps: LAPS of `nathlon.lab.stints.practice`.
         model: of the laps.
         plans: the fastest of each number of stops, the fastest first.
         files: composites of the plans, in their order.
+        planner: a composite that plans anew every lap, by the model.
     """
 
     def __init__(
@@ -50,9 +52,10 @@ class StintsResult:
         model: LapModel,
         planned: Sequence[StopPlan],
         files: Sequence[Path],
+        planner: Path,
     ) -> None:
         self.folder, self.laps, self.model = folder, laps, model
-        self.plans, self.files = planned, files
+        self.plans, self.files, self.planner = planned, files, planner
 
     @property
     def table(self) -> pl.DataFrame:
@@ -138,11 +141,12 @@ def stints(
     model = fit(laps)
     assert race.laps is not None, "practices checks it"
     tank = load_car(car).fuel.capacity_kg
-    planned = plans(model, race.laps, load_rules(race.rules).pit, tank, stops)
+    planned = plans(model, race.laps, rule_parameters(load_rules(race.rules)).pit, tank, stops)
     with whole_file(folder / "laps.csv") as partial_path:
         laps.write_csv(partial_path)
     files = [_write(folder, source, entrant.name, plan) for plan in planned]
-    return StintsResult(folder, laps, model, planned, files)
+    planner = _write_planner(folder, source, entrant.name, stint_model(model))
+    return StintsResult(folder, laps, model, planned, files, planner)
 
 
 def _check_compounds(compounds: Sequence[str]) -> None:
@@ -155,15 +159,26 @@ def _check_compounds(compounds: Sequence[str]) -> None:
 
 def _write(folder: Path, source: str, name: str, plan: StopPlan) -> Path:
     """Write a plan as a composite."""
-    path = folder / f"{plan.stops}-stops.toml"
-    part = os.path.relpath(source, folder) if is_path(source) else source
-    lines = [
-        f"name = {json.dumps(f'{name} on {plan.stops} stops')}",
-        "[[part]]",
-        f"policy = {json.dumps(part)}",
-    ]
+    lines = []
     for stint in plan.stints:
         lines += ["[[stint]]", f"laps = {stint.laps}", f'compound = "{stint.compound}"']
         lines += [f"fuel_kg = {stint.fuel_kg}"]
+    return _composite(folder / f"{plan.stops}-stops.toml", source, f"{name} on {plan.stops} stops", lines)
+
+
+def _write_planner(folder: Path, source: str, name: str, model: StintModel) -> Path:
+    """Write the model as a composite that plans by it."""
+    lines = ["[planner]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in model.model_dump(exclude={"compound"}).items()]
+    for compound in model.compound:
+        lines += ["[[planner.compound]]"]
+        lines += [f"{key} = {json.dumps(value)}" for key, value in compound.model_dump().items()]
+    return _composite(folder / "planner.toml", source, f"{name} with a planner", lines)
+
+
+def _composite(path: Path, source: str, name: str, strategy: Sequence[str]) -> Path:
+    """Write a composite of one policy with lines of TOML that say its strategy."""
+    part = os.path.relpath(source, path.parent) if is_path(source) else source
+    lines = [f"name = {json.dumps(name)}", "[[part]]", f"policy = {json.dumps(part)}", *strategy]
     write_whole(path, "\n".join(lines) + "\n")
     return path

@@ -46,6 +46,7 @@ def race(
         find_data(name, kind, DATA / f"{kind}s")
     start_server()
     import nathlon
+    from nathlon.arena.stints import read
     from nathlon.sim.scenario import load_scenario
 
     load_scenario(scenario)
@@ -63,11 +64,14 @@ def race(
     for line in result.printed.splitlines():
         warn(line)
     if as_json:
-        print_json(result.results.to_dicts())
+        rows = result.results.to_dicts()
+        print_json([row | {"stints": [one._asdict() for one in read(row["stints"])]} for row in rows])
         return
     if result.qualifying is not None:
         _print_qualifying(result.qualifying)
     _print_race(f"{scenario} on {circuit}", result.results)
+    if result.stints.height:
+        _print_stints(result.stints)
     if result.recording:
         say(f"Recording    {result.recording}")
 
@@ -98,5 +102,20 @@ def _print_race(title: str, results: pl.DataFrame) -> None:
             seconds(row["best_lap_s"]),
             f"{row['off_course_s']:.1f}",
             *(str(row[count]) for count in ("contacts", "contacts_at_fault", "penalties")),
+        )
+    print_table(table)
+
+
+def _print_stints(stints: pl.DataFrame) -> None:
+    table = new_table(
+        "Stops", ("Place", "Entrant", "Stops", "Standing s", "In the lane s", "Stints"), ("Stints",)
+    )
+    for rows in stints.partition_by("place", maintain_order=True):
+        table.add_row(
+            str(rows["place"][0]),
+            rows["name"][0],
+            str(rows.height - 1),
+            *(", ".join(f"{s:.1f}" for s in rows[taken].drop_nulls()) for taken in ("stood_s", "lane_s")),
+            ", ".join(f"{laps} {compound}" for laps, compound in rows.select("laps", "compound").iter_rows()),
         )
     print_table(table)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import lru_cache, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nathlon.policies.driver.control import drive
 from nathlon.policies.driver.disk_cache import cached
@@ -33,6 +34,8 @@ ASIDE_M = 1.0
 """Its speeds there hold for a line moved so far to either side."""
 TURNING_CIRCLE = 1.2
 """Radius of a turn at full lock, beside that of wheels that roll without slip."""
+SLOWER = 0.6
+"""Power of the grip with which speeds fall: half without downforce, and more with it, which falls too."""
 
 
 def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Temper) -> Knowledge:
@@ -110,6 +113,28 @@ class Follower:
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         """See `Policy.act`."""
+        return self._drive(observations, memory, self.pace, self._knowledge)
+
+    def act_on_grip(
+        self,
+        observations: Batch,
+        memory: Batch,
+        grip: NDArray[np.float64],
+        peak: NDArray[np.float64],
+    ) -> tuple[Batch, Batch]:
+        """As `act`, with the present grip and slip at its peak of each car, (n,), as multiples of its own."""
+        actions, remembered = np.empty_like(memory), np.empty_like(memory)
+        felt = np.stack([grip, peak], axis=1)
+        for here in np.unique(felt, axis=0):
+            rows = (felt == here).all(axis=1)
+            pace = self.pace * float(here[0]) ** SLOWER
+            knows = self._knowledge._replace(peak_slip=self._knowledge.peak_slip * float(here[1]))
+            actions[rows], remembered[rows] = self._drive(observations[rows], memory[rows], pace, knows)
+        return actions, remembered
+
+    def _drive(
+        self, observations: Batch, memory: Batch, pace: float, knows: Knowledge
+    ) -> tuple[Batch, Batch]:
         actions = np.empty((len(observations), 2), np.float32)
         remembered = np.empty((len(observations), 2), np.float32)
         drive(
@@ -118,8 +143,8 @@ class Follower:
             self._deviation,
             memory,
             self._layout,
-            self.pace,
-            self._knowledge,
+            pace,
+            knows,
             actions,
             remembered,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.policies.driver import Follower
 from nathlon.policies.planning.mppi import Mppi
 from nathlon.policies.planning.scene import Scene
 from nathlon.policies.policy import Batch, Policy
@@ -23,7 +24,8 @@ def decide(
 ) -> tuple[Batch, Batch]:
     """What a policy does in a world; see `Policy.act`.
 
-    Only nathlon's own planner is shown the world: a policy that is anybody's code could change it.
+    Only nathlon's own planner is shown the world: a policy that is anybody's code could change it. The
+    built-in driver feels the grip, where there is weather.
 
     Args:
         policy: drives the cars.
@@ -33,4 +35,14 @@ def decide(
     """
     if isinstance(policy, Mppi):
         return policy.plan(Scene(world, races, cars), observations, memory)
+    if isinstance(policy, Follower) and world.conditions.weather:
+        return policy.act_on_grip(observations, memory, *grips(world, races, cars))
     return policy.act(observations, memory)
+
+
+def grips(
+    world: World, races: NDArray[np.int64], cars: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Grip of some cars and slip at its peak, as multiples of those on dry road at the start, each (n,)."""
+    state = world.state[races, cars]
+    return state["tyre_grip"] * state["wet_grip"], state["wet_peak"]

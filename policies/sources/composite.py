@@ -10,10 +10,12 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from nathlon.policies.policy import Batch, Policy, has_reverse
 from nathlon.policies.sources import COMPOSITE, DRIVER, MPPI, PLUGIN, ROLES
+from nathlon.policies.stint_model import StintModel
+from nathlon.policies.stint_planner import StintPlanner
 from nathlon.policies.strategy import Stint, StintPlan, Strategist
 from nathlon.sim.data_file import Name, Section, read_toml
 from nathlon.sim.errors import InputError
@@ -54,12 +56,28 @@ class CompositeFile(Section):
     """The composite's TOML file: of the parts whose conditions hold, the first drives.
 
     Attributes:
-        stint: its strategy: what it drives on which tyres, and where it stops; without any it never stops.
+        stint: its strategy: what it drives on which tyres, and where it stops.
+        planner: its strategy instead: a stint model, by which every lap it plans where to stop. With neither
+            it never stops.
     """
 
     name: Name
     part: Annotated[tuple[CompositePart, ...], Field(min_length=1)]
     stint: tuple[Stint, ...] = ()
+    planner: StintModel | None = None
+
+    @model_validator(mode="after")
+    def _one_strategy(self) -> CompositeFile:
+        if self.stint and self.planner:
+            raise ValueError("stint and planner are two strategies, expected one of them")
+        return self
+
+    @property
+    def strategist(self) -> Strategist | None:
+        """Who decides when its cars stop; None if they never do."""
+        if self.planner:
+            return StintPlanner(self.planner)
+        return StintPlan(self.stint) if self.stint else None
 
 
 @dataclass(frozen=True)
@@ -101,6 +119,7 @@ class CompositeSource:
         """SHA-256 in hexadecimal of all that decides how it drives, given the ids of all its policies."""
         facts = [part.model_dump_json(exclude={"policy"}) for part in self.file.part]
         facts += [stint.model_dump_json() for stint in self.file.stint]
+        facts += [self.file.planner.model_dump_json()] if self.file.planner else []
         return hashlib.sha256("\n".join([*facts, *ids]).encode()).hexdigest()
 
     def load(self, circuit: str, car: str, load: Load) -> Composite:
@@ -121,7 +140,7 @@ class CompositeSource:
         policies = [load(source, circuit, car) for source in sources]
         spec = joint_spec(sources, [policy.observation_spec for policy in policies])
         try:
-            return Composite(track, parts, policies, spec, self.file.stint)
+            return Composite(track, parts, policies, spec, self.file.strategist)
         except InputError as error:
             raise InputError(f"{self.path}: sections: {error}") from None
 
@@ -146,7 +165,7 @@ class Composite:
         parts: Sequence[CompositePart],
         policies: Sequence[Policy],
         spec: ObservationSpec,
-        stints: Sequence[Stint] = (),
+        strategist: Strategist | None = None,
     ) -> None:
         """A composite of parts with their policies.
 
@@ -155,7 +174,7 @@ class Composite:
             parts: in the order in which they are asked; the last is unconditional.
             policies: one for each part.
             spec: contains what each policy sees.
-            stints: its strategy.
+            strategist: who decides when its cars stop; None if they never do.
 
         Raises:
             InputError: if the circuit lacks a section, or what is seen does not tell where the car is while a
@@ -165,7 +184,7 @@ class Composite:
             raise InputError(
                 f"{_layout(spec)} names no place, expected version {VERSION} where parts have conditions"
             )
-        self.strategist: Strategist | None = StintPlan(stints) if stints else None
+        self.strategist = strategist
         self.reverse = all(map(has_reverse, policies))
         self.observation_spec = spec
         self._policies = policies

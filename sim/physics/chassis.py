@@ -31,10 +31,16 @@ AIR_DENSITY = 1.2
 
 
 class Rates(NamedTuple):
-    """How fast tyres wear and fuel burns, as multiples of the car's own figures; 0 is not at all."""
+    """How fast tyres wear and fuel burns, as multiples of the car's own figures; 0 is not at all.
+
+    Attributes:
+        wear, fuel: the multiples.
+        weather: whether the road may get wet.
+    """
 
     wear: float
     fuel: float
+    weather: bool = False
 
 
 @lean_inlined
@@ -106,8 +112,9 @@ def advance(
         car.fuel = max(car.fuel - burnt, 0.0)
         car.mass = p.dry_mass + car.fuel
 
+    peak = car.wet_peak if rates.weather else 1.0
     tyres_x, tyres_y, moment = step_wheels(
-        car, loads, torque, engine_inertia, ground, dt, p, rates.wear * car.tyre_wear
+        car, loads, torque, engine_inertia, ground, dt, p, rates.wear * car.tyre_wear, peak
     )
     follow = dt / (p.load_lag + dt)
     car.carried_x += (tyres_x / car.mass - car.carried_x) * follow

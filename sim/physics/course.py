@@ -200,7 +200,7 @@ def stand_on(
 
     Args:
         sine, cosine: of the heading error.
-        worn: whether tyres wear at all.
+        worn: whether tyres wear or get wet at all.
         ground: set.
 
     Returns:
@@ -210,7 +210,7 @@ def stand_on(
     wear = car.wear
     if worn:
         left = (worn_grip(wear[0]), worn_grip(wear[1]), worn_grip(wear[2]), worn_grip(wear[3]))
-        store(ground.grip, 0, multiply(left, car.tyre_grip))
+        store(ground.grip, 0, multiply(left, car.tyre_grip * car.wet_grip))
     else:
         store(ground.grip, 0, broadcast(1.0))
     store(ground.drag, 0, broadcast(p.rolling_resistance))

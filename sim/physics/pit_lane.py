@@ -131,6 +131,7 @@ def serve(car: CarRecord, p: CarParameters, pit: PitParameters) -> None:
     car.mass = p.dry_mass + car.fuel
     if car.asked_tyres:
         car.tyre_grip, car.tyre_wear = car.asked_grip, car.asked_wear
+        car.tyre_film, car.tyre_peak = car.asked_film, car.asked_peak
         for wheel in range(4):
             car.wear[wheel] = 0.0
     car.asked = car.asked_tyres = False
@@ -158,6 +159,7 @@ def drive_lane(
     speed = car.velocity_x
     if car.stage == IN_BOX:
         car.service_s -= dt
+        car.stood_s += dt
         if car.service_s > 0.0:
             return
         car.stage = LEAVING

@@ -91,7 +91,15 @@ def solve_axles(torque: Four, own: Four, twist: Four, coupling: Four, dt: float)
 
 @lean_inlined
 def controlled(
-    change: Four, spin: Four, along: Four, brake: Four, drive: Four, own: Four, dt: float, p: CarParameters
+    change: Four,
+    spin: Four,
+    along: Four,
+    brake: Four,
+    drive: Four,
+    own: Four,
+    dt: float,
+    p: CarParameters,
+    peak: float,
 ) -> Four:
     """Changes of spin under slip control, which eases the torque that would exceed its slip.
 
@@ -102,9 +110,10 @@ def controlled(
         brake, drive: torques that the control can ease, N m.
         own: inertia with the tyre's resistance, kg m^2.
         dt: s.
+        peak: multiple of the slip at which the force peaks: slip control goes with it.
     """
     braking, driving = greater(brake, 0.0), greater(drive, 0.0)
-    slip = select(braking, broadcast(-p.abs_slip), broadcast(p.traction_slip))
+    slip = select(braking, broadcast(-p.abs_slip * peak), broadcast(p.traction_slip * peak))
     limit = fma(fma(slip, maximum(absolute(along), broadcast(SLOWEST)), along), 1.0 / p.radius, negate(spin))
     eased = add(change, divide(multiply(select(braking, brake, negate(drive)), dt), own))
     slowing = select(greater(change, limit), change, minimum(limit, eased))
@@ -125,6 +134,7 @@ def step_wheels(
     dt: float,
     p: CarParameters,
     wear_rate: float,
+    peak: float,
 ) -> tuple[float, float, float]:
     """Advance the spins and sum the tyre forces.
 
@@ -137,6 +147,7 @@ def step_wheels(
         dt: s.
         p: the car's parameters.
         wear_rate: see `Rates`.
+        peak: multiple of the slip at which the force peaks.
 
     Returns:
         forces (N) and moment (N m) on the car in its frame.
@@ -168,7 +179,12 @@ def step_wheels(
     slip_angle = multiply(negate(across), per_reference)
     store(car.slip_ratio, 0, slip_ratio)
     store(car.slip_angle, 0, slip_angle)
-    _, fy, stiffness, most_squared = tyre_force(slip_ratio, slip_angle, loads, load(ground.grip, 0), p)
+    # Exact where the peak is the car's own: races on dry road stay what they were.
+    nearer = 1.0 / peak
+    _, fy, stiffness, most_squared = tyre_force(
+        multiply(slip_ratio, nearer), multiply(slip_angle, nearer), loads, load(ground.grip, 0), p
+    )
+    stiffness = multiply(stiffness, nearer)
     most = sqrt(most_squared)
     per_speed = divide(stiffness, maximum(absolute(after), broadcast(SLOWEST)))
     gain = multiply(per_speed, p.radius)
@@ -186,7 +202,7 @@ def step_wheels(
     again = solve_axles(fma(-p.radius, held, applied), held_own, twist, coupling, dt)
     held_axle = logical_or(beyond, beside(beyond))
     change, own = select(held_axle, again, change), select(held_axle, held_own, own)
-    change = controlled(change, spin, after, brake, drive, own, dt, p)
+    change = controlled(change, spin, after, brake, drive, own, dt, p, peak)
 
     pull = within(fma(gain, change, fx), most_squared, most)
     store(car.spin, 0, add(spin, change))

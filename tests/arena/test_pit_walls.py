@@ -9,9 +9,11 @@ import pytest
 
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
+from nathlon.arena.stints import DrivenStint, read
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.strategy import PitWall, Stint, StintPlan
+from nathlon.sim.rules import PitParameters
 from nathlon.sim.world import Service, World
 from tests.support.refusals import refusal
 
@@ -29,13 +31,25 @@ def written(folder: Path, text: str, name: str = "plan") -> str:
 def wall(stops: int, ends_lap: int) -> PitWall:
     nothing = np.zeros(1)
     return PitWall(
-        0, 9, ends_lap - 1, ends_lap, np.zeros(4), 10.0, nothing, nothing, np.zeros(1, int), np.array([stops])
+        car=0,
+        laps=9,
+        lap=ends_lap - 1,
+        ends_lap=ends_lap,
+        wear=np.zeros(4),
+        fuel_kg=10.0,
+        last_lap_s=nothing,
+        gap_s=nothing,
+        compounds=("racing-soft",),
+        laps_done=np.zeros(1, int),
+        stops=np.array([stops]),
+        pit=PitParameters(8.0, 2.5, False),
+        tank_kg=80.0,
     )
 
 
 def test_a_plan_stops_at_the_end_of_each_stint_but_the_last() -> None:
     plan = StintPlan([Stint(laps=3, compound="racing-soft"), Stint(laps=2, fuel_kg=30), Stint(laps=4)])
-    assert plan.start(9) == Service("racing-soft", None)
+    assert plan.start(wall(0, 1)) == Service("racing-soft", None)
     asked = [plan.decide(wall(stops, lap)) for stops, lap in ((0, 2), (0, 3), (1, 4), (1, 5), (2, 9))]
     assert asked == [None, Service(None, 30.0), None, Service(), None]
 
@@ -43,6 +57,12 @@ def test_a_plan_stops_at_the_end_of_each_stint_but_the_last() -> None:
 def test_a_stop_that_was_missed_is_due_a_lap_later() -> None:
     plan = StintPlan([Stint(laps=3), Stint(laps=9)])
     assert plan.decide(wall(0, 4)) == Service()
+
+
+def test_nobody_stops_on_the_last_lap() -> None:
+    plan = StintPlan([Stint(laps=8), Stint(laps=4)])
+    assert plan.decide(wall(0, 8)) == Service()
+    assert plan.decide(wall(0, 9)) is None
 
 
 def test_a_race_is_driven_by_its_plans(tmp_path: Path) -> None:
@@ -72,6 +92,12 @@ def test_a_race_is_driven_by_its_plans(tmp_path: Path) -> None:
     assert grips[0].tolist() == [1.04, 0.96]
     assert grips[-1].tolist() == [0.96, 0.96]
     assert worlds[-1].state["fuel"][0, 0] < 25.0
+    (soft, hard), [only] = (read(text) for text in results["stints"])
+    assert (soft.compound, soft.laps, hard.compound, hard.laps) == ("racing-soft", 1, "racing-hard", 1)
+    assert soft.stood_s == pytest.approx(worlds[-1].state["stood_s"][0, 0], abs=1e-3)
+    assert soft.lane_s == pytest.approx(worlds[-1].state["lane_s"][0, 0], abs=1e-3)
+    assert 8.0 < soft.stood_s < soft.lane_s - 20.0
+    assert (only, hard.stood_s, hard.lane_s) == (DrivenStint("racing-hard", 2), None, None)
 
 
 def test_a_strategy_is_part_of_the_entrant(tmp_path: Path) -> None:

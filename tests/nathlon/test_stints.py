@@ -15,14 +15,16 @@ from hypothesis import strategies as st
 import nathlon
 from nathlon.lab.stints.model import LapModel, fit
 from nathlon.lab.stints.planning import StopPlan, plans
-from nathlon.lab.stints.practice import LAPS, SPARE_KG, Place, _Begin, _rows, with_settings
+from nathlon.lab.stints.practice import LAPS, Place, _Begin, _rows, with_settings
 from nathlon.policies.sources.composite import CompositeSource
+from nathlon.policies.stint_planner import SPARE_KG
 from nathlon.sim.errors import InputError
-from nathlon.sim.rules import Pit
+from nathlon.sim.rules import PitParameters
 
 COMPOUNDS = ("racing-soft", "racing-hard")
 FRESH, WEAR, FUEL_S, START_S, STOP_S, USED = (100.0, 101.5), (1.5, 0.4), 0.03, 6.0, 14.0, 4.0
-PIT = Pit(tyres_s=8.0, fuel_kg_s=2.0)
+WORN = (0.12, 0.07)
+PIT = PitParameters(tyres=8.0, fuel_rate=2.0, together=False)
 
 
 def lap_s(compound: int, age: int, fuel_kg: float) -> float:
@@ -43,7 +45,9 @@ def practised(laps: int, noise: float, rng: np.random.Generator, runs: int = 4) 
             if stops:
                 taken += lap_s(compound, 1, fuel - USED) + STOP_S
                 weight += fuel - USED
-            rows.append((COMPOUNDS[compound], run, lap == 1, age, stops, weight, USED, taken))
+            rows.append(
+                (COMPOUNDS[compound], run, lap == 1, age, stops, weight, USED, WORN[compound] * age, taken)
+            )
             lap, age = (lap + 2, 2) if stops else (lap + 1, age + 1)
             fuel -= 2 * USED if stops else USED
     return pl.DataFrame(rows, schema=LAPS, orient="row")
@@ -56,7 +60,7 @@ def truth(stints: list[tuple[int, int]]) -> float:
         fuel = laps * USED + SPARE_KG
         total += sum(lap_s(compound, lap + 1, fuel - lap * USED) for lap in range(laps))
         if number:
-            total += STOP_S + PIT.tyres_s + laps * USED / PIT.fuel_kg_s
+            total += STOP_S + PIT.tyres + laps * USED / PIT.fuel_rate
     return total
 
 
@@ -111,7 +115,7 @@ def test_a_small_tank_makes_short_stints() -> None:
 
 def test_tyres_and_fuel_together_take_the_longer_time() -> None:
     model: LapModel = fit(practised(8, 0.0, np.random.default_rng(1)))
-    together = PIT.model_copy(update={"together": True})
+    together = PIT._replace(together=True)
     for one, other in zip(plans(model, 12, PIT, 80.0, 1), plans(model, 12, together, 80.0, 1), strict=True):
         assert other.service_s <= one.service_s
 
@@ -151,7 +155,7 @@ def test_a_stop_is_in_the_lap_that_was_asked_for_or_refused(after_line: bool) ->
 
     def begun(missed: int) -> list[_Begin]:
         stop = 2 + after_line + missed
-        return [_Begin(100.0 * lap, 50.0 - lap, int(lap >= stop), missed) for lap in range(6)]
+        return [_Begin(100.0 * lap, 50.0 - lap, 0.1 * lap, int(lap >= stop), missed) for lap in range(6)]
 
     rows = _rows("racing-soft", 2, begun(0), 8.0)
     assert [(age, stops) for _, _, _, age, stops, *_ in rows] == [

@@ -39,6 +39,7 @@ DEFAULTS: dict[str, Any] = {
     "penalties": 0,
     "score": None,
     "measures": None,
+    "stints": None,
 }
 
 

@@ -9,6 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from nathlon.policies.stint_model import CompoundLaps, StintModel
 from nathlon.sim.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -29,6 +30,7 @@ class LapModel:
         covariance: (k, k) of them.
         freedom: degrees of freedom of the residuals.
         used_kg: (compounds, ages) fuel that a lap takes, kg: the faster, the more.
+        wear: (compounds, ages) of the tyres at its end, mean of the four.
     """
 
     compounds: tuple[str, ...]
@@ -37,6 +39,7 @@ class LapModel:
     covariance: Floats
     freedom: int
     used_kg: Floats
+    wear: Floats
 
     def tyres(self, compound: int, laps: int) -> Floats:
         """Counts (k,) of the coefficients in a stint of so many laps, without start, stop and fuel."""
@@ -82,15 +85,38 @@ def fit(laps: pl.DataFrame) -> LapModel:
     lap_s = laps["lap_s"].to_numpy()
     found: Floats = inverse @ rows.T @ lap_s
     variance = float(((lap_s - rows @ found) ** 2).sum()) / freedom
-    return LapModel(compounds, ages, found, variance * inverse, freedom, _used(laps, compounds, ages))
+    used_kg, wear = (_means(laps, column, compounds, ages) for column in ("used_kg", "wear"))
+    return LapModel(compounds, ages, found, variance * inverse, freedom, used_kg, wear)
 
 
-def _used(laps: pl.DataFrame, compounds: tuple[str, ...], ages: int) -> Floats:
-    """Mean fuel of laps by compound and age; of those that were not driven alone, that of the age before."""
-    mean = laps.filter(~pl.col("stops")).group_by("compound", "age").agg(pl.col("used_kg").mean())
-    used = np.full((len(compounds), ages), np.nan)
-    for compound, age, used_kg in mean.iter_rows():
-        used[compounds.index(compound), age - 1] = used_kg
+def stint_model(model: LapModel) -> StintModel:
+    """The model as a composite carries it."""
+    fuel_s_kg, start_s, stop_s = model.coefficients[[FUEL, START, STOP]].tolist()
+    seconds = model.coefficients[: len(model.compounds) * model.ages].reshape(-1, model.ages)
+    # Means of some runs may fall where tyres hardly wear.
+    wear = np.maximum.accumulate(model.wear, axis=1)
+    compounds = tuple(
+        CompoundLaps(name=name, lap_s=_digits(lap_s), used_kg=_digits(used_kg), wear=_digits(worn))
+        for name, lap_s, used_kg, worn in zip(model.compounds, seconds, model.used_kg, wear, strict=True)
+    )
+    return StintModel(
+        fuel_s_kg=round(fuel_s_kg, 5),
+        start_s=round(start_s, 3),
+        stop_s=round(stop_s, 3),
+        compound=compounds,
+    )
+
+
+def _digits(numbers: Floats) -> tuple[float, ...]:
+    return tuple(np.round(numbers, 4).tolist())
+
+
+def _means(laps: pl.DataFrame, column: str, compounds: tuple[str, ...], ages: int) -> Floats:
+    """Mean of a column by compound and age; of laps that were not driven alone, that of the age before."""
+    found = laps.filter(~pl.col("stops")).group_by("compound", "age").agg(pl.col(column).mean())
+    means = np.full((len(compounds), ages), np.nan)
+    for compound, age, mean in found.iter_rows():
+        means[compounds.index(compound), age - 1] = mean
     for age in range(1, ages):
-        used[:, age] = np.where(np.isnan(used[:, age]), used[:, age - 1], used[:, age])
-    return used
+        means[:, age] = np.where(np.isnan(means[:, age]), means[:, age - 1], means[:, age])
+    return means

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.lab.stints.model import FUEL, START, STOP, LapModel
-from nathlon.lab.stints.practice import SPARE_KG
+from nathlon.policies.stint_model import service_s
+from nathlon.policies.stint_planner import SPARE_KG
 from nathlon.policies.strategy import Stint
 from nathlon.sim.errors import InputError
-from nathlon.sim.rules import Pit
+from nathlon.sim.rules import PitParameters
 
 
 class StopPlan(NamedTuple):
@@ -44,7 +45,9 @@ class StopPlan(NamedTuple):
         return gap, float(model.half_width(counts[None])[0])
 
 
-def plans(model: LapModel, laps: int, pit: Pit, capacity_kg: float, most_stops: int) -> list[StopPlan]:
+def plans(
+    model: LapModel, laps: int, pit: PitParameters, capacity_kg: float, most_stops: int
+) -> list[StopPlan]:
     """The fastest plan of each number of stops, the fastest first.
 
     Each stint begins with what fuel it needs: whoever carries the fuel of later stints is slower, and saves
@@ -106,7 +109,7 @@ class _Step(NamedTuple):
         return taken - float(model.coefficients[STOP]) if first else taken + self.service_s
 
 
-def _steps(model: LapModel, laps: int, pit: Pit, capacity_kg: float) -> list[_Step]:
+def _steps(model: LapModel, laps: int, pit: PitParameters, capacity_kg: float) -> list[_Step]:
     steps = []
     for number, compound in enumerate(model.compounds):
         for length in range(1, min(model.ages, laps) + 1):
@@ -117,10 +120,8 @@ def _steps(model: LapModel, laps: int, pit: Pit, capacity_kg: float) -> list[_St
             counts = model.tyres(number, length)
             counts[FUEL] = length * fuel_kg - float((np.cumsum(used) - used).sum())
             counts[STOP] = 1.0
-            filled_s = float(used.sum()) / pit.fuel_kg_s
-            service_s = max(pit.tyres_s, filled_s) if pit.together else pit.tyres_s + filled_s
             stint = Stint(laps=length, compound=compound, fuel_kg=round(fuel_kg, 1))
-            steps.append(_Step(stint, length, counts, service_s))
+            steps.append(_Step(stint, length, counts, service_s(pit, True, float(used.sum()))))
     return steps
 
 

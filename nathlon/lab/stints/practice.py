@@ -13,7 +13,8 @@ from nathlon.arena.pool import Pool, quietly
 from nathlon.arena.runner import run_match
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.composite import Composite, CompositePart
-from nathlon.policies.strategy import Stint
+from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.strategy import Stint, StintPlan
 from nathlon.sim.errors import InputError
 from nathlon.sim.names import settings_of
 from nathlon.sim.scenario import load_scenario
@@ -22,8 +23,6 @@ from nathlon.sim.world import World
 
 MOST_STINT_LAPS = 20
 """Laps of a practice stint, at most."""
-SPARE_KG = 2.0
-"""More fuel than what the laps of a stint took in practice."""
 
 LAPS = pl.Schema(
     {
@@ -34,10 +33,11 @@ LAPS = pl.Schema(
         "stops": pl.Boolean,  # whether the lap after a stop at its end is part of it
         "fuel_kg": pl.Float64,  # when it began; of two laps the sum
         "used_kg": pl.Float64,  # in the first lap; nothing is known where it was filled in
+        "wear": pl.Float64,  # of the tyres at its end, mean of the four; 1 is worn out
         "lap_s": pl.Float64,  # without the service
     }
 )
-LapRow = tuple[str, int, bool, int, bool, float, float, float]
+LapRow = tuple[str, int, bool, int, bool, float, float, float, float]
 """A row of LAPS."""
 
 
@@ -173,34 +173,40 @@ def drive(
     """Drive one practice run, see `Practice`; rows of LAPS."""
     policy = load_policy(source, circuit, car)
     planned = Composite(
-        load_track(circuit), [CompositePart(policy=source)], [policy], policy.observation_spec, stints
+        load_track(circuit),
+        [CompositePart(policy=source)],
+        [policy],
+        policy.observation_spec,
+        StintPlan(stints),
     )
     match = Match("race", "practice", scenario, circuit, car, (source,), (source,), (Race(seed, (Seat(0),)),))
     begun: list[_Begin] = []
-    service_s = 0.0
+    stood_s = 0.0
 
     def look(world: World) -> None:
-        nonlocal service_s
+        nonlocal stood_s
         state = world.state[0, 0]
-        service_s = max(service_s, float(state["service_s"]))
+        stood_s = float(state["stood_s"])
         if state["progress"] >= 0.0 and int(state["laps"]) == len(begun):
             line_s, fuel_kg = float(state["line_s"][0]), float(state["fuel"])
-            begun.append(_Begin(line_s, fuel_kg, int(state["stops"]), int(state["missed"])))
+            wear = float(state["wear"].mean())
+            begun.append(_Begin(line_s, fuel_kg, wear, int(state["stops"]), int(state["missed"])))
 
     run_match(match, [planned], look)
-    return _rows(str(stints[0].compound), stints[0].laps, begun, service_s)
+    return _rows(str(stints[0].compound), stints[0].laps, begun, stood_s)
 
 
 class _Begin(NamedTuple):
-    """When a lap began, with how much fuel, after how many stops, and how many that were missed."""
+    """When a lap began, with how much fuel, mean wear of the tyres, after how many stops, and missed ones."""
 
     time_s: float
     fuel_kg: float
+    wear: float
     stops: int
     missed: int
 
 
-def _rows(compound: str, stop: int, begun: Sequence[_Begin], service_s: float) -> list[LapRow]:
+def _rows(compound: str, stop: int, begun: Sequence[_Begin], stood_s: float) -> list[LapRow]:
     """Those of a run; the laps before and after its stop together, wherever the line lies.
 
     Raises:
@@ -217,9 +223,9 @@ def _rows(compound: str, stop: int, begun: Sequence[_Begin], service_s: float) -
         stops = age == stop and first + 2 < len(begun) and begun[first + 2].stops > begun[first].stops
         last = first + 2 if stops else first + 1
         begin, end = begun[first], begun[last]
-        taken = end.time_s - begin.time_s - (service_s if stops else 0.0)
+        taken = end.time_s - begin.time_s - (stood_s if stops else 0.0)
         fuel_kg = sum(each.fuel_kg for each in begun[first:last])
         used_kg = begun[first].fuel_kg - begun[first + 1].fuel_kg
-        rows.append((compound, 0, first == 0, age, stops, fuel_kg, used_kg, taken))
+        rows.append((compound, 0, first == 0, age, stops, fuel_kg, used_kg, end.wear, taken))
         first, age = last, 2 if stops else age + 1
     return rows

@@ -9,6 +9,7 @@ import { blames, carsOf, data, EPISODE, groups, lapped, measured, onCircuit, POI
 import { command, empty, entrantLink, facts, fileHref, gained, here, keep, missing, note, plain, section } from "./dom.js";
 import { raceCharts, speedCharts } from "./race_charts.js";
 import { momentButton, passesView } from "./race_passes.js";
+import { stintChart, stintsOf } from "./race_stints.js";
 import { replay } from "./recorded.js";
 import { dataTable, entrantColumn, ownColumns } from "./table.js";
 
@@ -26,6 +27,7 @@ export function raceView([key, index]) {
   const same = (one) => one.match === race.key && one.race === race.race;
   const [recording, shown] = [data.recordings.find(same), summary.replays.find(same)];
   const player = recording && playerOf(recording);
+  const stopped = cars.some((one) => stintsOf(one).length > 0);
   const flagged = (value) => (value ? h("span", { class: "fault" }, number(value)) : "0");
   return [
     h("p", { class: "over" }, `${stageName(race.stage)} · ${plain(race.test)}`),
@@ -52,8 +54,12 @@ export function raceView([key, index]) {
       measured("penalties") && { key: "penalties", head: "Penalties", value: (row) => row.penalties, cell: (row) => flagged(row.penalties) },
       measured("off_course_s") && { key: "off", head: "Off course, s", value: (row) => row.off_course_s, cell: (row) => number(row.off_course_s, 1) },
       measured("wall_s") && { key: "wall", head: "Wall, s", value: (row) => row.wall_s, cell: (row) => number(row.wall_s, 1) },
+      stopped && { key: "stops", head: "Stops", value: (row) => Math.max(stintsOf(row).length - 1, 0) },
+      stopped && { key: "stood", head: "Standing, s", value: (row) => sum(stintsOf(row).map((one) => one.stood_s ?? 0)), cell: (row) => number(sum(stintsOf(row).map((one) => one.stood_s ?? 0)), 1) },
+      stopped && { key: "lane", head: "In the lane, s", value: (row) => sum(stintsOf(row).map((one) => one.lane_s ?? 0)), cell: (row) => number(sum(stintsOf(row).map((one) => one.lane_s ?? 0)), 1) },
       { key: "ending", head: "Ending", kind: "text", first: "ascending", value: (row) => plain(row.ending) },
     ], cars, { sort: "place", label: "Result" })),
+    stopped && section("Stints", stintChart(cars)),
     player && later(player, (ready) => [
       section("Along the race", raceCharts(ready)),
       section("Speed along the lap", speedCharts(ready)),
