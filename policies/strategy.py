@@ -125,7 +125,7 @@ WORN = 0.85
 """Wear at which a car stops that has no plan."""
 HALF_WORN = 0.4
 """Wear from which it gets new tyres when it stops for fuel."""
-WET = ("intermediate", "wet")
+WET = tuple(name for name, one in load_compounds().items() if one.treaded)
 """Compounds that it may be given in the rain."""
 BETTER = 1.04
 """How much more other tyres must grip on the road as it is, before it stops for them."""

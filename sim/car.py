@@ -287,6 +287,10 @@ def with_grip(car: Car, multiple: float) -> Car:
     return car.model_copy(update={"tyre": tyre.model_copy(update=held)})
 
 
+SLICK_MM = 0.35
+"""Depth of water that a tyre without tread displaces."""
+
+
 class Compound(Section):
     """A tyre compound.
 
@@ -298,8 +302,13 @@ class Compound(Section):
 
     grip: Annotated[float, Field(gt=0, le=10)]
     wear: Annotated[float, Field(gt=0, le=1000)]
-    film_mm: Annotated[float, Field(gt=0, le=100)] = 0.35
+    film_mm: Annotated[float, Field(gt=0, le=100)] = SLICK_MM
     peak_slip: Annotated[float, Field(ge=0.2, le=5)] = 1.0
+
+    @property
+    def treaded(self) -> bool:
+        """Whether it is for wet roads."""
+        return self.film_mm > SLICK_MM
 
 
 class Compounds(Section):

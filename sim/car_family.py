@@ -84,7 +84,7 @@ def _assignments(table: Mapping[str, Any]) -> list[str]:
 def _draw_car(name: str, rng: np.random.Generator) -> Car:
     shares = rng.dirichlet([EVENNESS] * len(PARENTS))
     car = _mixed(name, shares)
-    compounds = list(load_compounds())
+    compounds = [name for name, one in load_compounds().items() if not one.treaded]
     # Road cars on comfort and sports tyres, racing cars on sports and racing ones.
     fitting = compounds[:6] if shares[0] > 0.5 else compounds[3:]
     tuning = Tuning(

@@ -262,7 +262,7 @@ def _off_the_walls(lateral: float, heading: float, track: Track, row: int) -> fl
     return float(np.clip(lateral, *room))
 
 
-SETTINGS = ("laps", "hours", "cars", "person", "compound", "delay", "grip")
+SETTINGS = ("laps", "cars", "person", "compound", "delay", "grip", "hours")
 """What may stand behind the name of a scenario, as in `race:laps=4,compound=racing-soft,grip=0.65`."""
 
 
@@ -272,7 +272,8 @@ def load_scenario(name: str) -> Scenario:
 
     With other laps its time changes in proportion; hours are until a race ends that is not driven in laps;
     cars are how many start; a person sits in that place, from 1, and acts in every dynamics step; a compound
-    is that of all cars, and a delay, s, that with which all of them see; a grip is a multiple of that of every surface when dry.
+    is that of all cars, and a delay, s, that with which all of them see; a grip is a multiple of that of
+    every surface when dry.
 
     Raises:
         InputError: if there is no such scenario, its file is wrong, or a setting cannot be.

@@ -21,6 +21,8 @@ from nathlon.policies.strategy import PitWall, WhenNeeded
 from nathlon.reports.event_page import lap_chapter, table_chapter, write_event_page
 from nathlon.sim.car import load_car
 from nathlon.sim.observation import ObservationSpec
+from nathlon.sim.rules import load_rules, rule_parameters
+from nathlon.sim.weather import Weather
 from nathlon.sim.world import Service
 from tests.support.refusals import refusal
 
@@ -76,26 +78,50 @@ def test_a_race_that_was_stopped_ends_as_if_it_had_not_been(tmp_path: Path) -> N
 def test_a_folder_goes_on_with_its_own_race_only(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         drive_race(Here(1), race(), tmp_path, leg_s=5.0)
-    other = refusal(lambda: drive_race(Here(9), race(seed=2), tmp_path, leg_s=5.0))
-    assert "leg-01.npz: is of a race with other entrants" in other
-    (tmp_path / "leg-01.npz").write_bytes(b"PK\3\4 no more than this")
-    assert "is no leg of a race" in refusal(lambda: drive_race(Here(9), race(), tmp_path, leg_s=5.0))
+    kept = tmp_path / "leg-01.npz"
+    with refusal(kept, "is of a race with other entrants"):
+        drive_race(Here(9), race(seed=2), tmp_path, leg_s=5.0)
+    kept.write_bytes(b"PK\3\4 no more than this")
+    with refusal(kept, "is no leg of a race"):
+        drive_race(Here(9), race(), tmp_path, leg_s=5.0)
 
 
-def wall(wear: float, fuel_kg: float, lap: int = 3, laps: int | None = None) -> PitWall:
+def wall(wear: float, fuel_kg: float, lap: int = 3, laps: int | None = None, film_mm: float = 0.0) -> PitWall:
+    """What the only car's strategist knows, on racing-medium."""
     one = np.zeros(1, int)
-    lap_s, gap_s = np.array([100.0]), np.zeros(1)
-    return PitWall(0, laps, lap, lap + 1, np.array([wear, 0.0, 0.0, 0.0]), fuel_kg, lap_s, gap_s, one, one)
+    return PitWall(
+        car=0,
+        laps=laps,
+        lap=lap,
+        ends_lap=lap + 1,
+        wear=np.array([wear, 0.0, 0.0, 0.0]),
+        fuel_kg=fuel_kg,
+        last_lap_s=np.array([100.0]),
+        gap_s=np.zeros(1),
+        compounds=("racing-medium",),
+        laps_done=one,
+        stops=one,
+        pit=rule_parameters(load_rules("sporting")).pit,
+        tank_kg=80.0,
+        film_mm=film_mm,
+        forecast=(Weather(),) if film_mm else (),
+    )
 
 
 def test_who_has_no_plan_stops_when_tyres_are_worn_or_fuel_is_short() -> None:
     strategist = WhenNeeded(load_car("gt3"), "racing-medium", 1.0)
-    tank = load_car("gt3").fuel.capacity_kg
     assert strategist.decide(wall(0.5, 40.0)) is None
-    assert strategist.decide(wall(0.9, 40.0)) == Service("racing-medium", tank)
-    assert strategist.decide(wall(0.1, 4.0)) == Service(None, tank)
-    # Two laps at full power burn some 6 kg; in the last lap three will do, and tyres last.
+    assert strategist.decide(wall(0.9, 40.0)) == Service("racing-medium", 80.0)
+    assert strategist.decide(wall(0.1, 4.0)) == Service(None, 80.0)
+    # Two laps at full power burn some 6 kg; in the last one 4 will do, and tyres last.
     assert strategist.decide(wall(0.9, 4.0, lap=9, laps=10)) is None
+
+
+def test_who_has_no_plan_stops_for_tyres_that_suit_the_road() -> None:
+    strategist = WhenNeeded(load_car("gt3"), "racing-medium", 1.0)
+    assert strategist.decide(wall(0.1, 40.0, film_mm=0.05)) is None
+    assert strategist.decide(wall(0.1, 40.0, film_mm=0.25)) == Service("intermediate", 80.0)
+    assert strategist.start(wall(0.0, 80.0, film_mm=1.0)) == Service("wet")
 
 
 def laps() -> pl.DataFrame:
