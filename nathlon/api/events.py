@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -227,7 +227,8 @@ def season(
     check_output(folder)
     if not circuits or len(set(circuits)) < len(circuits):
         raise InputError(f"circuits is {', '.join(circuits)!r}, expected one or more, each once")
-    given = list(entrants) if isinstance(entrants, Sequence) and not isinstance(entrants, str) else entrants
+    several = isinstance(entrants, Iterable) and not isinstance(entrants, str | Mapping)
+    given: Candidates = list(entrants) if several else entrants  # type: ignore[arg-type]
     weekends = [
         weekend(
             given,

@@ -123,6 +123,12 @@ def _counted(stage: str) -> str:
     """What is counted in a stage; one that is called as it counts says so once."""
     from nathlon.selection.run import KERNELS, OPENED, TIMES
 
-    return {KERNELS: "compiled", OPENED: "policies", TIMES: "policies", "drives": "", "races": ""}.get(
-        stage, "matches"
-    )
+    return {
+        KERNELS: "compiled",
+        OPENED: "policies",
+        TIMES: "policies",
+        "drives": "",
+        "races": "",
+        "race": "legs",
+        "practice": "policies",
+    }.get(stage, "matches")

@@ -11,6 +11,7 @@ import pytest
 
 import nathlon
 from nathlon.commands.coach import coach
+from nathlon.commands.events import endurance, season, weekend
 from nathlon.commands.gate import gate
 from nathlon.commands.league import league
 from nathlon.commands.matrix import matrix
@@ -27,6 +28,7 @@ from nathlon.commands.worker import worker
 PAIRS: list[tuple[Callable[..., Any], Callable[..., Any], set[str]]] = [
     (coach, nathlon.coach, set()),
     (design_reward, nathlon.design_reward, {"rule"}),  # its default takes torch to load
+    (endurance, nathlon.endurance, set()),
     (evaluate, nathlon.select, {"out"}),
     (gate, nathlon.gate, set()),
     (league, nathlon.league, set()),
@@ -34,9 +36,11 @@ PAIRS: list[tuple[Callable[..., Any], Callable[..., Any], set[str]]] = [
     (plan, nathlon.plan, set()),
     (race, nathlon.race, {"record"}),  # a switch, and a folder
     (recipes, nathlon.recipes, set()),
+    (season, nathlon.season, {"circuits"}),  # with commas, and in a row
     (stints, nathlon.stints, {"compounds"}),  # with commas, and in a row
     (train, nathlon.train, {"coach"}),  # none of some is None for typer
     (twin, nathlon.twin, set()),
+    (weekend, nathlon.weekend, set()),
     (worker, nathlon.work, set()),
 ]
 
