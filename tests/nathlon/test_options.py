@@ -36,7 +36,7 @@ PAIRS: list[tuple[Callable[..., Any], Callable[..., Any], set[str]]] = [
     (plan, nathlon.plan, set()),
     (race, nathlon.race, {"record"}),  # a switch, and a folder
     (recipes, nathlon.recipes, set()),
-    (season, nathlon.season, {"circuits"}),  # with commas, and in a row
+    (season, nathlon.season, set()),
     (stints, nathlon.stints, {"compounds"}),  # with commas, and in a row
     (train, nathlon.train, {"coach"}),  # none of some is None for typer
     (twin, nathlon.twin, set()),
