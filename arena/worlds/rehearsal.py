@@ -379,6 +379,6 @@ def farama_says(world: PettingZooWorld, scenario: str) -> list[str]:
             except (Exception, SystemExit) as error:
                 said = f"fails: {type(error).__name__} ({error})"
             else:
-                said = f"passes, but warns: {warned[0].message}" if warned else "passes"
+                said = f"passes, but warns: {str(warned[0].message).rstrip('.')}" if warned else "passes"
         told.append(f"PettingZoo's {test} {said}.")
     return told
