@@ -133,6 +133,7 @@ def test_trackside_cameras_keep_the_followed_car_in_the_picture(
         above = label["x"] - view["x"] + label["width"] / 2, label["y"] - view["y"]
         at_px = own.page.evaluate("parseFloat(document.querySelector('.label.own').style.translate)")
         assert above[0] == pytest.approx(at_px, abs=1.0), "the label stands above its car"
+        assert own.picture().any(axis=2).all(), "all places have light"
         changed = np.abs(own.picture().astype(int) - other.picture()).max(axis=2) > 40
         rows, columns = np.nonzero(changed)
         assert len(rows) > 50, now_s
