@@ -15,7 +15,7 @@ from nathlon.arena.match import NO_TEAM, TESTED
 from nathlon.arena.results import RESULTS
 from nathlon.arena.world_finding import RACING
 from nathlon.arena.world_registry import load_world
-from nathlon.selection.battery import DECATHLON
+from nathlon.selection.battery import DECATHLON, ON_REQUEST
 from nathlon.selection.battery.measures import MEASURES, measured
 from nathlon.selection.battery.skill import SKILLS_FOLDER, Gains, Marks, Skill, load_skills, read_skill
 from nathlon.sim.errors import InputError
@@ -51,9 +51,10 @@ def numbered(marks: list[float | None]) -> list[tuple[int, float | None]]:
     return list(enumerate(marks))
 
 
-def test_all_that_ships_is_in_the_decathlon() -> None:
-    assert sorted(DECATHLON) == sorted(path.stem for path in SKILLS_FOLDER.glob("*.toml"))
+def test_all_that_ships_is_in_the_decathlon_or_held_on_request() -> None:
+    assert sorted(DECATHLON + ON_REQUEST) == sorted(path.stem for path in SKILLS_FOLDER.glob("*.toml"))
     assert len(SHIPPED) == len(DECATHLON)
+    assert len(load_skills(ON_REQUEST)) == len(ON_REQUEST)
 
 
 def test_the_own_run_is_known_by_who_is_tested_and_not_by_its_entrant() -> None:

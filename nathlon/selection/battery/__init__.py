@@ -45,6 +45,8 @@ DECATHLON = (
     "emergency",
     "race_craft",
 )
+ON_REQUEST = ("wet_start", "drying_road")
+"""Shipped tests that are held only if they are named."""
 
 MARKS_SEEDS = np.random.SeedSequence(500)
 """Of the built-in driver's runs that set the marks: the same every night."""
