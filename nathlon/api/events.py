@@ -22,7 +22,7 @@ from nathlon.policies.sources import COMPOSITE, OBJECT
 from nathlon.reports.event_page import Chapter, lap_chapter, table_chapter, write_event_page
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
-from nathlon.sim.whole_file import check_output, writing
+from nathlon.sim.whole_file import check_output, whole_file, writing
 from nathlon.terminal.progress import stage_progress, worker_count
 
 PRACTICE, RACE = "practice", "race"
@@ -245,8 +245,7 @@ def season(
         for number, circuit in enumerate(circuits)
     ]
     table = season_table({one.circuit: one.results for one in weekends})
-    with writing(folder / "table.csv"):
-        table.write_csv(folder / "table.csv")
+    _write_table(folder / "table.csv", table)
     heads = ("Place", "Entrant", "Points", "Wins", *(Path(circuit).stem for circuit in circuits))
     rows = [[_cell(value) for value in row] for row in table.iter_rows()]
     chapters = [table_chapter("Table", rows, heads)]
@@ -315,8 +314,7 @@ def _practise(
                 rows.append((one.name, None, None))
         on_done(number + 1, len(entered))
     planned = pl.DataFrame(rows, schema=schema, orient="row")
-    with writing(path):
-        planned.write_csv(path)
+    _write_table(path, planned)
     return planned
 
 
@@ -325,14 +323,21 @@ def _write(
 ) -> EnduranceResult:
     """Tables and page of a race that is over."""
     results, laps = with_names(driven, names)
-    for name, frame in (("results.csv", results), ("laps.csv", laps)):
-        with writing(folder / name):
-            frame.write_csv(folder / name)
+    _write_table(folder / "results.csv", results)
+    _write_table(folder / "laps.csv", laps)
     winner = results.row(0, named=True)
     headline = f"{winner['name']} wins after {winner['laps']} laps"
     chapters = [_race_chapter(results, "Race"), lap_chapter(laps, "Laps"), _stint_chapter(laps), *before]
     page = write_event_page(folder, headline, event, chapters)
     return EnduranceResult(folder, results, laps, page)
+
+
+def _write_table(path: Path, table: pl.DataFrame) -> None:
+    """Write a table as CSV, whole or not at all, into a folder that is made if need be."""
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as whole:
+            table.write_csv(whole)
 
 
 def _race_chapter(results: pl.DataFrame, title: str) -> Chapter:

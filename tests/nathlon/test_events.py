@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+import nathlon
 from nathlon.arena.lap_chart import LAP_CHART, running_order, stints
 from nathlon.arena.leg import Leg, LegDriven, drive_leg
 from nathlon.arena.match import Match, Race, Seat
@@ -20,6 +21,7 @@ from nathlon.policies.policy import Batch
 from nathlon.policies.strategy import PitWall, WhenNeeded
 from nathlon.reports.event_page import lap_chapter, table_chapter, write_event_page
 from nathlon.sim.car import load_car
+from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.rules import load_rules, rule_parameters
 from nathlon.sim.weather import Weather
@@ -157,6 +159,31 @@ def test_wins_decide_between_equal_points() -> None:
         (2, "b", 15.0, 1, 10.0, 5.0),
         (3, "a", 15.0, 0, 8.0, 7.0),
     ]
+
+
+def test_a_season_has_weekends_and_a_table(tmp_path: Path) -> None:
+    """Of two who never come round; a second call finds all that was driven."""
+    entrants = {"one": Counting(), "two": Counting()}
+
+    def run() -> nathlon.SeasonResult:
+        return nathlon.season(entrants, circuits=["porto-sereno"], laps=1, out=tmp_path, progress=False)
+
+    result, again = run(), run()
+    assert result.table["points"].to_list() == [10.0, 8.0] == result.table["porto-sereno"].to_list()
+    [weekend] = result.weekends
+    assert weekend.qualifying["lap_s"].to_list() == [None, None]
+    assert weekend.practice is not None
+    assert weekend.practice["plan"].to_list() == [None, None]
+    assert weekend.results["stops"].to_list() == [0, 0]
+    assert again.weekends[0].results.equals(weekend.results)
+    written = {path.name for path in weekend.folder.iterdir()}
+    assert {"index.html", "laps.csv", "legs", "practice.csv", "results.csv"} <= written
+    assert "nobody has completed one" in result.page.read_text("utf-8")
+
+
+def test_a_circuit_is_raced_once_a_season() -> None:
+    with pytest.raises(InputError, match="expected one or more, each once"):
+        nathlon.season("driver", circuits=["lindenring", "lindenring"])
 
 
 def test_the_page_of_an_event_shows_its_laps(tmp_path: Path) -> None:

@@ -56,7 +56,8 @@ def drive_race(
     """
     time_s = load_scenario(match.scenario).time_s
     legs = math.ceil(time_s / leg_s)
-    folder.mkdir(parents=True, exist_ok=True)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     halt, laps = None, []
     for number in range(legs):
         path = folder / f"leg-{number + 1:02}.npz"
