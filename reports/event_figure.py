@@ -10,6 +10,7 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from nathlon.arena.lap_chart import running_order
 from nathlon.reports.recipes_figure import COLOURS, STYLE
@@ -74,3 +75,4 @@ def _draw_gaps(axes: Axes, laps: pl.DataFrame) -> None:
     axes.invert_yaxis()
     axes.set_ylabel("s behind the first to complete the lap")
     axes.set_xlabel("lap")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))

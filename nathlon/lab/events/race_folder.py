@@ -58,6 +58,7 @@ def drive_race(
     legs = math.ceil(time_s / leg_s)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
+    on_leg(0, legs)
     halt, laps = None, []
     for number in range(legs):
         path = folder / f"leg-{number + 1:02}.npz"
