@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.pit_walls import Advised, PitWalls
 from nathlon.arena.runner import run_match
 from nathlon.arena.stints import DrivenStint, read
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.strategy import PitWall, Stint, StintPlan
 from nathlon.sim.rules import PitParameters
-from nathlon.sim.world import Service, World
+from nathlon.sim.scenario import load_scenario
+from nathlon.sim.track import load_track
+from nathlon.sim.weather import Shower, Weather
+from nathlon.sim.world import Conditions, Service, World
 from tests.support.refusals import refusal
 
 PART = '[[part]]\npolicy = "driver:pace=0.9"\n'
@@ -98,6 +102,47 @@ def test_a_race_is_driven_by_its_plans(tmp_path: Path) -> None:
     assert soft.lane_s == pytest.approx(worlds[-1].state["lane_s"][0, 0], abs=1e-3)
     assert 8.0 < soft.stood_s < soft.lane_s - 20.0
     assert (only, hard.stood_s, hard.lane_s) == (DrivenStint("racing-hard", 2), None, None)
+
+
+class Listening:
+    """A strategist that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.walls: list[PitWall] = []
+
+    def start(self, wall: PitWall) -> Service:
+        self.walls.append(wall)
+        return Service("intermediate")
+
+    def decide(self, wall: PitWall) -> Service | None:
+        self.walls.append(wall)
+        return None
+
+
+def test_a_pit_wall_knows_the_road_and_what_may_come() -> None:
+    """And goes on where its notes end."""
+    weather = (
+        Weather(chance=3.0),
+        Weather(shower=(Shower(time_s=60.0, rain_mm_h=5.0),)),
+        Weather(shower=(Shower(time_s=0.0, rain_mm_h=2.0),)),
+    )
+    track, strategist = load_track("lindenring"), Listening()
+    world = World(track, load_car("gt3"), 1, 1, Conditions(weather=weather, film_mm=0.2))
+    world.reset(0, load_scenario("stint").place(track, np.random.default_rng(1)))
+    advised = [Advised(0, 0, strategist)]
+    walls = PitWalls(world, None, advised)
+    world.step(np.array([[[0.5, 0.0]]]))
+    world.state["progress"] = 1.0
+    walls.listen()
+    started, first = strategist.walls
+    assert (started.film_mm, started.rain_mm_h) == (0.2, 0.0)
+    # The shower that would have begun by now has not.
+    assert [one.chance for one in first.forecast] == [0.75, 0.25]
+    assert [one.shower for one in first.forecast] == [weather[0].shower, weather[1].shower]
+    again = PitWalls(world, None, advised, walls.notes)
+    assert again.notes == walls.notes
+    again.listen()
+    assert len(strategist.walls) == 2, "the lap has begun before"
 
 
 def test_a_strategy_is_part_of_the_entrant(tmp_path: Path) -> None:

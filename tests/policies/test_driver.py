@@ -17,6 +17,7 @@ from nathlon.policies.driver.racing_line import minimum_time
 from nathlon.policies.driver.speed_profile import Profile, corner_limit, path_of, profile
 from nathlon.policies.driver.turning import backs_out, turn_round
 from nathlon.policies.load import load_policy
+from nathlon.policies.planning import decide
 from nathlon.policies.policy import Policy
 from nathlon.sim.car import load_car
 from nathlon.sim.errors import InputError
@@ -24,7 +25,8 @@ from nathlon.sim.physics.chassis import GRAVITY
 from nathlon.sim.physics.course import SurfaceGrip
 from nathlon.sim.track import WALL_LEFT, Track, load_track
 from nathlon.sim.track.generating import write_generated
-from nathlon.sim.world import Conditions, Start, World
+from nathlon.sim.weather import Shower, Weather
+from nathlon.sim.world import Conditions, Service, Start, World
 from tests.support.driving import GT3, circle, road, start_at
 
 TRACK = load_track("lindenring")
@@ -224,6 +226,35 @@ def test_worn_tyres_and_a_slipstream_slow_the_driver_down() -> None:
         pedals.append(np.array(row))
     assert (pedals[1] <= pedals[0]).all()
     assert (pedals[1] < pedals[0]).sum() > 10
+
+
+def test_the_driver_feels_the_rain() -> None:
+    """It stays on the road on which it goes off if it drives as in the dry; unfelt it drives as ever."""
+    driver, none = Driver("lindenring", "gt3"), np.zeros(1, np.int64)
+    rain = Weather(shower=(Shower(time_s=0.0, rain_mm_h=8.0),))
+    world = World(TRACK, GT3, 2, 1, Conditions(weather=(rain,), film_mm=0.6))
+    for race in range(2):
+        world.reset(race, start_at([-150.0], speed=30.0))
+        world.fit(race, 0, Service("wet"))
+    memories = [driver.initial_memory(1)] * 2
+    for _ in range(900):
+        actions = np.zeros((2, 1, 2))
+        for race in range(2):
+            seen = world.observe(driver.observation_spec, none + race, none)
+            if race == 0:
+                acted = decide(driver, world, none, none, seen, memories[0])
+            else:
+                acted = driver.act(seen, memories[1])
+            actions[race], memories[race] = acted
+        world.step(actions)
+    felt, unfelt = world.state[:, 0]
+    assert felt["off_course_s"] == 0.0 < unfelt["off_course_s"]
+    assert felt["progress"] > 2500.0
+    whole = np.ones(1)
+    for once, again in zip(
+        driver.act(seen, memories[1]), driver.act_on_grip(seen, memories[1], whole, whole), strict=True
+    ):
+        np.testing.assert_array_equal(once, again)
 
 
 def test_each_row_of_a_batch_is_driven_alone() -> None:
