@@ -14,6 +14,7 @@ from nathlon.arena.stints import DrivenStint, read
 from nathlon.policies.load import load_policy
 from nathlon.policies.sources.identity import policy_id
 from nathlon.policies.strategy import PitWall, Stint, StintPlan
+from nathlon.sim.car import load_car
 from nathlon.sim.rules import PitParameters
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
