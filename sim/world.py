@@ -477,8 +477,9 @@ class World:
 
     def _fitted(self, compound: str) -> tuple[float, float, float, float]:
         """Of a compound: grip and wear against those of the world's, then the film and the peak."""
-        of = load_compounds()[compound]
-        return *compound_ratio(self._compound, compound), of.film_mm, of.peak_slip
+        grip, wear = compound_ratio(self._compound, compound)
+        fitted = load_compounds()[compound]
+        return grip, wear, fitted.film_mm, fitted.peak_slip
 
     def new_contacts(self, race: int) -> NDArray[np.void]:
         """The contacts of one race that began in the last step, CONTACT."""

@@ -34,8 +34,9 @@ ASIDE_M = 1.0
 """Its speeds there hold for a line moved so far to either side."""
 TURNING_CIRCLE = 1.2
 """Radius of a turn at full lock, beside that of wheels that roll without slip."""
-SLOWER = 0.6
-"""Power of the grip with which speeds fall: half without downforce, and more with it, which falls too."""
+SLOWER = 0.8
+"""Power of the grip with which speeds fall: 0.5 would do without downforce, which falls with the speed, and if
+the wheels turned in at once as far as they must on the tyres of the day."""
 
 
 def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Temper) -> Knowledge:

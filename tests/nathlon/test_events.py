@@ -34,12 +34,15 @@ class Counting:
 
     observation_spec = ObservationSpec(course_points=4)
 
+    def __init__(self, pedal: float = 0.3) -> None:
+        self._pedal = pedal
+
     def initial_memory(self, n: int) -> Batch:
         return np.zeros((n, 1), np.float32)
 
     def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
         actions = np.zeros((len(observations), 2), np.float32)
-        actions[:, 0] = 0.3 + 0.3 * np.sin(memory[:, 0] / 7.0)
+        actions[:, 0] = self._pedal + 0.3 * np.sin(memory[:, 0] / 7.0)
         return actions, memory + 1.0
 
 
@@ -163,7 +166,7 @@ def test_wins_decide_between_equal_points() -> None:
 
 def test_a_season_has_weekends_and_a_table(tmp_path: Path) -> None:
     """Of two who never come round; a second call finds all that was driven."""
-    entrants = {"one": Counting(), "two": Counting()}
+    entrants = {"one": Counting(0.3), "two": Counting(0.4)}
 
     def run() -> nathlon.SeasonResult:
         return nathlon.season(entrants, circuits=["porto-sereno"], laps=1, out=tmp_path, progress=False)
