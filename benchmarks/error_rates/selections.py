@@ -17,7 +17,7 @@ from benchmarks.error_rates.simulation import Case, Outcome
 from nathlon.arena.results import RESULTS
 from nathlon.arena.statistics import Floats, group_sums, possible_ranks
 from nathlon.selection.battery.ranking import MARKS, rank_battery
-from nathlon.selection.pareto import nondominated_probability
+from nathlon.selection.pareto import nondominated_probability, surviving
 from nathlon.selection.pareto.filter import FilterSettings, undecided
 from nathlon.selection.pareto.objective import Measured
 from nathlon.selection.round_robin import TournamentSettings
@@ -78,7 +78,7 @@ def filtered(rng: np.random.Generator, noise: Noise) -> Outcome:
         if not again.any():
             break
         driven = np.where(again, 2 * driven, driven)
-    kept = probability >= FILTER.keep_probability
+    kept = surviving(probability, FILTER.keep_probability)
     front = moocore.is_nondominated(np.ascontiguousarray(truth.T), keep_weakly=True)
     others = ~front
     return Outcome(
