@@ -48,6 +48,7 @@ class LapRace:
         tank_kg: float,
         pace_s: Sequence[float],
         rng: np.random.Generator,
+        noise_s: float = NOISE_S,
     ) -> None:
         """Cars on the grid with full tanks and the model's first compound.
 
@@ -58,10 +59,12 @@ class LapRace:
             tank_kg: fuel in a full tank.
             pace_s: what each car takes longer than the model, s a lap; from pole on.
             rng: of the laps' noise.
+            noise_s: its standard deviation.
         """
         cars = len(pace_s)
         self.laps, self.lap = laps, 0
         self._model, self._pit, self._tank_kg, self._rng = model, pit, tank_kg, rng
+        self._noise_s = noise_s
         self._pace_s = np.array(pace_s)
         self._by_name = {compound.name: compound for compound in model.compound}
         self.time_s = GRID_S * np.arange(cars, dtype=np.float64)
@@ -115,7 +118,7 @@ class LapRace:
 
     def _alone(self, car: int) -> float:
         """What a car's lap takes on a clear road, s; its tyres and fuel get less."""
-        noise = NOISE_S * float(self._rng.standard_normal())
+        noise = self._noise_s * float(self._rng.standard_normal())
         if self.out[car]:
             return 0.0
         compound = self._by_name[self.compounds[car]]

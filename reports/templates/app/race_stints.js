@@ -16,6 +16,12 @@ const SHADES = { soft: "var(--finalist)", medium: "var(--third)", hard: "var(--s
  */
 export const stintsOf = ({ stints }) => (stints === null ? [] : JSON.parse(stints));
 
+/**
+ * After how many laps a car came back from each of its stops.
+ * @param {{ stints: string }} car
+ */
+export const stopsOf = (car) => Array.from(d3.cumsum(stintsOf(car), ({ laps }) => laps)).slice(0, -1);
+
 /** @param {import("./data.js").Car[]} cars of a race */
 export function stintChart(cars) {
   const labels = d3.sort(cars, (one) => one.place).map((one) => ({ ...one, label: `${startNumber(one.slot - 1)} ${nameOf(one.entrant)}` }));
