@@ -1,8 +1,9 @@
 """Whether a planner stops when it should: against fixed plans, alone on the road and in a field of twenty.
 
 `python -m benchmarks.strategy --json FILE [--seeds N] [--laps N] [--circuits NAME,NAME] [--policy NAME]
-[--out FOLDER]` has the policy practise (`nathlon stints`), and then races its planner against plans of one, two and three
-stops with even stints, each on the compound that the model likes best for it. Figures by circuit:
+[--out FOLDER]` has the policy practise (`nathlon stints`), and then races its planner against plans of one,
+two and three stops with even stints, each on the compound that the model likes best for it. Figures by
+circuit:
 
 - `alone`: race time by strategy and seed, s;
 - `expected_s`: of the fixed plans, by the model;
