@@ -15,10 +15,11 @@ from typing import Any
 import gymnasium
 import torch
 from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 
-import nathlon  # noqa: F401  # makes the environment known
+from nathlon.policies.environments.strategy_env import StrategyEnv
 
-ALGORITHMS = {"ppo": PPO, "dqn": DQN}
+ALGORITHMS: dict[str, Callable[..., BaseAlgorithm]] = {"ppo": PPO, "dqn": DQN}
 
 
 def mean_return(env: gymnasium.Env[Any, Any], decide: Callable[[Any], int], races: int) -> float:
@@ -48,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     model.learn(options.steps)
     learnt = mean_return(env, lambda seen: int(model.predict(seen, deterministic=True)[0]), options.races)
     planner = env.unwrapped
+    assert isinstance(planner, StrategyEnv), "it was made by this name"
     print(f"{options.algorithm}: {learnt:.1f}")
     print(f"planner: {mean_return(env, lambda _: planner.planned(), options.races):.1f}")
     print(f"no stop: {mean_return(env, lambda _: 0, options.races):.1f}")

@@ -64,7 +64,7 @@ def two_way(results: pl.DataFrame, cells: Mapping[str, Cell], confidence: float 
     whole = table.mean(axis=(1, 2), keepdims=True)
     by_policy, by_strategy = table.mean(axis=2, keepdims=True), table.mean(axis=1, keepdims=True)
     left = table - by_policy - by_strategy + whole
-    rows = []
+    rows: list[tuple[str, str, str | None, Floats, Floats]] = []
     for i, policy in enumerate(policies):
         rows.append((policy, "", None, by_policy[:, i, 0], (by_policy - whole)[:, i, 0]))
     for j, strategy in enumerate(strategies):

@@ -40,7 +40,7 @@ MODEL = StintModel(
 
 
 def wall(lap: int, laps: int | None = LAPS, **known: Any) -> PitWall:
-    facts = {
+    facts: dict[str, Any] = {
         "car": 0,
         "laps": laps,
         "lap": lap,

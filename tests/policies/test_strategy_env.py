@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -67,7 +68,7 @@ def test_the_planner_stops_and_gains_by_it() -> None:
         totals = []
         for seed in range(5):
             env.reset(seed=seed)
-            total, over, facts = 0.0, False, {}
+            total, over, facts = 0.0, False, dict[str, Any]()
             while not over:
                 action = env.planned() if name == "planner" else 0
                 _, reward, over, _, facts = env.step(np.int64(action))
