@@ -210,6 +210,22 @@ RATINGS = pl.Schema(
     }
 )
 
+STRATEGIES = pl.Schema(
+    {
+        "policy": pl.String,  # label; empty in the row of a strategy with all policies
+        "strategy": pl.String,  # label; empty in the row of a policy with all strategies
+        "entrant": pl.String,  # that is both; null in rows of one
+        "points": pl.Float64,  # mean of a unit's race
+        "points_low": pl.Float64,  # 95 % interval over units
+        "points_high": pl.Float64,
+        "effect": pl.Float64,  # of one: its mean less that of all; of both: what is left beside both effects
+        "effect_low": pl.Float64,
+        "effect_high": pl.Float64,
+        "units": pl.Int64,
+    }
+)
+"""Policies crossed with strategies, a two-way layout; empty where they are not."""
+
 TOURNAMENT_NOTES = pl.Schema({"note": pl.String})
 """Sentences on what does not fit: ratings against points, lack of fit, cycles."""
 
@@ -281,6 +297,7 @@ TABLES: dict[str, pl.Schema] = {
     "pool_totals": POOL_TOTALS,
     "matchups": MATCHUPS,
     "ratings": RATINGS,
+    "strategies": STRATEGIES,
     "tournament_notes": TOURNAMENT_NOTES,
     "laps": LAPS,
     "course": COURSE,

@@ -53,6 +53,9 @@ def register() -> None:
             vector_entry_point="nathlon.policies.environments.race_vector_env:RaceVectorEnv",
             kwargs=arguments,
         )
+    gymnasium.register(
+        "nathlon/Strategy-v0", entry_point="nathlon.policies.environments.strategy_env:StrategyEnv"
+    )
 
 
 def register_with_gymnasium() -> None:

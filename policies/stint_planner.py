@@ -88,6 +88,13 @@ class StintPlanner:
             return None
         return best.service if best else None
 
+    def fuel_for(self, compound: str, left: int, pit: PitParameters, tank_kg: float) -> float:
+        """Fuel for the fastest stint on a compound with so many laps to go, kg; a full tank if none lasts."""
+        rest = self._rest(left, pit, tank_kg)
+        ways = (way for way in self._ways(left, tank_kg, rest) if way.compound == compound)
+        best = min(ways, key=_seconds, default=None)
+        return tank_kg if best is None else best.fuel_kg
+
     def _drive_on(self, wall: PitWall, laps: int) -> tuple[list[float], list[float]]:
         """What 0, 1... `laps` more laps without a stop take, s, and leave in the tank, kg."""
         compound = self._compounds.get(wall.compounds[wall.car], self._model.compound[0])

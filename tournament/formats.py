@@ -11,7 +11,7 @@ from typing import Literal
 
 from nathlon.tournament.block_design import first_race
 
-FormatName = Literal["4v4", "1v1", "2v2", "ffa8", "10v10", "gauntlet"]
+FormatName = Literal["4v4", "1v1", "2v2", "ffa8", "10v10", "gauntlet", "event"]
 
 
 @dataclass(frozen=True)
@@ -84,5 +84,6 @@ FORMATS: dict[str, Format] = {
         Format("ffa8", "race", 8, teams=False),
         Format("10v10", "grand_prix", 20),
         Format("gauntlet", "race", 8, gauntlet=True),
+        Format("event", "grand_prix_stops", 20, teams=False),
     )
 }

@@ -15,16 +15,7 @@ from nathlon.arena.store import schema
 from nathlon.arena.store.database import APPLICATION_ID, Database, StoreFault
 from nathlon.sim.errors import InputError
 
-VERSIONS = (
-    "0001",
-    "0002",
-    "0003",
-    "0004",
-    "0005",
-    "0006",
-    "0007",
-    "0008",
-)  # the revisions in arena/migrations
+VERSIONS = tuple(f"{number:04}" for number in range(1, 9))  # the revisions in arena/migrations
 FIRST, NEWEST = VERSIONS[0], VERSIONS[-1]
 EMPTY = ""
 VERSION_TABLE = "nathlon_version"

@@ -142,6 +142,7 @@ def stints(
     assert race.laps is not None, "practices checks it"
     tank = load_car(car).fuel.capacity_kg
     planned = plans(model, race.laps, rule_parameters(load_rules(race.rules)).pit, tank, stops)
+    folder.mkdir(parents=True, exist_ok=True)
     with whole_file(folder / "laps.csv") as partial_path:
         laps.write_csv(partial_path)
     files = [_write(folder, source, entrant.name, plan) for plan in planned]

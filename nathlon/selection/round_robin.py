@@ -24,6 +24,7 @@ from nathlon.arena.world_finding import RACING
 from nathlon.arena.world_registry import home, load_world
 from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.bounds import MOST_PAIRS
+from nathlon.selection.crossing import cells
 from nathlon.selection.run import CONFIDENCE, Answer, Run
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
@@ -35,6 +36,7 @@ from nathlon.tournament.ratings import notes, rate
 from nathlon.tournament.records import records
 from nathlon.tournament.schedule import Meeting, meetings
 from nathlon.tournament.stopping import Stopping, repeated, settled, settled_in_gauntlet
+from nathlon.tournament.two_way import two_way
 
 
 class TournamentSettings(Section):
@@ -175,6 +177,8 @@ def run_round_robin(
     matches, results = _race(run, fixtures, event, settings, references)
     confidence = repeated(CONFIDENCE, len(_rounds(fixtures, settings)))
     tables = _tables(run, entrants, results, event.weights, settings, confidence)
+    if any(race.format == "event" for race in event.race):
+        tables["strategies"] = two_way(results, cells(entrants, references), confidence)
     first = leaders(entrants, tables["ranking"])
     run.note("tournament", len(entrants), len(first), results, began)
     of_teams = all(race.made is FORMATS["4v4"] for race in event.race)

@@ -57,12 +57,14 @@ class CompositeFile(Section):
 
     Attributes:
         stint: its strategy: what it drives on which tyres, and where it stops.
+        strategy: what its strategy is called where policies are raced with several; as it stops if not given.
         planner: its strategy instead: a stint model, by which every lap it plans where to stop. With neither
             it never stops.
     """
 
     name: Name
     part: Annotated[tuple[CompositePart, ...], Field(min_length=1)]
+    strategy: Name | None = None
     stint: tuple[Stint, ...] = ()
     planner: StintModel | None = None
 
@@ -71,6 +73,13 @@ class CompositeFile(Section):
         if self.stint and self.planner:
             raise ValueError("stint and planner are two strategies, expected one of them")
         return self
+
+    @property
+    def strategy_label(self) -> str:
+        """What its strategy is called."""
+        stops = max(len(self.stint) - 1, 0)
+        usual = "planner" if self.planner else f"{stops} stop{'s' if stops != 1 else ''}"
+        return self.strategy or usual
 
     @property
     def strategist(self) -> Strategist | None:

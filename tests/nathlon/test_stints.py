@@ -13,11 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import nathlon
-from nathlon.lab.stints.model import LapModel, fit
+from nathlon.lab.stints.model import LapModel, fit, stint_model
 from nathlon.lab.stints.planning import StopPlan, plans
 from nathlon.lab.stints.practice import LAPS, Place, _Begin, _rows, with_settings
 from nathlon.policies.sources.composite import CompositeSource
-from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.stint_planner import SPARE_KG, StintPlanner
+from nathlon.policies.strategy import PitWall
 from nathlon.sim.errors import InputError
 from nathlon.sim.rules import PitParameters
 
@@ -175,7 +176,7 @@ def test_plans_are_entrants(tmp_path: Path) -> None:
         compounds=COMPOUNDS,
         stops=1,
         workers=1,
-        out=tmp_path,
+        out=tmp_path / "not" / "there",
         progress=False,
     )
     assert sorted(file.name for file in result.files) == ["0-stops.toml", "1-stops.toml"]
@@ -184,4 +185,30 @@ def test_plans_are_entrants(tmp_path: Path) -> None:
     for plan, file in zip(result.plans, result.files, strict=True):
         assert CompositeSource.read(file).file.stint == plan.stints
     assert sum(stint.laps for stint in result.plans[0].stints) == 3
-    assert (tmp_path / "laps.csv").is_file()
+    assert (result.folder / "laps.csv").is_file()
+    kept = CompositeSource.read(result.planner).file
+    assert kept.planner == stint_model(result.model)
+    assert kept.strategy_label == "planner"
+
+
+def test_a_planner_begins_as_the_fastest_plan() -> None:
+    """Both come from the same practice, by dynamic programming of their own."""
+    model = fit(practised(8, 0.2, np.random.default_rng(3)))
+    best, *_ = plans(model, 12, PIT, 80.0, 3)
+    nothing = np.zeros(1)
+    wall = PitWall(
+        car=0,
+        laps=12,
+        lap=0,
+        ends_lap=1,
+        wear=np.zeros(4),
+        fuel_kg=80.0,
+        last_lap_s=nothing,
+        gap_s=nothing,
+        compounds=("racing-medium",),
+        laps_done=np.zeros(1, int),
+        stops=np.zeros(1, int),
+        pit=PIT,
+        tank_kg=80.0,
+    )
+    assert StintPlanner(stint_model(model)).start(wall) == best.stints[0].service

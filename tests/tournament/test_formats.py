@@ -23,6 +23,7 @@ def test_every_name_that_a_file_may_use_is_a_format() -> None:
         "ffa8": (8, False),
         "10v10": (20, True),
         "gauntlet": (8, True),
+        "event": (20, False),
     }
 
 

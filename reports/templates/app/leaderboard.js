@@ -53,8 +53,30 @@ export function leaderboard() {
       met && { key: "faults", head: "Faults", value: (row) => row.faults, cell: (row) => (row.faults ? h("span", { class: "fault" }, number(row.faults)) : "0") },
     ], rows, { sort: "rank", text: (row) => nameOf(row.entrant), grouped: { key: "rank" }, label: "Leaderboard" }),
     timed && note(`Action: ${data.timedOn}`),
+    strategies(),
     ratings(),
   ];
+}
+
+// Policies crossed with strategies: points of both, and what each of them adds.
+function strategies() {
+  if (!tables.strategies.length) return null;
+  const [policies, plans, both] = [
+    tables.strategies.filter((row) => row.strategy === ""), tables.strategies.filter((row) => row.policy === ""), tables.strategies.filter((row) => row.policy !== "" && row.strategy !== ""),
+  ];
+  const between = (low, high) => h("span", { class: "interval" }, low === null ? "" : `${signed(low, 2)} to ${signed(high, 2)}`);
+  const effect = (row) => h("td", { class: "number" }, h("strong", {}, signed(row.effect, 2)), " ", between(row.effect_low, row.effect_high));
+  const best = d3.max(both, (row) => row.points);
+  const cell = (row) => h("td", { class: "number", title: `beside both effects: ${signed(row.effect, 2)}` },
+    h("a", { href: to("checkpoint", [entrants[row.entrant].key]) }, row.points === best ? h("strong", {}, number(row.points, 2)) : number(row.points, 2)), " ",
+    h("span", { class: "interval" }, row.points_low === null ? "" : `${number(row.points_low, 2)} to ${number(row.points_high, 2)}`));
+  return section("Policies and strategies",
+    note(`Points ${EACH} of every policy with every strategy, with intervals over ${number(both[0].units)} units; bold: the most. Effects: what a policy, or a strategy, adds to the mean of all.`),
+    scroll("Policies and strategies", h("table", { id: "strategies" },
+      h("thead", {}, h("tr", {}, h("th", { scope: "col", class: "name" }, "Policy"), plans.map((row) => h("th", { scope: "col", class: "number" }, row.strategy)), h("th", { scope: "col", class: "number" }, "Effect of the policy"))),
+      h("tbody", {},
+        policies.map((row) => h("tr", {}, h("th", { scope: "row", class: "name" }, row.policy), plans.map((plan) => cell(both.find((one) => one.policy === row.policy && one.strategy === plan.strategy))), effect(row))),
+        h("tr", {}, h("th", { scope: "row", class: "name" }, "Effect of the strategy"), plans.map(effect), h("td", {}))))));
 }
 
 function ratings() {

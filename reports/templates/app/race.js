@@ -61,7 +61,7 @@ export function raceView([key, index]) {
     ], cars, { sort: "place", label: "Result" })),
     stopped && section("Stints", stintChart(cars)),
     player && later(player, (ready) => [
-      section("Along the race", raceCharts(ready)),
+      section("Along the race", raceCharts(ready, cars)),
       section("Speed along the lap", speedCharts(ready)),
       section("Incidents", incidents(ready, shown)),
       section("Where cars pass", passesView(ready)),

@@ -7,6 +7,7 @@ import { chart, LINES, PLAIN_AXIS, scaleOf, tip } from "./charts.js";
 import { groups } from "./data.js";
 import { empty, here, keep, note } from "./dom.js";
 import { d3, Plot } from "./libraries.js";
+import { stopsOf } from "./race_stints.js";
 import { lapsOf, passings, traceOf } from "./race_laps.js";
 
 /**
@@ -47,13 +48,22 @@ function playedChart(player, title, draw, placeOf, timeOf) {
   });
 }
 
-/** @param {Player} player */
-export function raceCharts(player) {
+/**
+ * @param {Player} player
+ * @param {import("./data.js").Car[]} cars of the race
+ */
+export function raceCharts(player, cars) {
   const { recording, state } = player;
   const { race, circuit, samples } = recording;
   const rows = passings(recording);
   if (!rows.length) return empty("No car drove far enough for a chart.");
-  const last = [...groups(rows, "car").values()].map((own) => own.at(-1));
+  const byCar = groups(rows, "car");
+  const last = [...byCar.values()].map((own) => own.at(-1));
+  const stops = cars.flatMap((one) => {
+    const own = byCar.get(one.slot - 1) ?? [];
+    return stopsOf(one).map((lap) => own.find((row) => row.lap >= lap)).filter((row) => row !== undefined);
+  });
+  const stopped = (y) => Plot.dot(stops, { x: "lap", y, r: 4, fill: "var(--paper)", stroke: (row) => teamStroke(recording, row.car), strokeWidth: 1.8 });
   const end = d3.max(rows, ({ lap }) => lap);
   const place = () => {
     const tick = recording.tickAt(state.now);
@@ -74,14 +84,15 @@ export function raceCharts(player) {
       width, height: 270, marginRight: width < 500 ? 24 : 158, marginLeft: 34, marginBottom: 38, ariaLabel: "Place of every car along the race",
       x: along, y: { domain: [recording.cars + 0.4, 0.6], ticks: d3.range(1, recording.cars + 1), tickFormat: "d", label: null, tickSize: 0 },
       marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("place"),
-        Plot.text(last, { x: "lap", y: "place", text: (row) => named(row, width), textAnchor: "start", dx: 6, fill: "currentColor" }), pointed("place")],
+        Plot.text(last, { x: "lap", y: "place", text: (row) => named(row, width), textAnchor: "start", dx: 6, fill: "currentColor" }), stopped("place"), pointed("place")],
     }), place, when),
     playedChart(player, "Gap to the leader, s", (width) => Plot.plot({
       width, height: 270, marginRight: 24, marginLeft: 34, marginBottom: 38, ariaLabel: "Gap of every car to the leader along the race",
       x: along, y: { domain: [d3.max(rows, ({ gap }) => gap) || 1, 0], label: null, grid: true },
       marks: [Plot.ruleX(d3.range(1, end), { stroke: "var(--rule)" }), lines("gap"),
-        Plot.text(last, { x: "lap", y: "gap", text: (row) => startNumber(row.car), textAnchor: "start", dx: 5, fill: "currentColor" }), pointed("gap")],
-    }), place, when));
+        Plot.text(last, { x: "lap", y: "gap", text: (row) => startNumber(row.car), textAnchor: "start", dx: 5, fill: "currentColor" }), stopped("gap"), pointed("gap")],
+    }), place, when),
+    stops.length > 0 && note("Circles: stops."));
 }
 
 // Speeds of up to two laps, and the time that they lose, against the fastest lap of the race.

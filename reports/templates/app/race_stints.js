@@ -16,6 +16,12 @@ const SHADES = { soft: "var(--finalist)", medium: "var(--third)", hard: "var(--s
  */
 export const stintsOf = ({ stints }) => (stints === null ? [] : JSON.parse(stints));
 
+/**
+ * After how many laps a car came back from each of its stops.
+ * @param {{ stints: string }} car
+ */
+export const stopsOf = (car) => Array.from(d3.cumsum(stintsOf(car), ({ laps }) => laps)).slice(0, -1);
+
 /** @param {import("./data.js").Car[]} cars of a race */
 export function stintChart(cars) {
   const labels = d3.sort(cars, (one) => one.place).map((one) => ({ ...one, label: `${startNumber(one.slot - 1)} ${nameOf(one.entrant)}` }));
@@ -23,13 +29,14 @@ export function stintChart(cars) {
     let to = 0;
     return stintsOf(one).map((stint) => ({ ...stint, label: one.label, from: to, to: (to += stint.laps) }));
   });
+  const end = d3.max(rows, ({ to }) => to) || 1;
   const about = ({ label, compound, laps, stood_s, lane_s }) =>
     `${label}\n${laps} laps on ${compound}${lane_s === null ? "" : `\nstop: ${number(stood_s, 1)} s standing, ${number(lane_s, 1)} s in the lane`}`;
-  const fits = (row, width) => ((width - 180) * row.laps) / (d3.max(rows, ({ to }) => to) || 1);
+  const fits = (row, width) => ((width - 180) * row.laps) / end;
   const told = (row, width) => (fits(row, width) > 110 ? `${row.laps} ${row.compound}` : fits(row, width) > 24 ? `${row.laps}` : "");
   return chart(null, (width) => Plot.plot({
     width, height: 46 + 24 * labels.length, marginLeft: width < 500 ? 100 : 170, marginRight: 20, marginTop: 6, marginBottom: 40, ariaLabel: "Stints of every car",
-    x: { label: "laps", domain: [0, d3.max(rows, ({ to }) => to) || 1], tickFormat: "d", interval: 1, ...PLAIN_AXIS },
+    x: { label: "laps", domain: [0, end], ticks: Math.min(end, 10), tickFormat: "d", ...PLAIN_AXIS },
     y: { domain: labels.map(({ label }) => label), label: null, tickSize: 0 },
     marks: [
       Object.entries(SHADES).map(([kind, fill]) => Plot.barX(rows.filter(({ compound }) => compound.endsWith(kind)), { x1: "from", x2: "to", y: "label", fill, insetLeft: 1, insetRight: 1, insetTop: 3, insetBottom: 3 })),

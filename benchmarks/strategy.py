@@ -1,0 +1,203 @@
+"""Whether a planner stops when it should: against fixed plans, alone on the road and in a field of twenty.
+
+`python -m benchmarks.strategy --json FILE [--seeds N] [--laps N] [--circuits NAME,NAME] [--policy NAME]
+[--out FOLDER]` has the policy practise (`nathlon stints`), and then races its planner against plans of one,
+two and three stops with even stints, each on the compound that the model likes best for it. Figures by
+circuit:
+
+- `alone`: race time by strategy and seed, s;
+- `expected_s`: of the fixed plans, by the model;
+- `field`: mean place of planners and of the best fixed plan, ten cars each, by seed; every grid is also raced
+  the other way round.
+
+On the last line, over all circuits: `within_0.3_percent`, the share of races alone in which the planner took
+at most 0.3 % longer than the best fixed plan did; `places_gained` on the best fixed plan in the field;
+`model_error`, the mean share of race time by which the model errs on fixed plans; and `hours_a_minute`, hours
+of twenty cars' racing in a minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+
+import nathlon
+from benchmarks.result import write_result
+from nathlon.arena.match import Match, Race, Seat
+from nathlon.arena.runner import run_match
+from nathlon.policies.environments.lap_race import LapRace
+from nathlon.policies.environments.strategy_env import model_of
+from nathlon.policies.load import load_policy
+from nathlon.policies.stint_model import StintModel
+from nathlon.policies.stint_planner import SPARE_KG
+from nathlon.policies.strategy import Stint
+from nathlon.sim.car import load_car
+from nathlon.sim.rules import load_rules, rule_parameters
+from nathlon.sim.scenario import load_scenario
+
+CIRCUITS = ("lindenring", "porto-sereno", "grandes-landes")
+CAR, POLICY = "gt3", "driver:pace=0.95"
+SCENARIO = "grand_prix_stops"
+COMPOUNDS = ("racing-medium", "racing-hard")
+STOPS = (1, 2, 3)
+NEAR = 1.003
+PLANNER = "planner"
+
+
+def even(model: StintModel, laps: int, stops: int) -> tuple[Stint, ...]:
+    """Even stints on the compound on which the model expects them to be fastest, with the fuel they need."""
+    ends = np.rint(np.linspace(0, laps, stops + 2)).astype(int)
+    lengths = np.diff(ends).tolist()
+    taken = {one.name: sum(one.laps(0.0, length)[0].sum() for length in lengths) for one in model.compound}
+    [compound] = [one for one in model.compound if one.name == min(taken, key=taken.__getitem__)]
+    fuel = [round(float(compound.laps(0.0, length)[1].sum()) + SPARE_KG, 1) for length in lengths]
+    return tuple(
+        Stint(laps=length, compound=compound.name, fuel_kg=kg)
+        for length, kg in zip(lengths, fuel, strict=True)
+    )
+
+
+def expected_s(model: StintModel, stints: Sequence[Stint], laps: int) -> float:
+    """What the lap-wise model says of a plan, without noise."""
+    pit = rule_parameters(load_rules(load_scenario(SCENARIO).rules)).pit
+    race = LapRace(model, laps, pit, load_car(CAR).fuel.capacity_kg, [0.0], np.random.default_rng(0), 0.0)
+    race.fit(0, stints[0].service)
+    ends, stint = np.cumsum([one.laps for one in stints]), 0
+    for lap in range(1, laps + 1):
+        due = stint + 1 < len(stints) and lap == ends[stint]
+        stint += due
+        race.drive([stints[stint].service if due else None])
+    return float(race.time_s[0])
+
+
+def written(folder: Path, policy: str, name: str, stints: Sequence[Stint]) -> str:
+    """A plan as a composite."""
+    lines = [f"name = {json.dumps(name)}", "[[part]]", f"policy = {json.dumps(policy)}"]
+    for stint in stints:
+        lines += [
+            "[[stint]]",
+            f"laps = {stint.laps}",
+            f'compound = "{stint.compound}"',
+            f"fuel_kg = {stint.fuel_kg}",
+        ]
+    path = folder / f"{name.replace(' ', '-')}.toml"
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    return str(path)
+
+
+def alone(
+    sources: Mapping[str, str], circuit: str, laps: int, seeds: Sequence[int]
+) -> dict[str, list[float]]:
+    """Race times without anybody else, s, by strategy; inf for who did not finish."""
+    races = tuple(Race(seed, (Seat(number),)) for number in range(len(sources)) for seed in seeds)
+    results = run(sources, f"{SCENARIO}:laps={laps},cars=1", circuit, races)
+    taken = [time_s if time_s is not None else np.inf for time_s in results.sort("race")["race_time_s"]]
+    return {
+        name: taken[number * len(seeds) : (number + 1) * len(seeds)] for number, name in enumerate(sources)
+    }
+
+
+def field(first: str, second: str, circuit: str, laps: int, seeds: Sequence[int]) -> list[dict[str, float]]:
+    """Mean places of two strategies, ten cars each, by seed; over both grids."""
+    races = tuple(
+        Race(seed, tuple(Seat((slot + turn) % 2) for slot in range(20)))
+        for seed in seeds
+        for turn in range(2)
+    )
+    results = run({PLANNER: first, "fixed": second}, f"{SCENARIO}:laps={laps}", circuit, races)
+    means = results.group_by("seed", "entrant").mean()
+    return [
+        {name: float(means.filter(seed=seed, entrant=name)["place"].item()) for name in (PLANNER, "fixed")}
+        | {"hours": results.filter(seed=seed)["driven_s"].max() * 2 / 3600.0}
+        for seed in seeds
+    ]
+
+
+def run(sources: Mapping[str, str], scenario: str, circuit: str, races: tuple[Race, ...]) -> Any:
+    """RESULTS of one match."""
+    match = Match("race", "strategy", scenario, circuit, CAR, tuple(sources), tuple(sources.values()), races)
+    return run_match(match, [load_policy(source, circuit, CAR) for source in sources.values()])
+
+
+def measure(circuit: str, policy: str, laps: int, seeds: Sequence[int], folder: Path) -> dict[str, Any]:
+    """The figures of a circuit."""
+    practised = nathlon.stints(
+        policy,
+        scenario=f"{SCENARIO}:laps={laps}",
+        circuit=circuit,
+        car=CAR,
+        compounds=COMPOUNDS,
+        workers=1,
+        out=folder,
+    )
+    model = model_of(str(practised.planner))
+    fixed = {f"{stops} stops": even(model, laps, stops) for stops in STOPS}
+    sources = {name: written(folder, policy, name, stints) for name, stints in fixed.items()}
+    driven = alone({PLANNER: str(practised.planner)} | sources, circuit, laps, seeds)
+    best = min(sources, key=lambda name: fmean(driven[name]))
+    began = time.perf_counter()
+    places = field(str(practised.planner), sources[best], circuit, laps, seeds)
+    return {
+        "alone": {name: [round(s, 3) for s in taken] for name, taken in driven.items()},
+        "expected_s": {name: round(expected_s(model, stints, laps), 3) for name, stints in fixed.items()},
+        "best": best,
+        "field": places,
+        "field_wall_s": round(time.perf_counter() - began, 1),
+    }
+
+
+def summary(circuits: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    """The figures over all circuits."""
+    near, errors, gained, hours, wall_s = [], [], [], 0.0, 0.0
+    for one in circuits.values():
+        taken = one["alone"]
+        best = np.min([times for name, times in taken.items() if name != PLANNER], axis=0)
+        near += (np.array(taken[PLANNER]) <= NEAR * best).tolist()
+        errors += [
+            abs(one["expected_s"][name] / s - 1.0)
+            for name, times in taken.items()
+            if name != PLANNER
+            for s in times
+            if np.isfinite(s)
+        ]
+        gained += [race["fixed"] - race[PLANNER] for race in one["field"]]
+        hours += sum(race["hours"] for race in one["field"])
+        wall_s += one["field_wall_s"]
+    return {
+        "within_0.3_percent": round(fmean(near), 3),
+        "places_gained": round(fmean(gained), 2),
+        "model_error": round(fmean(errors), 5),
+        "hours_a_minute": round(hours / (wall_s / 60.0), 2),
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, and print the figures over all circuits on the last line."""
+    parser = argparse.ArgumentParser(description="Race a planner against fixed plans.")
+    parser.add_argument("--json", type=Path, required=True)
+    parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--laps", type=int, default=12)
+    parser.add_argument("--circuits", default=",".join(CIRCUITS))
+    parser.add_argument("--policy", default=POLICY)
+    parser.add_argument("--out", type=Path, default=Path("runs/strategy"), help="folder for the strategies")
+    options = parser.parse_args(arguments)
+    seeds = range(1, options.seeds + 1)
+    circuits = {}
+    for circuit in options.circuits.split(","):
+        circuits[circuit] = measure(circuit, options.policy, options.laps, seeds, options.out / circuit)
+        print(circuit, json.dumps(circuits[circuit]), flush=True)
+    told = summary(circuits)
+    known = {"seeds": options.seeds, "laps": options.laps, "policy": options.policy}
+    write_result(options.json, known | {"circuits": circuits} | told)
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main()
