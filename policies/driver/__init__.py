@@ -35,8 +35,8 @@ ASIDE_M = 1.0
 TURNING_CIRCLE = 1.2
 """Radius of a turn at full lock, beside that of wheels that roll without slip."""
 SLOWER = 0.8
-"""Power of the grip with which speeds fall: 0.5 would do without downforce, which falls with the speed, and if
-the wheels turned in at once as far as they must on the tyres of the day."""
+"""Power of the grip with which speeds fall: 0.5 would do without downforce, which falls with the speed, and
+if the driver knew beforehand how far to turn in on the tyres of the day."""
 
 
 def _knowledge(track: Track, car: Car, pace: float, line: Profile, temper: Temper) -> Knowledge:
