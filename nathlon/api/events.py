@@ -149,7 +149,7 @@ def weekend(
 ) -> WeekendResult:
     """Practice, qualifying that makes the grid, and a race.
 
-    In practice each policy that has no plan gets one, as of `nathlon.stints`. Called again with the same
+    In practice each policy without a strategy gets a planner, as of `nathlon.stints`. Called again with the same
     arguments, a weekend that was stopped goes on with the practice or the hour of the race that it was in.
 
     Args:
@@ -281,7 +281,7 @@ def _practise(
     folder: Path,
     on_done: Callable[[int, int], None],
 ) -> pl.DataFrame:
-    """A plan for each entrant that can have one: `name`, `plan`, `expected_s`."""
+    """A planner for each entrant that can have one: `name`, `plan`, `expected_s`."""
     path = folder / "practice.csv"
     schema = {"name": pl.String, "plan": pl.String, "expected_s": pl.Float64}
     if path.is_file():
@@ -290,9 +290,10 @@ def _practise(
             return kept
         raise InputError(f"{path}: is of other entrants, expected another folder")
     rows: list[tuple[str, str | None, float | None]] = []
-    wears = load_scenario(scenario).wear_rate > 0.0
+    raced = load_scenario(scenario)
+    planned_for = raced.wear_rate > 0.0 and not raced.weather
     for number, one in enumerate(entered):
-        if not wears or one.source.endswith(COMPOSITE) or one.source.partition(":")[0] == OBJECT:
+        if not planned_for or one.source.endswith(COMPOSITE) or one.source.partition(":")[0] == OBJECT:
             rows.append((one.name, None, None))
         else:
             place = folder / PRACTICE / f"{number + 1:02}"
@@ -308,7 +309,7 @@ def _practise(
                     progress=False,
                 )
                 best = found.table.row(0, named=True)
-                rows.append((one.name, best["file"], best["expected_s"]))
+                rows.append((one.name, str(found.planner), best["expected_s"]))
             except InputError:
                 # Who does not come round in practice races without a plan.
                 rows.append((one.name, None, None))
