@@ -149,8 +149,8 @@ def weekend(
 ) -> WeekendResult:
     """Practice, qualifying that makes the grid, and a race.
 
-    In practice each policy without a strategy gets a planner, as of `nathlon.stints`. Called again with the same
-    arguments, a weekend that was stopped goes on with the practice or the hour of the race that it was in.
+    In practice each policy without a strategy gets a planner, as of `nathlon.stints`. Called again with the
+    same arguments, a weekend that was stopped goes on with the practice or the hour of the race that it was in.
 
     Args:
         entrants: checkpoints, composites with stints, `driver:pace=0.95` or `plugin:NAME`, one car each.
