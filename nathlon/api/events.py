@@ -150,7 +150,8 @@ def weekend(
     """Practice, qualifying that makes the grid, and a race.
 
     In practice each policy without a strategy gets a planner, as of `nathlon.stints`. Called again with the
-    same arguments, a weekend that was stopped goes on with the practice or the hour of the race that it was in.
+    same arguments, a weekend that was stopped goes on with the practice or the hour of the race in which it
+    was.
 
     Args:
         entrants: checkpoints, composites with stints, `driver:pace=0.95` or `plugin:NAME`, one car each.
