@@ -26,8 +26,9 @@ export const stopsOf = (car) => Array.from(d3.cumsum(stintsOf(car), ({ laps }) =
 export function stintChart(cars) {
   const labels = d3.sort(cars, (one) => one.place).map((one) => ({ ...one, label: `${startNumber(one.slot - 1)} ${nameOf(one.entrant)}` }));
   const rows = labels.flatMap((one) => {
-    let to = 0;
-    return stintsOf(one).map((stint) => ({ ...stint, label: one.label, from: to, to: (to += stint.laps) }));
+    const own = stintsOf(one);
+    const ends = d3.cumsum(own, ({ laps }) => laps);
+    return own.map((stint, i) => ({ ...stint, label: one.label, from: ends[i] - stint.laps, to: ends[i] }));
   });
   const end = d3.max(rows, ({ to }) => to) || 1;
   const about = ({ label, compound, laps, stood_s, lane_s }) =>
