@@ -7,7 +7,7 @@ their results into its answer with a pure function.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -48,6 +48,7 @@ from nathlon.tournament.points import pair_correlation
 from nathlon.tournament.power import unit_deviation
 
 GONE = "is gone or has changed since the selection began, so it could not be sent"
+GONE_BEFORE = "is gone or has changed since the selection began, so it could not be judged"
 ALIKE = (
     "All mirrored pairs of the same two came out alike, so the intervals know of no chance. Where seeds have "
     "no effect (nathlon world check) they say nothing of other episodes."
@@ -75,14 +76,20 @@ def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     run.keep(tables)
     expected = _expected(run, field, config)
 
-    filtered = run_filter(run, _together(field.newcomers, field.incumbents), config.pareto)
+    filtered = run.with_those_there(
+        _together(field.newcomers, field.incumbents), lambda those: run_filter(run, those, config.pareto)
+    )
     incumbents = {entrant.id for entrant in field.incumbents}
     survivors = [entrant for entrant in filtered.entrants if entrant.id not in incumbents]
-    tested = run_battery(run, _together(survivors, field.incumbents), config.battery)
+    tested = run.with_those_there(
+        _together(survivors, field.incumbents), lambda those: run_battery(run, those, config.battery)
+    )
     tables |= filtered.tables | tested.tables
-    tables["incidents"] = hold_incidents(run, tested.entrants, config.battery.incidents)
+    tables["incidents"] = run.with_those_there(
+        tested.entrants, lambda those: hold_incidents(run, those, config.battery.incidents)
+    )
     began = time.perf_counter()
-    fit = _without(survivors, tested.not_judged)
+    fit = [entrant for entrant in _without(survivors, tested.not_judged) if entrant.id not in run.gone]
     listed = ask(event_log, "shortlist", fit, tested.tables, tested.results, config.committee)
     tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
     run.keep(tables)
@@ -96,9 +103,12 @@ def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     raced: Answer
     told: pl.DataFrame | None = None
     if config.tournament.held(config.circuit, config.car, config.world).race:
-        anchored = _together(finalists, field.anchors)
-        met, _ = run_round_robin(run, anchored, config.tournament, anchors)
+        met = run.with_those_there(
+            _together(finalists, field.anchors),
+            lambda those: run_round_robin(run, those, config.tournament, anchors)[0],
+        )
         raced, told = met, met.records
+        finalists = [entrant for entrant in finalists if entrant.id not in run.gone]
     else:
         set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
         ranking = ranked_by_tests(tables["battery"], finalists)
@@ -191,14 +201,22 @@ def _summary(
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         not_judged=voided(not_judged, names),
         most_void=_most_void(results, names),
-        excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
-        gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
+        excluded=(
+            *(SetAside(**asdict(item)) for item in field.excluded),
+            *_set_aside(run.gone.values(), GONE_BEFORE),
+        ),
+        gone=tuple(_set_aside(gone, GONE)),
         notes=remarks(field, deviation, run.otherwise),
         also={
             entrant.name: tuple(map(printable, entrant.also)) for entrant in field.entrants if entrant.also
         },
         stages_set_aside=stages_set_aside,
     )
+
+
+def _set_aside(gone: Iterable[Entrant], reason: str) -> Iterator[SetAside]:
+    for each in gone:
+        yield SetAside(source=printable(each.source), reason=reason, digest=each.id)
 
 
 def remarks(field: EntryList, deviation: float | None, otherwise: str = "") -> tuple[str, ...]:

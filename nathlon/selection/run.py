@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import InitVar, dataclass, field
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
@@ -22,6 +23,7 @@ from nathlon.arena.results import INTERRUPTED, POLICY_FAULTS, RESULTS, VOID_ENDI
 from nathlon.arena.store import Store
 from nathlon.arena.voids import NotJudged, void_races
 from nathlon.arena.world_finding import RACING
+from nathlon.policies.sources.identity import is_still
 from nathlon.results.summary import Stage, Summary
 from nathlon.sim.errors import InputError
 
@@ -52,6 +54,7 @@ DONE = "done"
 WAITING = "waiting"
 """Status of a run that waits for people to vote."""
 
+AnswerT = TypeVar("AnswerT")
 OnMatch = Callable[[str, int, int], None]
 """Told the stage, matches done and matches in all, whenever one ends; of `KERNELS`, how many are compiled."""
 
@@ -85,6 +88,7 @@ class Run:
         on_match: told about progress.
         engine: has matches run: by default in the pool, and by whoever works on the same store.
         stages: counts of the stages that have ended.
+        gone: entrants whose files went or changed before they were judged, by id.
         status: as what it ends.
     """
 
@@ -94,6 +98,7 @@ class Run:
     pool: Pool
     on_match: OnMatch
     stages: list[Stage] = field(default_factory=list)
+    gone: dict[str, Entrant] = field(default_factory=dict)
     status: str = DONE
     other_engine: InitVar[MatchEngine | None] = None
     engine: MatchEngine = field(init=False)
@@ -142,6 +147,32 @@ class Run:
                 return results
             self._run_again |= interrupted
             self.store.forget(interrupted)
+
+    def with_those_there(
+        self, entrants: Sequence[Entrant], hold: Callable[[list[Entrant]], AnswerT]
+    ) -> AnswerT:
+        """What a stage comes to with the entrants whose files are there, while it is held.
+
+        Whose file goes or changes is set aside, and the stage is held without it. What has run is stored, so
+        that nothing runs twice, and earlier stages stand as they are.
+
+        Args:
+            entrants: those that come to the stage.
+            hold: holds it with some of them.
+
+        Raises:
+            InputError: if nobody is left, or for another reason than a file.
+        """
+        left = [entrant for entrant in entrants if entrant.id not in self.gone]
+        while True:
+            try:
+                return hold(left)
+            except InputError:
+                gone = {each.id: each for each in left if not is_still(each.source, each.id)}
+                left = [entrant for entrant in left if entrant.id not in gone]
+                if not gone or not left:
+                    raise
+                self.gone |= gone
 
     @property
     def otherwise(self) -> str:

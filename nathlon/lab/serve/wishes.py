@@ -15,7 +15,7 @@ Reason = Annotated[str, Field(max_length=LONGEST_REASON)]
 
 
 class _Wish(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Look(_Wish):
