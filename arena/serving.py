@@ -23,7 +23,7 @@ from nathlon.arena.world import LineUp
 from nathlon.arena.world_finding import is_racing
 from nathlon.arena.world_registry import load_world
 from nathlon.policies.child_processes import obey_parent
-from nathlon.policies.isolation import preserved
+from nathlon.policies.isolation import keep_channels, preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.errors import InputError
@@ -42,6 +42,8 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
         os.setpgrp()  # so that it ends with all that policies fork
         os.register_at_fork(after_in_child=lambda: _fall_silent(pipe, watch))
     print_into(sink)
+    if os.name == "posix":
+        keep_channels(pipe.fileno())
     while True:
         pipe.send(READY)
         try:
@@ -94,6 +96,11 @@ def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
             line_ups[number] = job.match, policies
     if line_ups:
         first, _ = next(iter(line_ups.values()))
+        try:
+            first.check_here()
+        except InputError as error:
+            yield from ((number, error) for number in line_ups)
+            return
         world = load_world(first.world, first.circuit, first.car)
         for number, results in world.run(line_ups, watch):
             yield number, Recorded(results, [])

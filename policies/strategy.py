@@ -97,6 +97,8 @@ class StintPlan:
     def decide(self, wall: PitWall) -> Service | None:
         """See `Strategist.decide`; a stop that was missed is due in the next lap."""
         stint = int(wall.stops[wall.car])
-        if stint + 1 >= len(self._stints) or wall.ends_lap < self._ends[stint]:
+        over = wall.laps is not None and wall.ends_lap >= wall.laps
+        # A plan for a longer race would have it stop, and stand, just before the finish.
+        if over or stint + 1 >= len(self._stints) or wall.ends_lap < self._ends[stint]:
             return None
         return self._stints[stint + 1].service

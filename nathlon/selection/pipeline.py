@@ -7,7 +7,7 @@ their results into its answer with a pure function.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -48,7 +48,6 @@ from nathlon.tournament.points import pair_correlation
 from nathlon.tournament.power import unit_deviation
 
 GONE = "is gone or has changed since the selection began, so it could not be sent"
-GONE_BEFORE = "is gone or has changed since the selection began, so it could not be judged"
 ALIKE = (
     "All mirrored pairs of the same two came out alike, so the intervals know of no chance. Where seeds have "
     "no effect (nathlon world check) they say nothing of other episodes."
@@ -201,22 +200,14 @@ def _summary(
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         not_judged=voided(not_judged, names),
         most_void=_most_void(results, names),
-        excluded=(
-            *(SetAside(**asdict(item)) for item in field.excluded),
-            *_set_aside(run.gone.values(), GONE_BEFORE),
-        ),
-        gone=tuple(_set_aside(gone, GONE)),
+        excluded=tuple(SetAside(**asdict(item)) for item in field.without(run.gone).excluded),
+        gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
         notes=remarks(field, deviation, run.otherwise),
         also={
             entrant.name: tuple(map(printable, entrant.also)) for entrant in field.entrants if entrant.also
         },
         stages_set_aside=stages_set_aside,
     )
-
-
-def _set_aside(gone: Iterable[Entrant], reason: str) -> Iterator[SetAside]:
-    for each in gone:
-        yield SetAside(source=printable(each.source), reason=reason, digest=each.id)
 
 
 def remarks(field: EntryList, deviation: float | None, otherwise: str = "") -> tuple[str, ...]:

@@ -77,7 +77,13 @@ class PairDraw:
     """
 
     def __init__(self, pairs: Sequence[Pair], weights: NDArray[np.float64] | None = None) -> None:
-        """Some pairs, of which nothing is known yet without weights."""
+        """Some pairs, of which nothing is known yet without weights.
+
+        Raises:
+            InputError: if there are weights of more pairs or of fewer.
+        """
+        if weights is not None and len(weights) != len(pairs):
+            raise InputError(f"the state has weights of {len(weights)} pairs, expected {len(pairs)}")
         self._pairs = tuple(pairs)
         self.weights = np.full(len(pairs), HARD) if weights is None else weights.copy()
 

@@ -266,7 +266,9 @@ def test_files_that_go_while_a_night_runs_are_set_aside_and_the_night_goes_on(tm
     """One is deleted after it was opened, one is cut; nobody has raced them by then."""
     watch_two(tmp_path)
     checkpoints = tmp_path / "checkpoints"
-    lost, cut = (Path(shutil.copy(WEAK, checkpoints / name)) for name in ("lost.safetensors", "cut.safetensors"))
+    lost, cut = (
+        Path(shutil.copy(WEAK, checkpoints / name)) for name in ("lost.safetensors", "cut.safetensors")
+    )
     card, tensors = read_checkpoint(lost)
     save_checkpoint(lost, tensors, card.model_copy(update={"step": card.step + 1}))
 

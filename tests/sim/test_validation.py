@@ -56,7 +56,9 @@ def test_nothing_is_converted(text: str, said: str) -> None:
 
 
 def test_whole_numbers_with_a_point_and_numbers_without_one_are_numbers() -> None:
-    read = read_json('{"inner": [{"count": 2.0, "ratio": 3, "on": false}], "maybe": null, "either": "1"}', Outer, "here")
+    read = read_json(
+        '{"inner": [{"count": 2.0, "ratio": 3, "on": false}], "maybe": null, "either": "1"}', Outer, "here"
+    )
     assert read == Outer(inner=(Inner(count=2, ratio=3.0, on=False),), either="1")
     assert checked({"by_name": {"a": 1}}, Outer, "here").by_name == {"a": 1.0}
 

@@ -133,7 +133,7 @@ def nightly(config: Config, workers: int, on_match: OnMatch, most: int | None = 
             selection = publish(store, night.name, output, pool, on_match)
             if config.recordings == "all":
                 record_tournament(store, night.name, output, engine, on_match)
-            entered = sum(newcomer.id not in run.gone for newcomer in field.newcomers)
+            entered = len(field.without(run.gone).newcomers)
             code, reason = judge(selection.summary, entered, config.nightly.max_fault_share)
             if missed := [*run.gone, *(one.entrant for one in selection.summary.not_judged)]:
                 store.put_fact(night.name, NOT_JUDGED, missed)
