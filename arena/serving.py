@@ -119,10 +119,7 @@ def _open(opening: Opening) -> Answer:
         raise
     # It is somebody's file: whatever it brings about, only that file is set aside.
     except Exception as error:
-        log.exception("%s", opening.source)
-        return InputError(
-            f"{opening.source}: cannot be opened ({type(error).__name__}), expected {opening.expected}"
-        )
+        return _cannot_be_opened(opening.source, error, opening.expected)
 
 
 def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -> Answer:
@@ -148,9 +145,22 @@ def _present(job: MatchJob, number: int, entrant: int, watch: Watch) -> Any | Ab
     """A policy of a match, watched while it is loaded."""
     if entrant in job.absent:
         return Absent(job.absent[entrant])
-    _begin(job.match.sources[entrant], number, entrant, watch)
-    with preserved():
-        return match_policy(job.match, entrant)
+    source = job.match.sources[entrant]
+    _begin(source, number, entrant, watch)
+    try:
+        with preserved():
+            return match_policy(job.match, entrant)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        if source.partition(":")[0] == DRIVER:  # which is ours
+            raise
+        raise _cannot_be_opened(source, error, "a policy") from error
+
+
+def _cannot_be_opened(source: str, error: Exception, expected: str) -> InputError:
+    log.error("%s", source, exc_info=error)
+    return InputError(f"{source}: cannot be opened ({type(error).__name__}), expected {expected}")
 
 
 def _begin(source: str, number: int, entrant: int, watch: Watch) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from nathlon.arena.entrant import Entrant
 from nathlon.sim.names import printable
 
-GONE = "is gone or has changed since the selection began, so it could not be judged"
+GONE = "is gone, has changed or cannot be opened any more since the selection began, so it was not judged"
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class EntryList:
         return list({entrant.id: entrant for entrant in together}.values())
 
     def without(self, gone: Mapping[str, Entrant]) -> EntryList:
-        """The field with those set aside, by id, whose files have gone or changed before they were judged."""
+        """The field with those set aside, by id, that could not be opened any more to be judged."""
         newcomers, incumbents, anchors = (
             tuple(entrant for entrant in group if entrant.id not in gone)
             for group in (self.newcomers, self.incumbents, self.anchors)

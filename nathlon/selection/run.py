@@ -14,6 +14,7 @@ import numpy as np
 import polars as pl
 
 from nathlon.arena.engine import MatchEngine
+from nathlon.arena.entrance import intact
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.match import Match
@@ -23,7 +24,6 @@ from nathlon.arena.results import INTERRUPTED, POLICY_FAULTS, RESULTS, VOID_ENDI
 from nathlon.arena.store import Store
 from nathlon.arena.voids import NotJudged, void_races
 from nathlon.arena.world_finding import RACING
-from nathlon.policies.sources.identity import is_still
 from nathlon.results.summary import Stage, Summary
 from nathlon.sim.errors import InputError
 
@@ -88,7 +88,7 @@ class Run:
         on_match: told about progress.
         engine: has matches run: by default in the pool, and by whoever works on the same store.
         stages: counts of the stages that have ended.
-        gone: entrants whose files went or changed before they were judged, by id.
+        gone: entrants whose files went, changed or could not be opened before they were judged, by id.
         status: as what it ends.
     """
 
@@ -151,10 +151,10 @@ class Run:
     def with_those_there(
         self, entrants: Sequence[Entrant], hold: Callable[[list[Entrant]], AnswerT]
     ) -> AnswerT:
-        """What a stage comes to with the entrants whose files are there, while it is held.
+        """What a stage comes to with the entrants that can be opened, while it is held.
 
-        Whose file goes or changes is set aside, and the stage is held without it. What has run is stored, so
-        that nothing runs twice, and earlier stages stand as they are.
+        Whose file goes, changes or cannot be opened any more is set aside, and the stage is held without it.
+        What has run is stored, so that nothing runs twice, and earlier stages stand as they are.
 
         Args:
             entrants: those that come to the stage.
@@ -168,7 +168,8 @@ class Run:
             try:
                 return hold(left)
             except InputError:
-                gone = {each.id: each for each in left if not is_still(each.source, each.id)}
+                there = intact(self.pool, left)
+                gone = {each.id: each for each, can in zip(left, there, strict=True) if not can}
                 left = [entrant for entrant in left if entrant.id not in gone]
                 if not gone or not left:
                     raise

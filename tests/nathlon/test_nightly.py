@@ -284,7 +284,7 @@ def test_files_that_go_while_a_night_runs_are_set_aside_and_the_night_goes_on(tm
     assert (night.code, night.reason) == (HEALTH, "2 of 4 new files were set aside.")
     summary = night.selection.summary
     assert [Path(item.source).name for item in summary.excluded] == ["cut.safetensors", "lost.safetensors"]
-    assert all("gone or has changed" in item.reason for item in summary.excluded)
+    assert all("is gone, has changed" in item.reason for item in summary.excluded)
     assert {one.name for one in summary.sent} <= {path.stem for path in GOOD}
     # Nobody has judged them: what comes back is new.
     shutil.copy(WEAK, cut)
