@@ -45,6 +45,8 @@ def test_the_newest_of_promising_runs_come_first_and_what_is_being_written_waits
     assert Promising(10, {})([fresh]) == []
     os.utime(fresh, (time.time() - SETTLED_S - 1.0,) * 2)
     assert Promising(10, {})([fresh]) == [fresh]
+    os.utime(fresh, (time.time() + HOUR_S,) * 2)
+    assert Promising(10, {})([fresh]) == [fresh], "dated by another machine"
 
 
 def test_checkpoints_are_judged_as_they_come(tmp_path: Path) -> None:
