@@ -80,10 +80,12 @@ class PairDraw:
         """Some pairs, of which nothing is known yet without weights.
 
         Raises:
-            InputError: if there are weights of more pairs or of fewer.
+            InputError: if some weights are none, or are of more pairs or of fewer.
         """
-        if weights is not None and len(weights) != len(pairs):
-            raise InputError(f"the state has weights of {len(weights)} pairs, expected {len(pairs)}")
+        if weights is not None and (
+            len(weights) != len(pairs) or (len(pairs) > 1 and not _drawn_by(weights))
+        ):
+            raise InputError(f"the state weighs pairs by {weights}, expected {len(pairs)} numbers above 0")
         self._pairs = tuple(pairs)
         self.weights = np.full(len(pairs), HARD) if weights is None else weights.copy()
 
@@ -99,6 +101,11 @@ class PairDraw:
         weight = min(max(WELL - pace, EASY), HARD)
         index = self._pairs.index(pair)
         self.weights[index] += FORGETTING * (weight - self.weights[index])
+
+
+def _drawn_by(weights: NDArray[np.float64]) -> bool:
+    """Whether pairs can be drawn by some weights; an only pair may have any."""
+    return bool((np.isfinite(weights) & (weights > 0.0)).all())
 
 
 def ready_pairs(

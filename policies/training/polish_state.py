@@ -81,8 +81,6 @@ def load_state(folder: Path, facts: Mapping[str, str]) -> PolishState | None:
             raise InputError(f"{path}: is of another {name}; choose another folder")
     rounds, updates, transitions = map(int, take_counts(path, tensors, 3))
     weights = take_table(path, tensors, WEIGHTS, (None,))
-    if not (np.isfinite(weights) & (weights > 0.0)).all():
-        raise InputError(f"{path}: tensor {WEIGHTS!r} holds {weights.min()}, expected numbers above 0")
     curve = take_table(path, tensors, CURVE_KEY, (None, len(CURVE)))
     return PolishState(rounds, updates, transitions, tensors, weights, curve)
 

@@ -161,6 +161,7 @@ def test_who_steers_one_thing_leaves_the_others_as_they_are(server: MeetingServe
     ):
         connection.send(token(server))
         for said, expected in (
+            ({"paused": False, "first": None}, (False, None)),
             ({"paused": True}, (True, None)),
             ({"first": DIGEST}, (True, DIGEST)),
             ({"paused": False}, (False, DIGEST)),

@@ -289,7 +289,7 @@ def test_another_polishing_is_refused(tmp_path: Path) -> None:
         ("counts", np.array([2.0, np.nan, 3.0]), "tensor 'counts' is [2.0, nan, 3.0]"),
         ("counts", np.array([2, -6, 3]), "tensor 'counts' is [2.0, -6.0, 3.0]"),
         ("counts", np.array(3), "tensor 'counts' has shape ()"),
-        ("weights", np.zeros(1), "tensor 'weights' holds 0.0, expected numbers above 0"),
+        ("weights", np.zeros((1, 1)), "tensor 'weights' has shape (1, 1)"),
         ("curve", np.zeros((1, 5)), "tensor 'curve' has shape (1, 5), expected (any, 6)"),
         ("average.0", np.zeros((2, 2), np.float32), "tensor 'average.0' is (2, 2) torch.float32"),
         ("parameter.0", np.full_like(tensors["parameter.0"], np.nan), "finite numbers"),
