@@ -71,7 +71,7 @@ until_m = 100.0
 [[part]]
 policy = "driver"
 [[stint]]
-compound = "medium"
+compound = "racing-medium"
 laps = 2
 """
 NIGHT = """
@@ -99,7 +99,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     [
         ("scenario", "laps = 12", "laps = true"),
         ("scenario", "speed_m_s = 25.0", 'speed_m_s = "25.0"'),
-        ("car", "mass_kg = 1370.0", "mass_kg = true"),
+        ("car", "mass_kg = 1370.0", 'mass_kg = "1370.0"'),
         ("skill", "runs = 6", "runs = true"),
         ("skill", "slots = [8]", "slots = [true]"),
         ("composite", "laps = 2", "laps = true"),
