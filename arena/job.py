@@ -24,6 +24,7 @@ log = logging.getLogger(__name__)
 HOG_BYTES = 256 << 20
 """Who has taken less memory than this is not blamed for there being none."""
 
+CHANNELS = "what its process answers or prints through"
 OTHERWISE = "it ended otherwise when it was run again, expected the results that are stored"
 
 
@@ -117,6 +118,7 @@ class Loss(NamedTuple):
         taken: by whom it had been taken, as far as known.
         hung: whether it slept while it was late: the machine may have been to blame.
         unreadable: whether it was ended for what it has sent; who is asked by then need not have written it.
+        closed: whether it ended because who was asked had closed what it answers through.
     """
 
     asked: Asked
@@ -125,6 +127,7 @@ class Loss(NamedTuple):
     taken: Taken = Taken(NOBODY, 0.0)
     hung: bool = False
     unreadable: bool = False
+    closed: bool = False
 
 
 def again(jobs: Mapping[int, Job], loss: Loss) -> tuple[list[list[Job]], list[tuple[Job, Answer]]]:
@@ -170,13 +173,16 @@ def _convict(job: Job, loss: Loss) -> tuple[list[Job], list[tuple[Job, Answer]]]
     if entrant == NOBODY:
         return [], [(job, Recorded(void(job.match, INTERRUPTED if loss.hung else "simulator_fault"), []))]
     ending = "timed_out" if loss.late else "policy_raised"
-    log.warning("%s: %s: its cars are out", job.match.sources[entrant], ending)
+    why = f"{ending}, it has closed {CHANNELS}" if loss.closed else ending
+    log.warning("%s: %s: its cars are out", job.match.sources[entrant], why)
     return [replace(job, absent={**job.absent, entrant: ending}, alone=False)], []
 
 
 def _why(loss: Loss) -> str:
     if loss.late:
         return f"took more than {loss.asked.limit_s:g} s to open"
+    if loss.closed:
+        return f"has closed {CHANNELS}"
     if loss.unreadable:
         return "has spoilt what the process that opened it sends"
     return "needs more memory than there is" if loss.memory else "ended the process that opened it"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -123,6 +123,17 @@ class Match:
     def key(self) -> str:
         """SHA-256 in hexadecimal of all that decides the outcome."""
         return hashlib.sha256(json.dumps(self.spec(), sort_keys=True).encode()).hexdigest()
+
+    def check_here(self) -> None:
+        """Raise InputError if what decides the outcome is not what it was when the match got its key.
+
+        The key may be of another process, which loaded a world or a loader before its file was changed.
+        """
+        if "key" in self.__dict__ and replace(self).key != self.key:
+            raise InputError(
+                f"world {self.world!r}: its code or its data have changed since the run began, "
+                "expected the same to its end"
+            )
 
     def seat_facts(self, race: int, car: int) -> dict[str, Any]:
         """What a row of RESULTS says of a seat before anything is driven."""

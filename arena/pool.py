@@ -187,7 +187,8 @@ class Pool(Executor):
                     # It may have gone on in its last moment.
                     late = killed and worker.patience.over
                     memory = not killed and not worker.unreadable and worker.out_of_memory
-                    loss = Loss(worker.watch.asked, late, memory, worker.watch.taken, hung, worker.unreadable)
+                    asked, taken = worker.watch.asked, worker.watch.taken
+                    loss = Loss(asked, late, memory, taken, hung, worker.unreadable, worker.closed)
                     groups, given_up = again(jobs, loss)
                     queue.extend(groups)
                     yield from given_up

@@ -24,7 +24,7 @@ from nathlon.arena.world import LineUp
 from nathlon.arena.world_finding import is_racing
 from nathlon.arena.world_registry import load_world
 from nathlon.policies.child_processes import obey_parent
-from nathlon.policies.isolation import preserved
+from nathlon.policies.isolation import keep_channels, preserved
 from nathlon.policies.policy import Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.sim.errors import InputError
@@ -43,6 +43,8 @@ def serve(pipe: connection.Connection, watch: Watch, sink: Any) -> None:
         os.setpgrp()  # so that it ends with all that policies fork
         os.register_at_fork(after_in_child=lambda: _fall_silent(pipe, watch))
     print_into(sink)
+    if os.name == "posix":
+        keep_channels(pipe.fileno())
     while True:
         pipe.send(READY)
         try:
@@ -97,6 +99,11 @@ def do(jobs: Iterable[Job], watch: Watch) -> Iterator[tuple[int, Answer]]:
             line_ups[number] = job.match, policies
     if line_ups:
         first, _ = next(iter(line_ups.values()))
+        try:
+            first.check_here()
+        except InputError as error:
+            yield from ((number, error) for number in line_ups)
+            return
         world = load_world(first.world, first.circuit, first.car)
         for number, results in world.run(line_ups, watch):
             yield number, Recorded(results, [])
@@ -115,10 +122,7 @@ def _open(opening: Opening) -> Answer:
         raise
     # It is somebody's file: whatever it brings about, only that file is set aside.
     except Exception as error:
-        log.exception("%s", opening.source)
-        return InputError(
-            f"{opening.source}: cannot be opened ({type(error).__name__}), expected {opening.expected}"
-        )
+        return _cannot_be_opened(opening.source, error, opening.expected)
 
 
 def _record(wanted: Wanted, policies: Sequence[Policy | Absent], watch: Watch) -> Answer:
@@ -144,9 +148,22 @@ def _present(job: MatchJob, number: int, entrant: int, watch: Watch) -> Any | Ab
     """A policy of a match, watched while it is loaded."""
     if entrant in job.absent:
         return Absent(job.absent[entrant])
-    _begin(job.match.sources[entrant], number, entrant, watch)
-    with preserved():
-        return match_policy(job.match, entrant)
+    source = job.match.sources[entrant]
+    _begin(source, number, entrant, watch)
+    try:
+        with preserved():
+            return match_policy(job.match, entrant)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        if source.partition(":")[0] == DRIVER:  # which is ours
+            raise
+        raise _cannot_be_opened(source, error, "a policy") from error
+
+
+def _cannot_be_opened(source: str, error: Exception, expected: str) -> InputError:
+    log.error("%s", source, exc_info=error)
+    return InputError(f"{source}: cannot be opened ({type(error).__name__}), expected {expected}")
 
 
 def _begin(source: str, number: int, entrant: int, watch: Watch) -> None:

@@ -16,6 +16,7 @@ from nathlon.arena.output_log import OutputLog
 from nathlon.arena.watch import TOLD, Patience, Watch
 from nathlon.policies.child_processes import starting_processes
 from nathlon.policies.incoming import Incoming, UnreadableError
+from nathlon.policies.isolation import CLOSED
 from nathlon.sim.scratch import scratch_folder
 
 NO_MEMORY = 71
@@ -86,6 +87,7 @@ class Worker:
         _sockets_folder()
         self.watch = Watch(answer_s, first_answer_s, match_s, _CONTEXT.RawArray("d", TOLD))
         self.idle, self.fresh, self.began, self.unreadable = False, True, False, False
+        self._mute = False
         self._pipe, theirs = _CONTEXT.Pipe()
         self._process = _CONTEXT.Process(target=serve, args=(theirs, self.watch, sink), daemon=True)
         with starting_processes():
@@ -95,9 +97,10 @@ class Worker:
         theirs.close()
 
     @property
-    def signs(self) -> tuple[Any, Any]:
+    def signs(self) -> tuple[Any, ...]:
         """What becomes ready when it has news or has died; see `multiprocessing.connection.wait`."""
-        return self._pipe, self._process.sentinel
+        # The end of a pipe is news for ever, and its process may live on for a while.
+        return (self._process.sentinel,) if self._mute else (self._pipe, self._process.sentinel)
 
     @property
     def dead(self) -> bool:
@@ -107,6 +110,11 @@ class Worker:
     def out_of_memory(self) -> bool:
         """Whether it has died for want of memory, which the system may have killed it for."""
         return self._process.exitcode in (NO_MEMORY, -signal.SIGKILL)
+
+    @property
+    def closed(self) -> bool:
+        """Whether it has died because foreign code in it had closed what it answers through."""
+        return self._process.exitcode == CLOSED
 
     def give(self, work: object) -> None:
         """Send it something to do; if it has died meanwhile, that is noticed later."""
@@ -123,7 +131,7 @@ class Worker:
                 else:
                     yield message
         except (EOFError, OSError):
-            return  # it has died; what it was sending is lost
+            self._mute = True  # it has died, or closed its end; what it was sending is lost
         except UnreadableError:
             self.unreadable = True
             self.kill()

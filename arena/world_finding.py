@@ -45,6 +45,9 @@ def find_world(name: str, circuit: str = "", car: str = "") -> Any:
     Raises:
         InputError: if there is no such world, or it cannot be loaded.
     """
+    # Results name their world, and reports of them have to be written.
+    if name.encode("utf-8", "replace").decode() != name:
+        raise InputError(f"world {name!r}: expected a name in UTF-8")
     if is_racing(name):
         place, attribute = _OWN
         return getattr(import_module(place), attribute)(circuit, car, name.partition(WITH)[2])

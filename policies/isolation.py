@@ -1,6 +1,7 @@
 """What policies share that run in one process: random generators, the current folder, ranges of numbers.
 
-A policy that is code may change them; neither the simulator nor another policy may notice.
+A policy that is code may change them; neither the simulator nor another policy may notice. It may also close
+what the process answers and prints through. That process ends at once, while it is known who did it.
 """
 
 from __future__ import annotations
@@ -8,13 +9,63 @@ from __future__ import annotations
 import os
 import random
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.random import MT19937, BitGenerator
 from numpy.random.mtrand import get_bit_generator, set_bit_generator
+
+CLOSED = 72
+"""With what a process exits in which foreign code has closed what it answers or prints through."""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """What a process answers and prints through.
+
+    Attributes:
+        files: device and number of the file behind each descriptor.
+        streams: standard output and standard error.
+    """
+
+    files: Mapping[int, tuple[int, int] | None]
+    streams: tuple[Any, Any]
+
+    @classmethod
+    def now(cls, pipe: int) -> Channels:
+        """Those of this process, which answers through a descriptor."""
+        return cls({number: _file(number) for number in (pipe, 1, 2)}, (sys.stdout, sys.stderr))
+
+    @property
+    def open(self) -> bool:
+        """Whether they are what they were; streams that were exchanged are put back."""
+        sys.stdout, sys.stderr = self.streams
+        same = all(_file(number) == file for number, file in self.files.items())
+        return same and not any(stream.closed for stream in self.streams if stream is not None)
+
+
+_channels: Channels | None = None
+
+
+def keep_channels(pipe: int) -> None:
+    """From now on, end this process with CLOSED when foreign code has closed its channels.
+
+    Args:
+        pipe: descriptor that it answers through.
+    """
+    global _channels
+    _channels = Channels.now(pipe)
+
+
+def _file(number: int) -> tuple[int, int] | None:
+    try:
+        found = os.fstat(number)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
 
 
 class Globals:
@@ -87,5 +138,7 @@ class Apart:
             with np.errstate():
                 yield
         finally:
+            if _channels is not None and not _channels.open:
+                os._exit(CLOSED)
             self._own = Globals.now()
             before.restore()

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import check_kinds, first_fault
 
 DATA = Path(__file__).parent / "data"
 
@@ -104,6 +104,8 @@ def checked(fields: Mapping[str, Any], model: type[Model], where: str) -> Model:
         InputError: if a field is missing, unknown or out of range.
     """
     try:
-        return model.model_validate(fields)
+        made = model.model_validate(fields)
+        check_kinds(fields, made)
     except ValidationError as error:
         raise InputError(f"{where}: {first_fault(error, model)}") from None
+    return made

@@ -288,6 +288,9 @@ class ObservationSpec:
         unknown = set(data) - set(cls.__dataclass_fields__)
         if unknown:
             raise InputError(f"observation spec: unknown field {sorted(unknown)[0]!r}")
+        for name, value in data.items():
+            if isinstance(value, bool):  # which Python takes for 0 and 1
+                raise InputError(f"observation spec: {name} is {value}, expected a number")
         camera = data.get("camera")
         seeing = {} if camera is None else {"camera": CameraSpec.from_dict(camera)}
         try:

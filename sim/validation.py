@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError, from_json
 
 from nathlon.sim.errors import InputError
 
@@ -25,9 +26,57 @@ def read_json(content: str | bytes, model: type[ModelT], where: object) -> Model
         InputError: if it is none, or a field is missing, unknown or out of range.
     """
     try:
-        return model.model_validate_json(content)
+        made = model.model_validate_json(content)
+        check_kinds(from_json(content), made)
     except ValidationError as error:
         raise InputError(f"{where}: {first_fault(error, model)}") from None
+    return made
+
+
+def check_kinds(given: Any, made: Any) -> None:
+    """Make sure that models have made numbers of numbers alone, and switches of true and false alone.
+
+    They would take `true` for 1, "3" for 3 and 1 for true. Strict models take no lists for tuples either.
+
+    Args:
+        given: what was validated, of a TOML or JSON file.
+        made: what came of it.
+
+    Raises:
+        ValidationError: that names the first field of another kind.
+    """
+    for place, value, expected in _other_kinds(given, made, ()):
+        kind = PydanticCustomError("kind", "Input should be {expected}", {"expected": expected})
+        details = InitErrorDetails(type=kind, loc=place, input=value)
+        raise ValidationError.from_exception_data(type(made).__name__, [details])
+
+
+def _other_kinds(
+    given: Any, made: Any, place: tuple[int | str, ...]
+) -> Iterator[tuple[tuple[int | str, ...], Any, str]]:
+    if isinstance(given, Mapping):
+        parts = _fields(made)
+        for key in given:
+            if key in parts:
+                yield from _other_kinds(given[key], parts[key], (*place, key))
+    elif isinstance(given, list) and isinstance(made, list | tuple):
+        for index, (before, after) in enumerate(zip(given, made, strict=False)):
+            yield from _other_kinds(before, after, (*place, index))
+    elif isinstance(made, bool):
+        if not isinstance(given, bool):
+            yield place, given, "true or false"
+    elif isinstance(made, int | float) and isinstance(given, bool | str):
+        yield place, given, "a number"
+
+
+def _fields(made: Any) -> Mapping[str, Any]:
+    """The fields of what a table has become, by their names in files."""
+    if isinstance(made, BaseModel):
+        fields = type(made).model_fields
+        return {field.alias or name: getattr(made, name) for name, field in fields.items()}
+    if isinstance(made, Mapping):
+        return made
+    return made._asdict() if hasattr(made, "_asdict") else getattr(made, "__dict__", {})
 
 
 def first_fault(error: ValidationError, model: type[BaseModel]) -> str:

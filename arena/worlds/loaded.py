@@ -35,7 +35,7 @@ def by_ending(load: Loader | Mapping[str, Loader] | None) -> dict[str, Loader]:
     """
     found = dict(load) if isinstance(load, Mapping) else dict.fromkeys(WEIGHTS, load) if load else {}
     for ending, loader in found.items():
-        if not ending or not callable(loader):
+        if not isinstance(ending, str) or not ending or not callable(loader):
             raise ValueError(f"load has {ending!r}: {loader!r}, expected an ending of files and a function")
     return {ending.lower(): loader for ending, loader in found.items()}
 

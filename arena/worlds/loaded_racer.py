@@ -35,6 +35,8 @@ def load_racer(source: str, load: Loader) -> Policy:
     if not isinstance(spec, ObservationSpec):
         raise InputError(f"{source}: observation_spec is {type(spec).__name__}, expected an ObservationSpec")
     if callable(getattr(made, "initial_memory", None)):
+        if not hasattr(made, "observation_spec"):
+            raise InputError(f"{source}: has initial_memory and no observation_spec, expected both or none")
         policy: Policy = made
         return policy
     if callable(getattr(made, "reset", None)):

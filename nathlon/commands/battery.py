@@ -60,19 +60,20 @@ def battery(
             stage_progress(not as_json, ("battery",)) as on_match,
             single_run("battery", tested, settings, path, pool, on_match) as run,
         ):
-            answer = run_battery(run, tested, settings.battery)
+            answer = run.with_those_there(tested, lambda those: run_battery(run, those, settings.battery))
             run.keep(answer.tables)
+    set_aside = field.without(run.gone).excluded
     names = {entrant.id: entrant.name for entrant in tested}
     not_judged = voided(answer.not_judged, names)
     if as_json:
         told = [one.model_dump() for one in not_judged]
-        excluded = [asdict(one) for one in field.excluded]
+        excluded = [asdict(one) for one in set_aside]
         print_json(_as_json(answer, names) | {"not_judged": told, "excluded": excluded})
     else:
         _print(answer, names)
         if void := int(answer.results["ending"].is_in(VOID_ENDINGS).sum()):
             say(void_runs(void, answer.results.height, not_judged))
-        say_set_aside(field.excluded)
+        say_set_aside(set_aside)
     if not_judged:
         raise SystemExit(HEALTH)
 

@@ -54,7 +54,7 @@ def nightly(
 
     settings = read_config(config)
     with stoppable("The same command goes on."):
-        done = one_night(settings, workers, as_json)
+        done = tell_night(hold_night(settings, workers, as_json), settings, as_json)
     if as_json:
         print_json(facts(done, settings))
     else:
@@ -71,20 +71,28 @@ class Delivered(NamedTuple):
     deliveries: tuple[Delivery, ...]
 
 
-def one_night(settings: Config, workers: int | None, as_json: bool, most: int | None = None) -> Delivered:
-    """Go on with a night or begin one, print its verdict and deliver it.
+def hold_night(settings: Config, workers: int | None, as_json: bool, most: int | None = None) -> Night:
+    """Go on with a night or begin one.
 
     Args:
         settings, most: as of `nathlon.selection.nightly.night.nightly`.
         workers: processes, instead of the configuration's.
-        as_json: whether nothing is printed.
+        as_json: whether no progress is shown.
+
+    Raises:
+        InputError: as of `nightly`.
     """
-    from nathlon.api.selection import SelectionResult
     from nathlon.selection.nightly.night import nightly as run_nightly
     from nathlon.terminal.progress import stage_progress, worker_count
 
     with stage_progress(not as_json) as on_match:
-        night = run_nightly(settings, worker_count(workers or settings.workers), on_match, most)
+        return run_nightly(settings, worker_count(workers or settings.workers), on_match, most)
+
+
+def tell_night(night: Night, settings: Config, as_json: bool) -> Delivered:
+    """Print a night's verdict, unless all is for other programs, and deliver it."""
+    from nathlon.api.selection import SelectionResult
+
     if night.selection and night.name and not as_json:
         print_verdict(night.selection.summary)
         print_places(SelectionResult(Path(settings.out) / night.name, night.selection))

@@ -60,8 +60,9 @@ def pareto(
             stage_progress(not as_json) as on_match,
             single_run("pareto", entrants, settings, path, pool, on_match) as run,
         ):
-            answer = run_filter(run, entrants, settings.pareto)
+            answer = run.with_those_there(entrants, lambda those: run_filter(run, those, settings.pareto))
             run.keep({"entrants": entrants_table(entrants), **answer.tables})
+    excluded = field.without(run.gone).excluded
     table = pareto_table(entrants, answer)
     files = {"csv": out / "pareto.csv", "parquet": out / "pareto.parquet"}
     with whole_file(files["csv"]) as csv, whole_file(files["parquet"]) as parquet:
@@ -75,7 +76,7 @@ def pareto(
             "front": front.to_dicts(),
             "not_judged": [one.model_dump() for one in not_judged],
             "note": remark or None,
-            "excluded": [asdict(one) for one in field.excluded],
+            "excluded": [asdict(one) for one in excluded],
             "files": {kind: str(path) for kind, path in files.items()},
         }
         print_json(summary)
@@ -85,7 +86,7 @@ def pareto(
             say(void_runs(void, answer.results.height, not_judged))
         if remark:
             say(remark)
-        say_set_aside(field.excluded)
+        say_set_aside(excluded)
         for file in files.values():
             say(str(file))
     if not_judged:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from nathlon.commands.nightly import facts, one_night, say_outcome
+from nathlon.commands.nightly import facts, hold_night, say_outcome, tell_night
 from nathlon.commands.options import AsJson, ConfigFile, Workers
 from nathlon.commands.selection import stoppable
+from nathlon.sim.errors import InputError
 from nathlon.terminal import print_json, warn
 
 
@@ -36,23 +38,41 @@ def watch(
 
     settings = read_config(config)
     nights: list[dict[str, Any]] = []
-    news, quiet = time.monotonic(), ""
-    with stoppable("The same command goes on."):
-        while True:
-            done = one_night(settings, workers, as_json, most)
-            if done.night.counts:
-                if as_json:
-                    nights.append(facts(done, settings))
+    news, quiet, looked = time.monotonic(), "", False
+    trouble: InputError | None = None
+    try:
+        with stoppable("The same command goes on."):
+            while True:
+                try:
+                    night = hold_night(settings, workers, as_json, most)
+                except InputError as error:
+                    # A disk or an address that was there may be away for a while.
+                    if not looked:
+                        raise
+                    trouble, reason = error, f"{error}."
                 else:
-                    say_outcome(done)
-                told(settings, done.night)
-                news, quiet = time.monotonic(), ""
-                continue
-            if wait is not None and time.monotonic() - news >= wait:
-                break
-            if quiet != done.night.reason:
-                quiet = done.night.reason
-                warn(f"{quiet} Looking again every {every:g} s.")
-            time.sleep(every if wait is None else min(every, wait))
+                    looked, trouble, reason = True, None, night.reason
+                    if night.counts:
+                        done = tell_night(night, settings, as_json)
+                        if as_json:
+                            nights.append(facts(done, settings))
+                        else:
+                            say_outcome(done)
+                            sys.stdout.flush()
+                        told(settings, done.night)
+                        news, quiet = time.monotonic(), ""
+                        continue
+                if wait is not None and time.monotonic() - news >= wait:
+                    break
+                if quiet != reason:
+                    quiet = reason
+                    warn(f"{quiet} Looking again every {every:g} s.")
+                time.sleep(every if wait is None else min(every, wait))
+        if trouble is not None:
+            raise trouble
+    except BaseException:
+        if as_json and nights:
+            print_json({"nights": nights})
+        raise
     if as_json:
         print_json({"nights": nights})

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from nathlon.arena.entrant import Entrant
+from nathlon.sim.names import printable
+
+GONE = "is gone, has changed or cannot be opened any more since the selection began, so it was not judged"
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,15 @@ class EntryList:
         """All of them, each once."""
         together = (*self.newcomers, *self.incumbents, *self.anchors)
         return list({entrant.id: entrant for entrant in together}.values())
+
+    def without(self, gone: Mapping[str, Entrant]) -> EntryList:
+        """The field with those set aside, by id, that could not be opened any more to be judged."""
+        newcomers, incumbents, anchors = (
+            tuple(entrant for entrant in group if entrant.id not in gone)
+            for group in (self.newcomers, self.incumbents, self.anchors)
+        )
+        excluded = (Exclusion(printable(each.source), GONE, each.id) for each in gone.values())
+        return EntryList(newcomers, incumbents, anchors, (*self.excluded, *excluded), self.notes)
 
     @classmethod
     def from_plan(cls, plan: Mapping[str, Any]) -> EntryList:

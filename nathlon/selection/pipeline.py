@@ -76,14 +76,20 @@ def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     run.keep(tables)
     expected = _expected(run, field, config)
 
-    filtered = run_filter(run, _together(field.newcomers, field.incumbents), config.pareto)
+    filtered = run.with_those_there(
+        _together(field.newcomers, field.incumbents), lambda those: run_filter(run, those, config.pareto)
+    )
     incumbents = {entrant.id for entrant in field.incumbents}
     survivors = [entrant for entrant in filtered.entrants if entrant.id not in incumbents]
-    tested = run_battery(run, _together(survivors, field.incumbents), config.battery)
+    tested = run.with_those_there(
+        _together(survivors, field.incumbents), lambda those: run_battery(run, those, config.battery)
+    )
     tables |= filtered.tables | tested.tables
-    tables["incidents"] = hold_incidents(run, tested.entrants, config.battery.incidents)
+    tables["incidents"] = run.with_those_there(
+        tested.entrants, lambda those: hold_incidents(run, those, config.battery.incidents)
+    )
     began = time.perf_counter()
-    fit = _without(survivors, tested.not_judged)
+    fit = [entrant for entrant in _without(survivors, tested.not_judged) if entrant.id not in run.gone]
     listed = ask(event_log, "shortlist", fit, tested.tables, tested.results, config.committee)
     tables["battery"] = tables["battery"].with_columns(shortlisted=pl.col("entrant").is_in(_chosen(listed)))
     run.keep(tables)
@@ -97,9 +103,12 @@ def run_pipeline(run: Run, field: EntryList, config: Config) -> Summary | None:
     raced: Answer
     told: pl.DataFrame | None = None
     if config.tournament.held(config.circuit, config.car, config.world).race:
-        anchored = _together(finalists, field.anchors)
-        met, _ = run_round_robin(run, anchored, config.tournament, anchors)
+        met = run.with_those_there(
+            _together(finalists, field.anchors),
+            lambda those: run_round_robin(run, those, config.tournament, anchors)[0],
+        )
         raced, told = met, met.records
+        finalists = [entrant for entrant in finalists if entrant.id not in run.gone]
     else:
         set_aside["tournament"] = "no scenario has two sides; the ranking is that of the n-athlon"
         ranking = ranked_by_tests(tables["battery"], finalists)
@@ -192,7 +201,7 @@ def _summary(
         void=int(endings.is_in(VOID_ENDINGS).sum()),
         not_judged=voided(not_judged, names),
         most_void=_most_void(results, names),
-        excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
+        excluded=tuple(SetAside(**asdict(item)) for item in field.without(run.gone).excluded),
         gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
         notes=remarks(field, deviation, run.otherwise, lost_remark(tables["pareto"])),
         also={

@@ -8,11 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import InitVar, dataclass, field
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
 
 from nathlon.arena.engine import MatchEngine
+from nathlon.arena.entrance import intact
 from nathlon.arena.entrant import Entrant
 from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.match import Match
@@ -52,6 +54,7 @@ DONE = "done"
 WAITING = "waiting"
 """Status of a run that waits for people to vote."""
 
+AnswerT = TypeVar("AnswerT")
 OnMatch = Callable[[str, int, int], None]
 """Told the stage, matches done and matches in all, whenever one ends; of `KERNELS`, how many are compiled."""
 
@@ -85,6 +88,7 @@ class Run:
         on_match: told about progress.
         engine: has matches run: by default in the pool, and by whoever works on the same store.
         stages: counts of the stages that have ended.
+        gone: entrants whose files went, changed or could not be opened before they were judged, by id.
         status: as what it ends.
     """
 
@@ -94,6 +98,7 @@ class Run:
     pool: Pool
     on_match: OnMatch
     stages: list[Stage] = field(default_factory=list)
+    gone: dict[str, Entrant] = field(default_factory=dict)
     status: str = DONE
     other_engine: InitVar[MatchEngine | None] = None
     engine: MatchEngine = field(init=False)
@@ -142,6 +147,33 @@ class Run:
                 return results
             self._run_again |= interrupted
             self.store.forget(interrupted)
+
+    def with_those_there(
+        self, entrants: Sequence[Entrant], hold: Callable[[list[Entrant]], AnswerT]
+    ) -> AnswerT:
+        """What a stage comes to with the entrants that can be opened, while it is held.
+
+        Whose file goes, changes or cannot be opened any more is set aside, and the stage is held without it.
+        What has run is stored, so that nothing runs twice, and earlier stages stand as they are.
+
+        Args:
+            entrants: those that come to the stage.
+            hold: holds it with some of them.
+
+        Raises:
+            InputError: if nobody is left, or for another reason than a file.
+        """
+        left = [entrant for entrant in entrants if entrant.id not in self.gone]
+        while True:
+            try:
+                return hold(left)
+            except InputError:
+                there = intact(self.pool, left)
+                gone = {each.id: each for each, can in zip(left, there, strict=True) if not can}
+                left = [entrant for entrant in left if entrant.id not in gone]
+                if not gone or not left:
+                    raise
+                self.gone |= gone
 
     @property
     def otherwise(self) -> str:

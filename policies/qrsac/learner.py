@@ -220,7 +220,10 @@ class QRSAC:
             InputError: naming the tensor that is missing, unknown or of another shape or type.
         """
         self._check(tensors, self.state_dict())
-        self._generator.set_state(tensors["generator"].cpu())
+        try:
+            self._generator.set_state(tensors["generator"].cpu())
+        except RuntimeError as error:
+            raise InputError(f"training state: tensor 'generator': {error}") from None
         self._take(tensors, State._fields)
         self._made = int(tensors["step"])
 

@@ -127,18 +127,22 @@ class Actor:
         """Go on from what `tensors` gave.
 
         Raises:
-            KeyError: if one is missing.
-            ValueError: if one is of another shape.
+            ValueError: naming the one that is missing, of another shape or type, or not finite.
         """
+        expected = self.tensors()
+        for name, own in expected.items():
+            found = tensors.get(name)
+            if found is None:
+                raise ValueError(f"tensor {name!r} is missing")
+            if found.shape != own.shape or found.dtype != own.dtype or not found.isfinite().all():
+                raise ValueError(
+                    f"tensor {name!r} is {tuple(found.shape)} {found.dtype}, "
+                    f"expected {tuple(own.shape)} finite numbers of {own.dtype}"
+                )
         for index, tensor in enumerate(self._all):
-            found, average = tensors[f"parameter.{index}"], tensors[f"average.{index}"]
-            state = {name: tensors[f"adam.{index}.{name}"] for name in ("step", *MOMENTS)}
-            shapes = {each.shape for each in (found, average, *(state[name] for name in MOMENTS))}
-            if shapes != {tensor.shape}:
-                raise ValueError(f"parameter.{index}")
-            tensor.data.copy_(found)
-            self._averages[index].copy_(average)
-            self._adam[index] = state
+            tensor.data.copy_(tensors[f"parameter.{index}"])
+            self._averages[index].copy_(tensors[f"average.{index}"])
+            self._adam[index] = {name: tensors[f"adam.{index}.{name}"] for name in ("step", *MOMENTS)}
 
 
 def _parameters(network: Mlp) -> list[tuple[Tensor, Tensor]]:

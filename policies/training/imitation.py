@@ -107,7 +107,7 @@ class Imitation:
         if state:
             try:
                 run._actor.load(state.learner)
-            except (KeyError, ValueError) as error:
+            except ValueError as error:
                 raise InputError(f"{folder}: of another run: {error}") from None
             run._rounds, run.updates, run.transitions = state.rounds, state.updates, state.transitions
             run._weights, run._curve = state.weights, state.curve

@@ -77,7 +77,15 @@ class PairDraw:
     """
 
     def __init__(self, pairs: Sequence[Pair], weights: NDArray[np.float64] | None = None) -> None:
-        """Some pairs, of which nothing is known yet without weights."""
+        """Some pairs, of which nothing is known yet without weights.
+
+        Raises:
+            InputError: if some weights are none, or are of more pairs or of fewer.
+        """
+        if weights is not None and (
+            len(weights) != len(pairs) or (len(pairs) > 1 and not _drawn_by(weights))
+        ):
+            raise InputError(f"the state weighs pairs by {weights}, expected {len(pairs)} numbers above 0")
         self._pairs = tuple(pairs)
         self.weights = np.full(len(pairs), HARD) if weights is None else weights.copy()
 
@@ -93,6 +101,11 @@ class PairDraw:
         weight = min(max(WELL - pace, EASY), HARD)
         index = self._pairs.index(pair)
         self.weights[index] += FORGETTING * (weight - self.weights[index])
+
+
+def _drawn_by(weights: NDArray[np.float64]) -> bool:
+    """Whether pairs can be drawn by some weights; an only pair may have any."""
+    return bool((np.isfinite(weights) & (weights > 0.0)).all())
 
 
 def ready_pairs(

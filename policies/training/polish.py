@@ -120,8 +120,8 @@ class Polish:
             self._curve = state.curve
             try:
                 self._actor.load(state.learner)
-            except KeyError as missing:
-                raise InputError(f"{folder / STATE_FILE}: tensor {missing} is missing") from None
+            except ValueError as error:
+                raise InputError(f"{folder / STATE_FILE}: {error}") from None
             self._weights = state.weights
 
     def run(

@@ -14,14 +14,13 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
 from nathlon.policies.training.log import CURVE_FILE
-from nathlon.policies.training.state import STATE_FILE, write_tensors
+from nathlon.policies.training.state import COUNTS, STATE_FILE, take_counts, take_table, write_tensors
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import open_regular
 from nathlon.sim.whole_file import whole_file, writing
 
 CURVE = ("rounds", "updates", "transitions", "reward", "lap_s", "off_course_share")
-COUNTS, WEIGHTS, CURVE_KEY = "counts", "weights", "curve"
-COUNTED = ("rounds", "updates", "transitions")
+WEIGHTS, CURVE_KEY = "weights", "curve"
 
 
 class PolishState(NamedTuple):
@@ -80,14 +79,9 @@ def load_state(folder: Path, facts: Mapping[str, str]) -> PolishState | None:
     for name, value in facts.items():
         if found.get(name) != value:
             raise InputError(f"{path}: is of another {name}; choose another folder")
-    try:
-        counts = tensors.pop(COUNTS).tolist()
-        weights, curve = tensors.pop(WEIGHTS).numpy(), tensors.pop(CURVE_KEY).numpy()
-    except KeyError as missing:
-        raise InputError(f"{path}: tensor {missing} is missing") from None
-    if len(counts) != len(COUNTED):
-        raise InputError(f"{path}: {COUNTS} has {len(counts)} numbers, expected {', '.join(COUNTED)}")
-    rounds, updates, transitions = counts
+    rounds, updates, transitions = map(int, take_counts(path, tensors, 3))
+    weights = take_table(path, tensors, WEIGHTS, (None,))
+    curve = take_table(path, tensors, CURVE_KEY, (None, len(CURVE)))
     return PolishState(rounds, updates, transitions, tensors, weights, curve)
 
 

@@ -5,16 +5,21 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from pydantic import ValidationError
+from pydantic import BaseModel, NonNegativeInt
 
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 from nathlon.sim.whole_file import write_whole, writing
 
 CONFIG_FILE = "run.json"
 CHECKPOINTS = "checkpoints"
+
+
+class _Run(BaseModel):
+    seed: NonNegativeInt
+    config: TrainingConfig
 
 
 def make_run_folder(folder: Path, config: TrainingConfig, seed: int) -> None:
@@ -40,11 +45,5 @@ def read_run_folder(folder: Path) -> tuple[TrainingConfig, int]:
     path = folder / CONFIG_FILE
     if not path.exists():
         raise InputError(f"{path}: no training run to resume")
-    text = read_text(path, "training run")
-    try:
-        facts = json.loads(text)
-        return TrainingConfig.model_validate(facts["config"]), int(facts["seed"])
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, TrainingConfig)}") from None
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
-        raise InputError(f"{path}: expected the JSON of a training run with config and seed") from None
+    run = read_json(read_text(path, "training run"), _Run, path)
+    return run.config, run.seed

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
@@ -57,9 +58,7 @@ def load_state(folder: Path) -> RunState:
     """
     path = folder / STATE_FILE
     tensors = read_tensors(path)
-    counts = tensors.pop(COUNTS, torch.zeros(0))
-    if counts.shape != (3,):
-        raise InputError(f"{path}: tensor {COUNTS!r}: expected 3 numbers")
+    updates, transitions, wall_s = take_counts(path, tensors, 3)
     with safe_open(path, framework="pt") as file:
         text = (file.metadata() or {}).get(RANDOM_KEY, "")
     try:
@@ -67,7 +66,45 @@ def load_state(folder: Path) -> RunState:
         np.random.default_rng().bit_generator.state = rng
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         raise InputError(f"{path}: {RANDOM_KEY}: expected the state of a random generator") from None
-    return RunState(int(counts[0]), int(counts[1]), float(counts[2]), tensors, rng)
+    return RunState(int(updates), int(transitions), wall_s, tensors, rng)
+
+
+def take_table(
+    path: Path, tensors: dict[str, Tensor], name: str, shape: tuple[int | None, ...]
+) -> NDArray[np.float64]:
+    """A table of numbers, taken out of the tensors of a file.
+
+    Args:
+        path: of the file, for the error.
+        tensors: by name.
+        name: of the table.
+        shape: that it must have, with None for any size.
+
+    Raises:
+        InputError: if it is missing, or has another shape.
+    """
+    tensor = tensors.pop(name, None)
+    if tensor is None:
+        raise InputError(f"{path}: tensor {name!r} is missing")
+    found = tuple(tensor.shape)
+    if len(found) != len(shape) or any(
+        size not in (own, None) for own, size in zip(found, shape, strict=True)
+    ):
+        expected = ", ".join("any" if size is None else str(size) for size in shape)
+        raise InputError(f"{path}: tensor {name!r} has shape {found}, expected ({expected})")
+    return tensor.double().numpy()
+
+
+def take_counts(path: Path, tensors: dict[str, Tensor], n: int) -> list[float]:
+    """What a run has counted, n numbers, taken out of the tensors of its state.
+
+    Raises:
+        InputError: if they are missing, negative or not finite.
+    """
+    counts = take_table(path, tensors, COUNTS, (n,))
+    if not (np.isfinite(counts) & (counts >= 0.0)).all():
+        raise InputError(f"{path}: tensor {COUNTS!r} is {counts.tolist()}, expected numbers from 0 up")
+    return list(counts.tolist())
 
 
 def write_tensors(path: Path, tensors: dict[str, Tensor], metadata: dict[str, str] | None = None) -> None:

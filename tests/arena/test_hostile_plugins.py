@@ -23,6 +23,7 @@ from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.match_policies import match_policies
 from nathlon.arena.output_log import DROPPED, LOG_BYTES
 from nathlon.arena.pool import Pool
+from nathlon.arena.results import POLICY_FAULTS, VOID_ENDINGS
 from nathlon.arena.runner import run_match
 from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
@@ -110,6 +111,30 @@ class Flood(Straight):
         os.write(1, b"x" * 100_000)
 
 
+class Closer(Straight):
+    """Leaves its process nothing to answer through."""
+
+    def misbehave(self, observations, memory):
+        os.closerange(0, 256)
+
+
+class Silencer(Straight):
+    """Whatever is said after this raises."""
+
+    def misbehave(self, observations, memory):
+        sys.stderr.close()
+        sys.stdout = object()
+        memory[...] = np.nan
+        return memory
+
+
+class Deaf(Straight):
+    """Cannot even be made."""
+
+    def __init__(self, circuit, car):
+        os.closerange(3, 256)
+
+
 class Hog(Straight):
     taken = []
 
@@ -135,7 +160,7 @@ class Exiting(Straight):
 '''
 NAMES = (
     "Straight", "Scribbler", "Drawer", "Seeder", "Divider", "Slow", "Talker", "Flood", "Hog", "Loader",
-    "Hanging", "Exiting",
+    "Hanging", "Exiting", "Closer", "Silencer", "Deaf",
 )  # fmt: skip
 PLACE = ("lindenring", "gt3")
 
@@ -213,6 +238,22 @@ def test_a_slow_policy_is_out_when_its_time_for_a_match_is_used_up(site: Path) -
     assert "timed_out" not in endings(other)
 
 
+@pytest.mark.parametrize("name", ["Closer", "Silencer"])
+def test_what_a_policy_closes_is_its_own_fault(
+    site: Path, caplog: pytest.LogCaptureFixture, name: str
+) -> None:
+    """Not the machine's: its matches would be void, and run again."""
+    with Pool(1) as pool:
+        [closed] = driven(pool, race(name, "Talker"))
+    own, other = endings(closed)
+    assert own == "policy_raised"
+    assert other not in (*POLICY_FAULTS, *VOID_ENDINGS)
+    assert (
+        f"plugin:{name}: policy_raised, it has closed what its process answers or prints through"
+        in caplog.text
+    )
+
+
 def test_what_policies_print_goes_to_a_bounded_log(
     site: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -232,11 +273,14 @@ def test_what_policies_print_goes_to_a_bounded_log(
 
 
 def test_a_policy_that_cannot_be_made_is_refused_and_the_others_are_entered(site: Path) -> None:
-    sources = [f"plugin:{name}" for name in ("Hanging", "Straight", "Exiting", "Seeder")]
+    sources = [f"plugin:{name}" for name in ("Hanging", "Straight", "Exiting", "Seeder", "Deaf")]
     with Pool(1, first_answer_s=2.0) as pool:
-        hanging, straight, exiting, seeder = enter_each(pool, sources, *PLACE)
+        hanging, straight, exiting, seeder, deaf = enter_each(pool, sources, *PLACE)
     assert str(hanging) == "plugin:Hanging: took more than 2 s to open, expected a policy"
     assert str(exiting) == "plugin:Exiting: ended the process that opened it, expected a policy"
+    assert (
+        str(deaf) == "plugin:Deaf: has closed what its process answers or prints through, expected a policy"
+    )
     assert [getattr(each, "name", None) for each in (straight, seeder)] == ["Straight", "Seeder"]
 
 

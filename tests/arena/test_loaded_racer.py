@@ -12,23 +12,29 @@ import pytest
 import torch
 
 from nathlon.api.selection import configured
+from nathlon.arena.job import MatchJob
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
+from nathlon.arena.serving import do
+from nathlon.arena.watch import Watch
 from nathlon.arena.world import World
 from nathlon.arena.world_finding import find_world, in_folder
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.memory_rows import MemoryRows
+from nathlon.arena.worlds.named_loader import named_loader
 from nathlon.policies.bundled import generalist
 from nathlon.policies.general.outputs import IllegalActionError
 from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.config import Config, read_config
 from nathlon.selection.nightly.watching import watch
+from nathlon.sim.errors import InputError
 from nathlon.sim.observation import ObservationSpec
 from tests.support.games import refused
 
 LOADER = '''
 import json
 from importlib.metadata import version
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -121,7 +127,29 @@ def whole(path, observation_space, action_space):
     return Whole()
 
 
+class Unseen:
+    initial_memory = Whole.initial_memory
+    act = Whole.act
+
+
+def unseen(path, observation_space, action_space):
+    return Unseen()
+
+
+class Whimsical(Whole):
+    @property
+    def observation_spec(self):
+        if Path(__file__).with_name("mood").exists():
+            raise ArithmeticError("not today")
+        return ObservationSpec(course_points=4)
+
+
+def whimsical(path, observation_space, action_space):
+    return Whimsical()
+
+
 no_function = 3
+no_ending = {3: whole}
 '''
 
 
@@ -186,6 +214,7 @@ def test_one_that_does_as_ours_do_is_asked_as_ours_are(tmp_path: Path) -> None:
     [
         ("growing", "expected [((1,), dtype('float64'))] as after the first step"),
         ("itself", "keeps its state itself"),
+        ("unseen", "has initial_memory and no observation_spec"),
         ("three", "gives 3 numbers, expected 2 for the action space"),
     ],
 )
@@ -199,12 +228,38 @@ def test_what_cannot_drive_is_refused_by_its_file(tmp_path: Path, load: str, sai
     ("load", "said"),
     [
         ("no_function", "no_function': load has '.pt': 3, expected an ending of files and a function"),
+        ("no_ending", "no_ending': load has 3: "),
         ("missing", "mine.py has no 'missing'"),
     ],
 )
 def test_what_is_no_loader_is_refused(tmp_path: Path, load: str, said: str) -> None:
     with refused("loader '", said):
         world_with(tmp_path, load)
+
+
+def test_a_loader_is_called_by_text() -> None:
+    """A report that is written hours later could not name another."""
+    with refused("world '", "expected a name in UTF-8"):
+        load_world("racing+/tmp/\udcff.py:load", "lindenring", "gt3")
+
+
+def test_a_loader_that_changes_while_matches_run_stops_them(tmp_path: Path) -> None:
+    """Another process has given the match its key; this one has just loaded the file as it is now."""
+    match = raced(world_with(tmp_path, "gently"), weights(tmp_path))
+    assert match.key
+    (tmp_path / "beside.py").write_text("PACE = 0.5\n")
+    find_world.cache_clear()
+    named_loader.cache_clear()
+    [(_, answer)] = do([MatchJob(match)], Watch())
+    assert isinstance(answer, InputError)
+    assert "have changed since the run began" in str(answer)
+
+
+def test_what_cannot_be_loaded_any_more_is_its_files_fault(tmp_path: Path) -> None:
+    match = raced(world_with(tmp_path, "whimsical"), source := weights(tmp_path))
+    (tmp_path / "mood").touch()
+    [(_, answer)] = do([MatchJob(match)], Watch())
+    assert str(answer) == f"{source}: cannot be opened (ArithmeticError), expected a policy"
 
 
 def test_results_are_kept_under_the_loader_and_what_it_imports(tmp_path: Path) -> None:
@@ -219,8 +274,6 @@ def test_results_are_kept_under_the_loader_and_what_it_imports(tmp_path: Path) -
     assert "loader" not in load_world(plain.world, "lindenring", "gt3").facts("slipstream_pass")
     before = match.key
     loader(tmp_path, pace=0.5)
-    from nathlon.arena.worlds.named_loader import named_loader
-
     named_loader.cache_clear()
     again = raced(load_world(world.name, "lindenring", "gt3"), source)
     assert again.entrants == match.entrants
@@ -249,8 +302,6 @@ def test_a_configuration_names_a_loader_from_its_folder(tmp_path: Path) -> None:
     assert config.world == f"racing+{tmp_path / 'mine.py'}:gently"
     digest = config.digest
     (tmp_path / "beside.py").write_text("PACE = 0.1\n")
-    from nathlon.arena.worlds.named_loader import named_loader
-
     named_loader.cache_clear()
     find_world.cache_clear()
     assert config.digest != digest

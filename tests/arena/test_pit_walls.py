@@ -167,3 +167,8 @@ def test_a_faulty_stint_is_named(tmp_path: Path, stint: str, complaint: str) -> 
     source = written(tmp_path, f"{PART}[[stint]]\n{stint}\n")
     with refusal(Path(source), complaint):
         load_policy(source, "lindenring", "gt3")
+
+
+def test_a_plan_for_a_longer_race_makes_no_stop_in_the_last_lap() -> None:
+    plan = StintPlan([Stint(laps=9, compound="racing-soft"), Stint(laps=9)])
+    assert plan.decide(wall(0, 9)) is None

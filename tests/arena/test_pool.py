@@ -219,6 +219,15 @@ def test_nobody_is_blamed_for_what_a_worker_sends() -> None:
     assert "spoilt what the process that opened it sends" in str(refusal)
 
 
+def test_who_closes_what_its_process_answers_through_is_known() -> None:
+    alone = {0: job("a", alone=True)}
+    by_policy = Loss(Asked(9, 0, 1, 1.0), closed=True)
+    assert again({0: job("a")}, by_policy) == ([[job("a", alone=True)]], [])
+    assert again(alone, by_policy) == ([[job("a", absent={1: "policy_raised"})]], [])
+    _, [(_, answer)] = again(alone, Loss(Asked(9, NOBODY, NOBODY, 1.0), closed=True))
+    assert set(answer.results["ending"]) == {"simulator_fault"}, "a world's own code may do it too"
+
+
 def test_what_hangs_while_it_is_opened_has_one_limit() -> None:
     opening, other = Opening("slow.pt", str, ()), Opening("other.pt", str, ())
     hung = Loss(Asked(9, 0, 0, 120.0), late=True, hung=True)

@@ -262,6 +262,36 @@ def test_what_is_gone_is_not_sent_and_what_was_sent_is_found_again(tmp_path: Pat
     assert hashlib.sha256(Path(said["sent"][0]["path"]).read_bytes()).hexdigest() == said["sent"][0]["digest"]
 
 
+def test_files_that_go_while_a_night_runs_are_set_aside_and_the_night_goes_on(tmp_path: Path) -> None:
+    """One is deleted after it was opened, one is cut; nobody has raced them by then."""
+    watch_two(tmp_path)
+    checkpoints = tmp_path / "checkpoints"
+    lost, cut = (
+        Path(shutil.copy(WEAK, checkpoints / name)) for name in ("lost.safetensors", "cut.safetensors")
+    )
+    card, tensors = read_checkpoint(lost)
+    save_checkpoint(lost, tensors, card.model_copy(update={"step": card.step + 1}))
+
+    def spoil(stage: str, *_: int) -> None:
+        if stage == KERNELS:
+            lost.unlink(missing_ok=True)
+            cut.write_bytes(WEAK.read_bytes()[:1000])
+
+    config = read_config(tmp_path / "nathlon.toml")
+    night = nightly(config, 1, spoil)
+    told(config, night)
+    assert night.selection is not None
+    assert (night.code, night.reason) == (HEALTH, "2 of 4 new files were set aside.")
+    summary = night.selection.summary
+    assert [Path(item.source).name for item in summary.excluded] == ["cut.safetensors", "lost.safetensors"]
+    assert all("is gone, has changed" in item.reason for item in summary.excluded)
+    assert {one.name for one in summary.sent} <= {path.stem for path in GOOD}
+    # Nobody has judged them: what comes back is new.
+    shutil.copy(WEAK, cut)
+    with Store.open(tmp_path / "nathlon.sqlite") as store:
+        assert awaited(config, store)[0] == 1
+
+
 def test_nights_have_seeds_of_their_own(store: Store, nights: list[Night]) -> None:
     seeds = [set(store.results_of_run(name)["seed"]) for name in ("night-0001", "night-0002")]
     marks = set(store.results_of_run("night-0001", "battery").filter(pl.col("entrant") == "driver")["seed"])

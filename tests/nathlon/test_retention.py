@@ -19,17 +19,18 @@ def contents(folder: Path) -> list[str]:
 
 def test_only_old_nights_that_were_told_are_thinned_out(tmp_path: Path) -> None:
     out = tmp_path / "nights"
-    whole = ["policies.log", "races", "report", "sent", "summary.json"]
+    stays = ["drives", "minutes.txt", "sent", "summary.json"]
+    whole = sorted([*stays, "policies.log", "races", "report"])
     outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "film.mcap").touch()
     with Store(tmp_path / "store.sqlite") as store:
         for number in range(1, 5):
             name = f"night-{number:04d}"
-            for part in ("races", "report", "sent"):
+            for part in ("races", "report", "sent", "drives"):
                 (out / name / part).mkdir(parents=True)
             (out / name / "races" / "linked").symlink_to(outside)
-            for part in ("summary.json", "policies.log", "sent/best.onnx"):
+            for part in ("summary.json", "policies.log", "sent/best.onnx", "minutes.txt"):
                 (out / name / part).touch()
             store.begin_run(name, {})
             if number != 3:
@@ -40,7 +41,7 @@ def test_only_old_nights_that_were_told_are_thinned_out(tmp_path: Path) -> None:
         assert thin_out(store, nights, out, 90, soon) == []
         assert thin_out(store, nights, out, 90, late) == [out / "night-0001"]
         assert thin_out(store, nights, out, 90, late) == []
-    assert contents(out / "night-0001") == ["sent", "summary.json"]
+    assert contents(out / "night-0001") == stays
     assert contents(out / "night-0001" / "sent") == ["best.onnx"]
     # Not told yet, not ended, and the last one.
     assert [contents(out / f"night-000{number}") for number in (2, 3, 4)] == [whole] * 3

@@ -153,6 +153,33 @@ def test_a_member_pauses_and_what_is_gone_cannot_be_put_first(server: MeetingSer
     assert own(server, "/api/work")["queue"][0]["first"]
 
 
+def test_who_steers_one_thing_leaves_the_others_as_they_are(server: MeetingServer, store: Path) -> None:
+    """A page that was shown before somebody paused the work would have it go on."""
+    with (
+        connect(f"{server.address.socket}/room", origin=Origin(server.address.origin)) as connection,
+        Store.open(store) as opened,
+    ):
+        connection.send(token(server))
+        for said, expected in (
+            ({"paused": False, "first": None}, (False, None)),
+            ({"paused": True}, (True, None)),
+            ({"first": DIGEST}, (True, DIGEST)),
+            ({"paused": False}, (False, DIGEST)),
+            ({"first": None}, (False, None)),
+        ):
+            connection.send(json.dumps({"type": "steer", **said}))
+            while json.loads(connection.recv(timeout=PATIENCE_S))["type"] != "done":
+                pass
+            now = control(opened)
+            assert (now.paused, now.first) == expected
+
+
+@pytest.mark.parametrize("search", ["a%00b", "a" * 501])
+def test_a_search_that_no_store_can_make_is_refused(server: MeetingServer, search: str) -> None:
+    status, _ = get(server, f"/api/checkpoints?search={search}", Authorization=f"Bearer {token(server)}")
+    assert status == 400
+
+
 def test_the_page_shows_and_steers_the_work(server: MeetingServer, store: Path, browser: Browser) -> None:
     ann = Window(browser, server.url("ann"))
     ann.page.click("#views a[href='#/work']")

@@ -7,9 +7,15 @@ import os
 import time
 from pathlib import Path
 
+import pytest
+
+import nathlon.commands.watch as command
 from nathlon.arena.store import Store
-from nathlon.selection.nightly.night import NIGHT
+from nathlon.selection.field import Exclusion
+from nathlon.selection.nightly.night import HEALTH, NIGHT, OK, Night
 from nathlon.selection.nightly.promise import SETTLED_S, Promising, promise_of_runs
+from nathlon.selection.run import DONE
+from nathlon.sim.errors import InputError
 from tests.support.command_line import nathlon
 from tests.support.games import player, world_of
 
@@ -39,6 +45,8 @@ def test_the_newest_of_promising_runs_come_first_and_what_is_being_written_waits
     assert Promising(10, {})([fresh]) == []
     os.utime(fresh, (time.time() - SETTLED_S - 1.0,) * 2)
     assert Promising(10, {})([fresh]) == [fresh]
+    os.utime(fresh, (time.time() + HOUR_S,) * 2)
+    assert Promising(10, {})([fresh]) == [fresh], "dated by another machine"
 
 
 def test_checkpoints_are_judged_as_they_come(tmp_path: Path) -> None:
@@ -76,3 +84,41 @@ anchors = []
         assert {Path(name).name for name in judged[0]} == {"step-0", "step-2"}
         promise = promise_of_runs(store, records)
     assert promise[str(tmp_path / "a")] > promise[str(tmp_path / "b")]
+
+
+def test_trouble_that_comes_later_ends_nothing_and_ctrl_c_loses_no_night(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A disk that is away for a while; at the first look it is a mistake of whoever has written the file."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "nathlon.toml").write_text("")
+    Store(tmp_path / "nathlon.sqlite").close()
+    quiet = Night(None, DONE, OK, "Nothing is new.", None)
+    told = Night(None, DONE, HEALTH, "All was set aside.", None, (Exclusion("a.onnx", "is empty", None),))
+    away = InputError("checkpoints: no such file or folder")
+    looks: list[Night | InputError | KeyboardInterrupt] = [quiet, away, away, told, away, KeyboardInterrupt()]
+
+    def hold(*_: object) -> Night:
+        look = looks.pop(0)
+        if isinstance(look, BaseException):
+            raise look
+        return look
+
+    monkeypatch.setattr(command, "hold_night", hold)
+    monkeypatch.setattr(command.time, "sleep", lambda _: None)
+    with pytest.raises(SystemExit) as ended:
+        command.watch(Path("nathlon.toml"), as_json=True)
+    assert ended.value.code == 130
+    said = capsys.readouterr()
+    assert [night["reason"] for night in json.loads(said.out)["nights"]] == [told.reason]
+    # Once each time that it begins.
+    assert said.err.count("checkpoints: no such file or folder. Looking again every 30 s.") == 2
+    looks += [away]
+    with pytest.raises(InputError, match="no such file"):
+        command.watch(Path("nathlon.toml"), as_json=True)
+    assert capsys.readouterr().out == ""
+    looks += [quiet, away]
+    moments = iter([0.0, 0.0, 9.0])
+    monkeypatch.setattr(command.time, "monotonic", lambda: next(moments))
+    with pytest.raises(InputError, match="no such file"):
+        command.watch(Path("nathlon.toml"), wait=5.0, as_json=True)

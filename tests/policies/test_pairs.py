@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections import Counter
 from functools import partial
@@ -77,6 +78,14 @@ def test_what_goes_badly_is_drawn_more_often() -> None:
     # Weights 0.05, 0.2 and 1, of which 1 stands for what was never driven.
     expected = {"gt3": 80, "coupe": 320, "prototype": 1600}
     assert all(abs(drawn[car] - count) < 6 * count**0.5 for car, count in expected.items())
+
+
+@pytest.mark.parametrize("weights", [[1.0, 1.0], [1.0, math.nan, 1.0], [1.0, 0.0, 1.0], [math.inf] * 3])
+def test_weights_by_which_no_pair_can_be_drawn_are_refused(weights: list[float]) -> None:
+    cars = [Pair("lindenring", car) for car in ("gt3", "coupe", "prototype")]
+    with pytest.raises(InputError, match="expected 3 numbers above 0"):
+        PairDraw(cars, np.array(weights))
+    assert PairDraw(cars[:1], np.array([math.nan])).draw(np.random.default_rng(0)) == cars[0]
 
 
 @pytest.mark.parametrize(

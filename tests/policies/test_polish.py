@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from itertools import count
 from pathlib import Path
 
@@ -282,8 +283,21 @@ def test_another_polishing_is_refused(tmp_path: Path) -> None:
         Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
     counts = np.array([2, 6])  # as states had them that did not count transitions
     save_file({**tensors, "counts": counts}, state, facts)
-    with refusal(state, "counts has 2 numbers, expected rounds, updates, transitions"):
+    with refusal(state, r"tensor 'counts' has shape \(2,\), expected \(3\)"):
         Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
+    for name, wrong, said in (
+        ("counts", np.array([2.0, np.nan, 3.0]), "tensor 'counts' is [2.0, nan, 3.0]"),
+        ("counts", np.array([2, -6, 3]), "tensor 'counts' is [2.0, -6.0, 3.0]"),
+        ("counts", np.array(3), "tensor 'counts' has shape ()"),
+        ("weights", np.zeros((1, 1)), "tensor 'weights' has shape (1, 1)"),
+        ("curve", np.zeros((1, 5)), "tensor 'curve' has shape (1, 5), expected (any, 6)"),
+        ("average.0", np.zeros((2, 2), np.float32), "tensor 'average.0' is (2, 2) torch.float32"),
+        ("parameter.0", np.full_like(tensors["parameter.0"], np.nan), "finite numbers"),
+        ("adam.0.step", np.zeros(3, np.float32), "tensor 'adam.0.step' is (3,)"),
+    ):
+        save_file({**tensors, name: wrong}, state, facts)
+        with refusal(state, re.escape(said)):
+            Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)
     state.write_bytes(state.read_bytes()[:100])
     with refusal(state, "not the state of a polishing"):
         Polish(CHECKPOINT, ALONE, tmp_path, 2, seed=3)

@@ -147,6 +147,7 @@ def test_a_state_taken_stays_as_it_was() -> None:
         ({"critic": None}, "tensor 'critic' is missing"),
         ({"other": torch.zeros(1)}, "tensor 'other' is unknown"),
         ({"policy": torch.zeros(3)}, r"tensor 'policy' is \(3,\) torch.float32, expected"),
+        ({"generator": torch.zeros_like(torch.Generator().get_state())}, "tensor 'generator': "),
         ({"step": torch.zeros(())}, r"tensor 'step' is \(\) torch.float32, expected \(\) torch.float64"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import signal
@@ -352,8 +353,9 @@ def test_demonstrators_drive_in_the_learners_place() -> None:
     ("change", "said"),
     [
         ("", "no training run to resume"),
-        ("{", "expected the JSON of a training run"),
-        ('{"seed": 1, "config": {"circuit": 3}}', "circuit"),
+        ("{", "run.json: Invalid JSON"),
+        ('{"seed": 1, "config": {"circuit": 3}}', "config.circuit"),
+        (json.dumps({"seed": True, "config": SMALL.model_dump(mode="json")}), "field seed is True"),
     ],
 )
 def test_a_folder_that_holds_no_run_cannot_be_resumed(tmp_path: Path, change: str, said: str) -> None:

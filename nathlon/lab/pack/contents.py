@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
-from pydantic import ValidationError
-
 from nathlon.policies.policy_file import MOST_BYTES
 from nathlon.policies.sources import DRIVER, PLUGIN, RANDOM
 from nathlon.policies.sources.archive import unpack
 from nathlon.results.part import ResultModel
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_bytes
-from nathlon.sim.validation import first_fault
+from nathlon.sim.validation import read_json
 
 VERSION = 1
 MANIFEST, SIGNATURE = "manifest.json", "manifest.json.sig"
@@ -71,11 +69,9 @@ def read_pack(path: Path) -> tuple[Manifest, Mapping[str, bytes]]:
     """
     try:
         files = unpack(read_bytes(path, MOST_MIB, "pack"))
-        manifest = Manifest.model_validate_json(files[MANIFEST])
+        manifest = read_json(files[MANIFEST], Manifest, f"{path}: {MANIFEST}")
     except (BadZipFile, KeyError):
         raise InputError(f"{path}: not a packed run, expected what nathlon pack writes") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: {MANIFEST}: {first_fault(error, Manifest)}") from None
     if manifest.version > VERSION:
         raise InputError(f"{path}: field version is {manifest.version}, expected at most {VERSION}")
     for name in sorted(files.keys() ^ {*manifest.files, MANIFEST, *({SIGNATURE} & files.keys())}):

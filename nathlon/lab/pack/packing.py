@@ -142,11 +142,14 @@ def _entrants(store: Store, run: str, here: Path) -> list[dict[str, object]]:
             continue
         if not is_path(source):
             raise InputError(f"{source}: cannot be packed, expected checkpoints, drivers and plugins alone")
-        if not is_still(source, identity):
+        ending = ROLES if source.endswith(ROLES) else suffix_of(source)
+        row["source"] = f"{CHECKPOINTS}/{identity}{ending}"
+        copy = here / row["source"]
+        if is_still(source, identity):
+            copy_policy(Path(source), copy)
+        # After the copy too: a training run may write meanwhile.
+        if not is_still(str(copy), identity):
             raise InputError(
                 f"{source}: is gone or has changed since it raced, expected the checkpoint of the run"
             )
-        ending = ROLES if source.endswith(ROLES) else suffix_of(source)
-        row["source"] = f"{CHECKPOINTS}/{identity}{ending}"
-        copy_policy(Path(source), here / row["source"])
     return rows

@@ -141,7 +141,7 @@ def _read(path: Path, files: Mapping[str, bytes], here: Path) -> tuple[list[Fini
         wrong = [
             one.key for one in packed if digest(json.dumps(one.spec, sort_keys=True).encode()) != one.key
         ]
-    except (AttributeError, LookupError, TypeError, ValueError, pl.exceptions.PolarsError):
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, pl.exceptions.PolarsError):
         raise InputError(f"{path}: its matches cannot be read, expected what nathlon pack writes") from None
     if wrong or not matches:
         raise InputError(f"{path}: match {(wrong or ['none'])[0][:10]!a} is not what its key says")

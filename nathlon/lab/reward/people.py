@@ -39,7 +39,7 @@ class Said(BaseModel):
         remark: in words.
     """
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     pair: int = Field(ge=0)
     better: Literal[-1, 0, 1]
@@ -49,7 +49,7 @@ class Said(BaseModel):
 class Enough(BaseModel):
     """The page's last word: what is not judged remains so."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     enough: Literal[True]
 

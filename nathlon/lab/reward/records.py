@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import TypeVar
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import from_json
 
 from nathlon.lab.reward.alignment import Preference
 from nathlon.lab.reward.candidates import Candidate, CandidateOutcome
 from nathlon.sim.data_file import Section
 from nathlon.sim.errors import InputError
 from nathlon.sim.untrusted_file import read_text
+from nathlon.sim.validation import check_kinds
 from nathlon.sim.whole_file import write_whole
 
 KindT = TypeVar("KindT")
@@ -42,12 +44,15 @@ def read_record(path: Path, kind: TypeAdapter[KindT]) -> KindT:
     Raises:
         InputError: if it cannot be read, or keeps something else.
     """
+    text = read_text(path, "part of the design", LARGEST_MIB)
     try:
-        return kind.validate_json(read_text(path, "part of the design", LARGEST_MIB))
+        made = kind.validate_json(text)
+        check_kinds(from_json(text), made)
     except ValidationError as error:
         first = error.errors()[0]
         field = ".".join(map(str, first["loc"])) or "the file"
         raise InputError(f"{path}: {field}: {first['msg']}") from None
+    return made
 
 
 def write_paper(path: Path, kind: TypeAdapter[KindT], value: KindT) -> None:

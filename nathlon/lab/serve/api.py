@@ -5,6 +5,7 @@ Whoever wants something done says so on the page's WebSocket or at the terminal:
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from importlib.metadata import version
@@ -22,6 +23,9 @@ from nathlon.lab.serve.work import (
     work_state,
 )
 from nathlon.lab.web.access import answer, headers
+from nathlon.sim.errors import InputError
+
+log = logging.getLogger(__name__)
 
 JSON = "application/json"
 SEARCH = "search"
@@ -80,7 +84,9 @@ def openapi() -> dict[str, Any]:
                 "parameters": [search] if path.searches else [],
                 "responses": {
                     "200": {"description": "The answer.", "content": content},
+                    "400": {"description": "A search that is too long, or is no text."},
                     "403": {"description": "No member's token, or another name for this server."},
+                    "503": {"description": "The store cannot be read now."},
                 },
             }
         }
@@ -111,9 +117,14 @@ async def answer_api(
     path, text = PATHS.get(name), request.query_params.get(SEARCH, "")
     if path is None:
         return answer(HTTPStatus.NOT_FOUND)
-    if len(text) > LONGEST_SEARCH:
+    if len(text) > LONGEST_SEARCH or "\0" in text:  # which databases refuse
         return answer(HTTPStatus.BAD_REQUEST)
-    return _json(path.kind.dump_json(await asked(lambda store: path.answer(store, text))))
+    try:
+        found = await asked(lambda store: path.answer(store, text))
+    except InputError as error:
+        log.warning("%s", error)
+        return answer(HTTPStatus.SERVICE_UNAVAILABLE)
+    return _json(path.kind.dump_json(found))
 
 
 def _json(content: bytes) -> Response:

@@ -28,7 +28,7 @@ from nathlon.reports.player import render_player
 from nathlon.selection.publish.output import POLICY_LOG
 from nathlon.sim.errors import InputError
 
-BEARER = "Bearer "
+BEARER = "bearer"
 FRAMED = "'self'"
 ALONE = f"{FRAMED}; sandbox allow-scripts allow-downloads"
 """A file of a run's folder has no part in the room, also in its frame: others may have written it."""
@@ -97,8 +97,8 @@ class Files:
 
     def _member(self, request: Request) -> str | None:
         """Whose token a request has in a header, where no page of others can put it."""
-        given = request.headers.get("Authorization", "")
-        return self._tokens.member(given.removeprefix(BEARER)) if given.startswith(BEARER) else None
+        scheme, _, given = request.headers.get("Authorization", "").partition(" ")
+        return self._tokens.member(given) if scheme.lower() == BEARER else None
 
     def _has_pass(self, request: Request) -> bool:
         try:
@@ -118,7 +118,10 @@ class Files:
         if not found:
             return answer(HTTPStatus.NOT_FOUND)
         path, kind = found
-        response = FileResponse(path, 200, headers(ALONE), kind, stat_result=path.stat())
+        try:
+            response = FileResponse(path, 200, headers(ALONE), kind, stat_result=path.stat())
+        except OSError:  # it has just been removed
+            return answer(HTTPStatus.NOT_FOUND)
         if parts == [POLICY_LOG]:
             # It may grow meanwhile.
             del response.headers["Content-Length"]

@@ -146,7 +146,7 @@ class RunsRecord:
         """
         if wish.first is not None and wish.first not in self._store.waiting(most=1):
             raise InputError("what is to go first does not wait any more; look at the queue again")
-        steer(self._store, member, paused=wish.paused, first=wish.first)
+        steer(self._store, member, **wish.changed)
 
     def add(self, run: str, member: str, said: Said) -> None:
         """Take down what a member says.

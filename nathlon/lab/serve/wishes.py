@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
@@ -15,7 +15,7 @@ Reason = Annotated[str, Field(max_length=LONGEST_REASON)]
 
 
 class _Wish(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Look(_Wish):
@@ -26,11 +26,19 @@ class Look(_Wish):
 
 
 class Steer(_Wish):
-    """To have the work on the store go on so; see `nathlon.arena.control.Control`."""
+    """To have the work on the store go on so; see `nathlon.arena.control.Control`.
+
+    What is not said stays as it is: somebody else may have changed it since the page was shown.
+    """
 
     type: Literal["steer"]
-    paused: bool
+    paused: bool = False
     first: str | None = None
+
+    @property
+    def changed(self) -> dict[str, Any]:
+        """What is said, by name."""
+        return self.model_dump(include=self.model_fields_set - {"type"})
 
 
 class _About(_Wish):

@@ -133,8 +133,9 @@ def nightly(config: Config, workers: int, on_match: OnMatch, most: int | None = 
             selection = publish(store, night.name, output, pool, on_match)
             if config.recordings == "all":
                 record_tournament(store, night.name, output, engine, on_match)
-            code, reason = judge(selection.summary, len(field.newcomers), config.nightly.max_fault_share)
-            if missed := [one.entrant for one in selection.summary.not_judged]:
+            entered = len(field.without(run.gone).newcomers)
+            code, reason = judge(selection.summary, entered, config.nightly.max_fault_share)
+            if missed := [*run.gone, *(one.entrant for one in selection.summary.not_judged)]:
                 store.put_fact(night.name, NOT_JUDGED, missed)
             store.put_fact(night.name, "outcome", {"code": code, "reason": reason, "told": False})
             store.end_run(night.name, DONE)
@@ -257,8 +258,8 @@ def _look(
     for night in nights:
         if night.status in (DONE, ABANDONED):
             continue
-        field = _there(EntryList.from_plan(night.config), config, watched)
-        if night.config["world"] == _world(config) and field and all(intact(pool, field.entrants)):
+        field = _there(EntryList.from_plan(night.config), config, watched, pool)
+        if night.config["world"] == _world(config) and field:
             return _Found(night, field, name)
         store.end_run(night.name, ABANDONED)
     done = [night for night in nights if night.status == DONE]
@@ -301,16 +302,26 @@ def _refused(store: Store, fields: Sequence[EntryList]) -> set[str]:
     return {item.key for field in fields for item in field.excluded} | {item.key for item in alone}
 
 
-def _there(field: EntryList, config: Config, watched: Watched) -> EntryList | None:
-    """The field of a night under way with the places where its files lie now; None if one is gone."""
-    groups = [
-        [located(entrant, watched, Path(config.out)) for entrant in group]
-        for group in (field.newcomers, field.incumbents)
-    ]
-    found = [tuple(entrant for entrant in group if entrant is not None) for group in groups]
-    if sum(map(len, found)) < sum(map(len, groups)):
+def _there(field: EntryList, config: Config, watched: Watched, pool: Pool) -> EntryList | None:
+    """The field of a night under way with the places where its files lie now.
+
+    Those that are gone or have changed stay in it for the stages to set aside. None if no newcomer is there,
+    or one is there that cannot be opened any more.
+    """
+    places = {
+        entrant.id: found
+        for entrant in field.entrants
+        if (found := located(entrant, watched, Path(config.out))) is not None
+    }
+    if not any(entrant.id in places for entrant in field.newcomers) or not all(
+        intact(pool, list(places.values()))
+    ):
         return None
-    return replace(field, newcomers=found[0], incumbents=found[1])
+    newcomers, incumbents, anchors = (
+        tuple(places.get(entrant.id, entrant) for entrant in group)
+        for group in (field.newcomers, field.incumbents, field.anchors)
+    )
+    return replace(field, newcomers=newcomers, incumbents=incumbents, anchors=anchors)
 
 
 def _judged(store: Store, done: Sequence[RunRecord]) -> dict[str, str]:

@@ -44,7 +44,10 @@ class Promising:
         """See `Choice`. What is no file, or cannot be looked at, is as new as can be."""
         changed = {source: _changed(source) for source in sources}
         now = time.time()
-        settled = [source for source in sources if now - changed[source] > SETTLED_S or not is_path(source)]
+        # Also one whose date is in the future, by another machine's clock: it would wait for that day.
+        settled = [
+            source for source in sources if abs(now - changed[source]) > SETTLED_S or not is_path(source)
+        ]
         seen: Counter[str] = Counter()
         promise: dict[str, float] = {}
         for source in sorted(settled, key=lambda one: -changed[one]):

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import logging
+import os
 import shutil
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 from nathlon.arena.store import RunRecord, Store
-from nathlon.selection.publish.output import SUMMARY
-from nathlon.selection.publish.sent import SENT
+from nathlon.selection.publish.output import POLICY_LOG, RACES, REPLAYS, REPORT, SUMMARY
 from nathlon.selection.run import DONE
 
 log = logging.getLogger(__name__)
 
-KEPT = (SENT, SUMMARY)
-"""What stays in the folder of an old night: what was sent may be needed for ever."""
+GOES = (REPORT, RACES, REPLAYS, POLICY_LOG)
+"""What does not stay in the folder of an old night. What was sent may be needed for ever, people's drives
+cannot be driven again, and what others have put there is theirs."""
 
 
 def thin_out(store: Store, nights: list[RunRecord], out: Path, days: int, now: datetime) -> list[Path]:
@@ -45,10 +46,10 @@ def thin_out(store: Store, nights: list[RunRecord], out: Path, days: int, now: d
 
 
 def _thin(folder: Path) -> bool:
-    """Remove what does not stay; whether there was anything that could be."""
+    """Remove what goes; whether there was anything that could be removed."""
     removed = False
-    for path in folder.iterdir():
-        if path.name in KEPT:
+    for path in (folder / name for name in GOES):
+        if not os.path.lexists(path):
             continue
         try:
             if path.is_dir() and not path.is_symlink():

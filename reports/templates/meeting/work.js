@@ -22,7 +22,7 @@ export function workView(ask, speak) {
   const node = h("div", {});
   const renew = asking(node, () => ask("work"), (state) => {
     const steer = (changed) => () => {
-      speak({ type: "steer", paused: state.paused, first: state.queue.find((one) => one.first)?.surroundings ?? null, ...changed });
+      speak({ type: "steer", ...changed });
       setTimeout(renew, 300);
     };
     const at = state.under_way;

@@ -182,6 +182,6 @@ def _way(
 def _coordinate(value: Any, where: str, field: str) -> float:
     if isinstance(value, str) or value is None:
         return to_number(value, where, field)
-    if isinstance(value, int | float) and abs(value) < LARGEST:
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST:
         return float(value)
     raise InputError(f"{where}: {field} is {str(value)[:40]!r}, expected a number")
