@@ -6,17 +6,17 @@ first the teacher drives some of the cars itself, with a little noise: wrecks te
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.environments.opponents import OpponentWrapper
-from nathlon.policies.mlp import EncodedMlp, Mlp
+from nathlon.policies.policy import Observations, Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import NOISE
@@ -49,17 +49,33 @@ class Class(NamedTuple):
     seed: int
 
 
-class Notes(NamedTuple):
-    """What was seen and said, a row for each step of each car that drove.
+class Drive(NamedTuple):
+    """What was seen and said, of each step of each car.
 
     Attributes:
-        seen: (n, size) float32, observations.
-        said: (n, 2) float32, the teacher's actions.
+        seen: (steps, cars, ..) observations.
+        memory: (steps, cars, m) float32, what the policy remembered of what was before.
+        said: (steps, cars, 2) float32, the teacher's actions.
+        shown: (steps, cars, ..) what the teacher saw.
+        driving: (steps, cars) whether the car drove; those that stop do not begin again.
+    """
+
+    seen: Observations
+    memory: Array
+    said: Array
+    shown: Observations
+    driving: NDArray[np.bool_]
+
+
+class Notes(NamedTuple):
+    """What is kept of a class.
+
+    Attributes:
+        rows: arrays by name, with a row for each step of each car that drove.
         speed: mean progress on the course of the cars that the policy drove, m/s; nan without any.
     """
 
-    seen: Array
-    said: Array
+    rows: dict[str, NDArray[Any]]
     speed: float
 
 
@@ -71,13 +87,20 @@ class School:
         self._config = config
         self._processes = start_processes(config.workers) if config.workers else None
 
-    def teach(self, classes: Sequence[Class], network: Mlp | EncodedMlp) -> Iterator[Notes]:
+    def teach(
+        self, classes: Sequence[Class], policy: Policy, note: Callable[[Drive], dict[str, NDArray[Any]]]
+    ) -> Iterator[Notes]:
         """What comes of each of the classes, in their order.
+
+        Args:
+            classes: to be held.
+            policy: is taught.
+            note: the rows that are kept of what was driven; a function of a module.
 
         Raises:
             InputError: if the races cannot be made, or a process has ended.
         """
-        teach = partial(instruct, self._config, network)
+        teach = partial(instruct, self._config, policy, note)
         try:
             yield from self._processes.map(teach, classes) if self._processes else map(teach, classes)
         except BrokenProcessPool:
@@ -89,7 +112,12 @@ class School:
             self._processes.shutdown(cancel_futures=True)
 
 
-def instruct(config: TrainingConfig, network: Mlp | EncodedMlp, planned: Class) -> Notes:
+def instruct(
+    config: TrainingConfig,
+    policy: Policy,
+    note: Callable[[Drive], dict[str, NDArray[Any]]],
+    planned: Class,
+) -> Notes:
     """Drive the races of a class.
 
     The driver's own memory, of how far it has moved aside, would decide what it says off its line, and no
@@ -97,7 +125,8 @@ def instruct(config: TrainingConfig, network: Mlp | EncodedMlp, planned: Class) 
 
     Args:
         config: of which the rollouts are a part; it imitates.
-        network: of the policy.
+        policy: is taught.
+        note: the rows that are kept of what was driven.
         planned: the class.
 
     Raises:
@@ -122,33 +151,34 @@ def instruct(config: TrainingConfig, network: Mlp | EncodedMlp, planned: Class) 
     seeds = rng.integers(2**63, size=rollouts.races).tolist()
     env.start(range(rollouts.races), map(np.random.default_rng, seeds))
     episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
-    return _drive(
-        env, teacher, network, round(config.imitation.length_s / episodes.step_s), planned.taught, rng
-    )
+    steps = round(config.imitation.length_s / episodes.step_s)
+    driven, speed = _drive(env, teacher, policy, steps, planned.taught, rng)
+    return Notes(note(driven), speed)
 
 
 def _drive(
     env: OpponentWrapper,
     teacher: Teacher,
-    network: Mlp | EncodedMlp,
+    policy: Policy,
     steps: int,
     taught: float,
     rng: np.random.Generator,
-) -> Notes:
+) -> tuple[Drive, float]:
     world, everybody = env.episodes.world, np.arange(len(env.cars))
     led = rng.random(len(everybody)) < taught
     begun = world.state["progress"][env.races, env.cars]
-    seen, said = [], []
+    memory, noted = policy.initial_memory(len(everybody)), []
     for _ in range(steps):
         driving = world.state["driving"][env.races, env.cars]
         if not env.others:
             teacher.forget()
-        advice = teacher.advice(everybody)
+        shown, advice = teacher.look(everybody)
         noise = rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
-        actions = np.where(led[:, None], advice + noise, network(env.seen))
-        seen.append(env.seen[driving])
-        said.append(advice[driving])
+        acted, after = policy.act(env.seen, memory)
+        actions = np.where(led[:, None], advice + noise, acted)
+        noted.append(Drive(env.seen.copy(), memory.copy(), advice.copy(), shown, driving))
+        memory = after
         env.step(np.clip(actions, -1.0, 1.0))
     gone = (world.state["progress"][env.races, env.cars] - begun)[~led]
     speed = float(gone.mean()) / (steps * env.episodes.step_s) if len(gone) else float("nan")
-    return Notes(np.concatenate(seen), np.concatenate(said), speed)
+    return Drive(*map(np.stack, zip(*noted, strict=True))), speed
