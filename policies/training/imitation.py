@@ -33,8 +33,6 @@ from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.whole_file import writing
 
-TAUGHT = (1.0, 0.5, 0.25, 0.1)
-"""Share of the cars that the teacher drives in the first rounds; none from then on."""
 CURVE = ("rounds", "updates", "transitions", "loss", "lap_s", "off_course_share")
 ROWS = "rows"
 """Folder of a run in which what was noted in its rounds is kept, as long as it is learnt from."""
@@ -164,7 +162,8 @@ class Imitation:
 
     def _note(self, school: School, rng: np.random.Generator) -> None:
         """Hold the classes of a round, and write down what was said."""
-        taught = TAUGHT[self._rounds] if self._rounds < len(TAUGHT) else 0.0
+        shares = self._settings.taught
+        taught = shares[self._rounds] if self._rounds < len(shares) else 0.0
         classes = [
             Class(
                 rollouts,

@@ -20,6 +20,7 @@ from nathlon.policies.policy import Observations, Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import NOISE
+from nathlon.policies.training.mistakes import out_of_control
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.processes import start_processes
@@ -57,7 +58,8 @@ class Drive(NamedTuple):
         memory: (steps, cars, m) float32, what the policy remembered of what was before.
         said: (steps, cars, 2) float32, the teacher's actions.
         shown: (steps, cars, ..) what the teacher saw.
-        driving: (steps, cars) whether the car drove; those that stop do not begin again.
+        driving: (steps, cars) whether the car drove.
+        begun: (steps, cars) whether it began anew with this step.
     """
 
     seen: Observations
@@ -65,6 +67,7 @@ class Drive(NamedTuple):
     said: Array
     shown: Observations
     driving: NDArray[np.bool_]
+    begun: NDArray[np.bool_]
 
 
 class Notes(NamedTuple):
@@ -144,41 +147,85 @@ def instruct(
         name = f"{DRIVER}:pace={planned.pace:g}"
         spec = replace(spec, plan_pace=planned.pace) if spec.planned else spec
     env = OpponentWrapper(episodes, learners.tolist(), spec, population.policies)
-    teacher = Teacher(name, pair, env)
     if env.others:
         who = population.draw(rollouts.races * env.others, rng)
         env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
-    seeds = rng.integers(2**63, size=rollouts.races).tolist()
-    env.start(range(rollouts.races), map(np.random.default_rng, seeds))
-    episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
-    steps = round(config.imitation.length_s / episodes.step_s)
-    driven, speed = _drive(env, teacher, policy, steps, planned.taught, rng)
-    return Notes(note(driven), speed)
+    lesson = _Lesson(env, Teacher(name, pair, env), policy, planned.taught, rng)
+    for _ in range(round(config.imitation.length_s / episodes.step_s)):
+        lesson.step()
+        if config.imitation.patience_s is not None:
+            lesson.begin_anew(config.imitation.patience_s)
+    return Notes(note(lesson.drive), lesson.speed)
 
 
-def _drive(
-    env: OpponentWrapper,
-    teacher: Teacher,
-    policy: Policy,
-    steps: int,
-    taught: float,
-    rng: np.random.Generator,
-) -> tuple[Drive, float]:
-    world, everybody = env.episodes.world, np.arange(len(env.cars))
-    led = rng.random(len(everybody)) < taught
-    begun = world.state["progress"][env.races, env.cars]
-    memory, noted = policy.initial_memory(len(everybody)), []
-    for _ in range(steps):
-        driving = world.state["driving"][env.races, env.cars]
+class _Lesson:
+    """Races in which a policy drives and a teacher looks on."""
+
+    def __init__(
+        self,
+        env: OpponentWrapper,
+        teacher: Teacher,
+        policy: Policy,
+        taught: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._env, self._teacher, self._policy, self._rng = env, teacher, policy, rng
+        cars = len(env.cars)
+        self._memory = policy.initial_memory(cars)
+        self._noted: list[Drive] = []
+        self._begun = np.ones(cars, np.bool_)
+        self._astray_s, self._gone = np.zeros(cars), np.zeros(cars)
+        self._start(np.arange(len(env.episodes.endings)))
+        self._led = rng.random(cars) < taught
+
+    def _start(self, races: NDArray[np.int64]) -> None:
+        env, episodes = self._env, self._env.episodes
+        seeds = self._rng.integers(2**63, size=len(races)).tolist()
+        env.start(races.tolist(), map(np.random.default_rng, seeds))
+        episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
+        anew = np.flatnonzero(np.isin(env.races, races))
+        self._memory[anew] = self._policy.initial_memory(len(anew))
+        self._teacher.forget(anew)
+        self._begun[anew], self._astray_s[anew] = True, 0.0
+
+    @property
+    def _cars(self) -> NDArray[np.void]:
+        return self._env.episodes.world.state[self._env.races, self._env.cars]
+
+    def step(self) -> None:
+        """Drive on, and note what is seen and said."""
+        env, before = self._env, self._cars.copy()
+        everybody = np.arange(len(env.cars))
         if not env.others:
-            teacher.forget()
-        shown, advice = teacher.look(everybody)
-        noise = rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
-        acted, after = policy.act(env.seen, memory)
-        actions = np.where(led[:, None], advice + noise, acted)
-        noted.append(Drive(env.seen.copy(), memory.copy(), advice.copy(), shown, driving))
-        memory = after
+            self._teacher.forget(everybody)
+        shown, advice = self._teacher.look(everybody)
+        noise = self._rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
+        acted, memory = self._policy.act(env.seen, self._memory)
+        actions = np.where(self._led[:, None], advice + noise, acted)
+        known = env.seen.copy(), self._memory.copy(), advice.copy(), shown
+        self._noted.append(Drive(*known, before["driving"], self._begun.copy()))
+        self._memory, self._begun[:] = memory, False
         env.step(np.clip(actions, -1.0, 1.0))
-    gone = (world.state["progress"][env.races, env.cars] - begun)[~led]
-    speed = float(gone.mean()) / (steps * env.episodes.step_s) if len(gone) else float("nan")
-    return Drive(*map(np.stack, zip(*noted, strict=True))), speed
+        self._gone += self._cars["progress"] - before["progress"]
+
+    def begin_anew(self, patience_s: float) -> None:
+        """Start the races again in which all cars of the policy have been out of control for so long."""
+        cars, env = self._cars, self._env
+        self._astray_s = np.where(out_of_control(cars), self._astray_s + env.episodes.step_s, 0.0)
+        through = (self._astray_s >= patience_s) | ~cars["driving"]
+        waiting = np.bincount(env.races[~through], minlength=len(env.episodes.endings))
+        over = np.flatnonzero(waiting == 0)
+        if len(over):
+            self._start(over)
+
+    @property
+    def drive(self) -> Drive:
+        """All that was noted."""
+        return Drive(*map(np.stack, zip(*self._noted, strict=True)))
+
+    @property
+    def speed(self) -> float:
+        """Mean progress of the cars that the policy drove, m/s; nan without any."""
+        gone = self._gone[~self._led]
+        length_s = len(self._noted) * self._env.episodes.step_s
+        return float(gone.mean()) / length_s if len(gone) else float("nan")

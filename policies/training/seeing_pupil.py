@@ -106,7 +106,10 @@ class SeeingActor(Trained):
 def note_passages(drive: Drive) -> dict[str, NDArray[Any]]:
     """All that passages are made of, car by car; `left` is how many steps of the same car follow."""
     driving = drive.driving.T
-    left = driving.sum(axis=1)[:, None] - 1 - np.arange(driving.shape[1])
+    follows = driving[:, 1:] & ~drive.begun.T[:, 1:]
+    left = np.zeros(driving.shape, np.int32)
+    for step in range(follows.shape[1] - 1, -1, -1):
+        left[:, step] = np.where(follows[:, step], left[:, step + 1] + 1, 0)
 
     def by_car(values: NDArray[Any]) -> NDArray[Any]:
         return np.swapaxes(values, 0, 1)[driving]
@@ -117,7 +120,7 @@ def note_passages(drive: Drive) -> dict[str, NDArray[Any]]:
         "memory": by_car(drive.memory).astype(np.float16),
         "said": by_car(drive.said),
         "shown": by_car(drive.shown).astype(np.float16),
-        "left": left[driving].astype(np.int32),
+        "left": left[driving],
     }
 
 

@@ -39,11 +39,11 @@ class Teacher:
         self._policy = load_guest(pair.wise(policy), pair.circuit, pair.car)
         self._world, self._races, self._cars = env.episodes.world, env.races, env.cars
         show_plan(self._world, self._policy.observation_spec)
-        self.forget()
-
-    def forget(self) -> None:
-        """Start afresh, as the races do."""
         self._memory = self._policy.initial_memory(len(self._cars))
+
+    def forget(self, cars: NDArray[np.int64]) -> None:
+        """Start afresh in the place of some of the cars, (n,) indices, as their races do."""
+        self._memory[cars] = self._policy.initial_memory(len(cars))
 
     def lesson(self, cars: NDArray[np.void]) -> Batch:
         """What it would do, (n, 2); nan for cars that are not lost.
