@@ -17,7 +17,7 @@ from nathlon.policies.checkpoint import Card, SeeingPolicy, load_checkpoint, ope
 from nathlon.policies.driver import Driver
 from nathlon.policies.load import load_policy
 from nathlon.policies.policy import Policy
-from nathlon.policies.training import imitation
+from nathlon.policies.training import imitation, instruction
 from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.evaluation import LapEvaluation
 from nathlon.policies.training.imitation import Imitation
@@ -128,6 +128,19 @@ def test_the_driver_remembers_how_far_it_moved_aside_only_among_others(
     monkeypatch.setattr(Teacher, "look", watched)
     taught(config)
     assert bool(max(remembered)) is remembers
+
+
+def test_whoever_is_out_of_control_for_long_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(instruction, "out_of_control", lambda cars: np.ones(len(cars), np.bool_))
+    settings = SEEING.imitation.model_copy(update={"length_s": 0.9, "patience_s": 0.25})
+    config = SEEING.model_copy(update={"imitation": settings})
+    policy = Imitation(tmp_path, config, seed=1)._pupil.policy
+    rows = instruct(config, policy, note_passages, Class(config.rollouts[0], HOME, 1.0, 0.0, seed=3)).rows
+    # No passage goes on from one start to the next, and none remembers what was before.
+    assert rows["left"].tolist() == [2, 1, 0] * 6
+    assert (np.abs(rows["memory"]).max(axis=1) == 0.0).tolist() == [True, False, False] * 6
 
 
 @pytest.fixture
