@@ -1,4 +1,4 @@
-"""Convolutions of pictures, run by numpy, and the network that Stable-Baselines3 calls `NatureCNN`."""
+"""Convolutions of pictures, run by a kernel, and the network that Stable-Baselines3 calls `NatureCNN`."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from nathlon.policies.mlp import Mlp
+from nathlon.policies.mlp import Mlp, accumulate
 from nathlon.policies.policy import Batch
+from nathlon.sim.kernel import lean_kernel
 
 STRIDES = (4, 2, 1)
 """Of its three layers."""
@@ -44,11 +44,52 @@ def size_after(height: int, width: int, layers: Sequence[tuple[int, int]]) -> tu
 
 
 def convolved(seen: NDArray[np.float32], weight: Batch, bias: Batch, stride: int) -> NDArray[np.float32]:
-    """ReLU of convolutions of pictures (n, channels, h, w) by weights (outputs, channels, high, wide)."""
+    """ReLU of convolutions of pictures (n, channels, h, w) by weights (outputs, channels, high, wide).
+
+    What comes of a picture does not depend, to the last bit, on those beside it.
+    """
     outputs, channels, high, wide = weight.shape
-    windows = sliding_window_view(seen, (high, wide), axis=(2, 3))[:, :, ::stride, ::stride]
-    n, _, height, width, _, _ = windows.shape
-    rows = windows.transpose(0, 2, 3, 1, 4, 5).reshape(n * height * width, channels * high * wide)
-    sums = rows @ weight.reshape(outputs, -1).T + bias
-    rectified = np.maximum(sums, np.float32(0.0), out=sums)
-    return rectified.reshape(n, height, width, outputs).transpose(0, 3, 1, 2)
+    height, width = (
+        (size - side) // stride + 1 for size, side in zip(seen.shape[2:], (high, wide), strict=True)
+    )
+    sums = np.empty((len(seen), outputs, height * width), np.float32)
+    columns = np.empty((channels, high, wide, height, width), np.float32)
+    rows = columns.reshape(channels * high * wide, height * width)
+    _convolve(np.ascontiguousarray(seen), weight.reshape(outputs, -1), bias, stride, columns, rows, sums)
+    return sums.reshape(len(seen), outputs, height, width)
+
+
+@lean_kernel
+def _convolve(
+    pictures: NDArray[np.float32],
+    weights: Batch,
+    bias: Batch,
+    stride: int,
+    columns: NDArray[np.float32],
+    rows: Batch,
+    sums: NDArray[np.float32],
+) -> None:
+    """Sums (n, outputs, places) of pictures.
+
+    `columns`, (channels, high, wide, height, width), takes what each place sees of one, and `rows` are they
+    with a row for each input of a filter.
+    """
+    channels, high, wide, height, width = columns.shape
+    _, outputs, places = sums.shape
+    for picture in range(len(pictures)):
+        for channel in range(channels):
+            for down in range(high):
+                for across in range(wide):
+                    for y in range(height):
+                        for x in range(width):
+                            columns[channel, down, across, y, x] = pictures[
+                                picture, channel, y * stride + down, x * stride + across
+                            ]
+        for output in range(outputs):
+            for place in range(places):
+                sums[picture, output, place] = bias[output]
+        accumulate(weights, 0, outputs, rows, sums[picture])
+        for output in range(outputs):
+            for place in range(places):
+                if sums[picture, output, place] < np.float32(0.0):
+                    sums[picture, output, place] = np.float32(0.0)

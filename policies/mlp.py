@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.policy import Batch
-from nathlon.sim.kernel import fused, lean_kernel
+from nathlon.sim.kernel import fused, lean_inlined, lean_kernel
 
 FEW = 4
 """Rows up to which a kernel is faster than BLAS, which would first copy all weights.
@@ -41,32 +41,39 @@ def _add_and_rectify(sums: Batch, bias: Batch) -> None:
             sums[row, unit] = np.float32(0.0) if total < 0.0 else total
 
 
-@lean_kernel
-def _weigh(inputs: Batch, starts: NDArray[np.int64], weights: Batch, biases: Batch, sums: Batch) -> None:
-    """Sums (n, outputs) of layers (networks, inputs, outputs); rows of a network begin and end at starts.
+@lean_inlined
+def accumulate(inputs: Batch, begin: int, end: int, weights: Batch, sums: Batch) -> None:
+    """Add to rows of sums (n, outputs), from begin to end, those of inputs (n, inputs) by weights.
 
     A product is added to a sum in the order of the inputs, and both are rounded once, so that all processors
     come to the same.
     """
-    networks, size, units = weights.shape
+    size, units = weights.shape
     whole = size - size % AT_ONCE
+    for at in range(0, whole, AT_ONCE):
+        for row in range(begin, end):
+            a, b, c, d = inputs[row, at], inputs[row, at + 1], inputs[row, at + 2], inputs[row, at + 3]
+            for unit in range(units):
+                total = fused(a, weights[at, unit], sums[row, unit])
+                total = fused(b, weights[at + 1, unit], total)
+                total = fused(c, weights[at + 2, unit], total)
+                sums[row, unit] = fused(d, weights[at + 3, unit], total)
+    for at in range(whole, size):
+        for row in range(begin, end):
+            for unit in range(units):
+                sums[row, unit] = fused(inputs[row, at], weights[at, unit], sums[row, unit])
+
+
+@lean_kernel
+def _weigh(inputs: Batch, starts: NDArray[np.int64], weights: Batch, biases: Batch, sums: Batch) -> None:
+    """Sums (n, outputs) of layers (networks, inputs, outputs); rows of a network begin and end at starts."""
+    networks, _, units = weights.shape
     for network in range(networks):
         begin, end = starts[network], starts[network + 1]
         for row in range(begin, end):
             for unit in range(units):
                 sums[row, unit] = biases[network, unit]
-        for at in range(0, whole, AT_ONCE):
-            for row in range(begin, end):
-                a, b, c, d = inputs[row, at], inputs[row, at + 1], inputs[row, at + 2], inputs[row, at + 3]
-                for unit in range(units):
-                    total = fused(a, weights[network, at, unit], sums[row, unit])
-                    total = fused(b, weights[network, at + 1, unit], total)
-                    total = fused(c, weights[network, at + 2, unit], total)
-                    sums[row, unit] = fused(d, weights[network, at + 3, unit], total)
-        for at in range(whole, size):
-            for row in range(begin, end):
-                for unit in range(units):
-                    sums[row, unit] = fused(inputs[row, at], weights[network, at, unit], sums[row, unit])
+        accumulate(inputs, begin, end, weights[network], sums)
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ class Mlp:
     """
 
     layers: tuple[tuple[Batch, Batch], ...]
-    hidden: Literal["relu", "tanh"]
+    hidden: Literal["relu", "tanh", "linear"]
     output: Literal["relu", "tanh", "clip", "linear"]
 
     def __call__(self, inputs: Batch) -> Batch:
@@ -107,6 +114,10 @@ class Mlp:
     def size(self) -> int:
         """How many weights it has, without biases."""
         return sum(weight.size for weight, _ in self.layers)
+
+    def alike(self, inputs: Batch) -> Batch:
+        """The same, of which each row is to the last bit what it is in any other batch."""
+        return self._alone(inputs, np.array([0, len(inputs)]))
 
     @cached_property
     def _alone(self) -> MlpStack:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -50,3 +52,24 @@ class Policy(Protocol):
             memory (n, m) float32.
         """
         ...
+
+
+@dataclass(frozen=True)
+class Memoryless:
+    """A policy that keeps nothing in mind.
+
+    Attributes:
+        observation_spec: layout of what it sees.
+        network: actions (n, 2) float32 for observations (n, observation_spec.size) float32.
+    """
+
+    observation_spec: ObservationSpec
+    network: Callable[[Batch], Batch]
+
+    def initial_memory(self, n: int) -> Batch:
+        """No memory: (n, 0) float32."""
+        return np.zeros((n, 0), np.float32)
+
+    def act(self, observations: Batch, memory: Batch) -> tuple[Batch, Batch]:
+        """Actions of the network; memory as it was."""
+        return self.network(observations), memory

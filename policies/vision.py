@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import prod
 from typing import Annotated
 
@@ -59,7 +60,7 @@ class Vision(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
-    convolutions: Annotated[tuple[Convolution, ...], Field(min_length=1, max_length=8)] = NATURE
+    convolutions: Annotated[tuple[Convolution, ...], Field(min_length=1, max_length=8, strict=False)] = NATURE
     features: Width = 256
     memory: Annotated[int, Field(ge=0, le=4096)] = 0
 
@@ -113,9 +114,17 @@ class Memory:
         """How many numbers are kept."""
         return len(self.own[0])
 
+    @cached_property
+    def _of_inputs(self) -> Mlp:
+        return Mlp((self.inputs,), "linear", "linear")
+
+    @cached_property
+    def _of_own(self) -> Mlp:
+        return Mlp((self.own,), "linear", "linear")
+
     def __call__(self, seen: Batch, kept: Batch) -> Batch:
         """What is kept from now on, (n, m), given what is new, (n, i), and what was kept."""
-        fresh, past = seen @ self.inputs[0] + self.inputs[1], kept @ self.own[0] + self.own[1]
+        fresh, past = self._of_inputs.alike(seen), self._of_own.alike(kept)
         m = self.units
         reset, update = np.split(_sigmoid(fresh[:, : 2 * m] + past[:, : 2 * m]), 2, axis=1)
         new = np.tanh(fresh[:, 2 * m :] + reset * past[:, 2 * m :])
@@ -166,12 +175,15 @@ class SeeingNetwork:
         return np.zeros((n, self.memory.units if self.memory else 0), np.float32)
 
     def act(self, seen: Observations, memory: Batch) -> tuple[Batch, Batch]:
-        """Actions (n, a) float32 for (n,) records, and memory (n, m)."""
+        """Actions (n, a) float32 for (n,) records, and memory (n, m).
+
+        Those of a record are the same, to the last bit, in any batch.
+        """
         picture = seen[PICTURE].astype(np.float32).transpose(0, 3, 1, 2) / np.float32(255.0)
         for weight, bias, stride in self.convolutions:
             picture = convolved(picture, weight, bias, stride)
-        features = self.features(np.ascontiguousarray(picture.reshape(len(seen), -1)))
+        features = self.features.alike(picture.reshape(len(seen), -1))
         known = np.concatenate([features, seen[NUMBERS]], axis=1)
         if self.memory:
             known = memory = self.memory(known, memory)
-        return self.head(known), memory
+        return self.head.alike(known), memory

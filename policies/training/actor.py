@@ -1,4 +1,4 @@
-"""An actor in training: the layers of a policy's mean actions, their average, and their optimiser."""
+"""Policies in training: tensors that follow their gradients, their average, and their optimiser."""
 
 from __future__ import annotations
 
@@ -42,51 +42,20 @@ class Saturating(torch.autograd.Function):
         return gradient * torch.where(outward, slope, slope.clamp(min=LEAST_SLOPE))
 
 
-class Actor:
-    """Layers that are trained by their gradients.
+class Trained:
+    """Tensors that are trained by their gradients."""
 
-    Attributes:
-        layers: weight (in, out) and bias (out,) of each, float32.
-        encoder: the same of the encoder; empty where there is none.
-    """
-
-    def __init__(self, network: Mlp | EncodedMlp) -> None:
-        """Copies of a network's layers."""
-        trunk = network.network if isinstance(network, EncodedMlp) else network
-        self.layers = _parameters(trunk)
-        self.encoder = _parameters(network.encoder) if isinstance(network, EncodedMlp) else []
-        self._facts = network.facts if isinstance(network, EncodedMlp) else 0
-        self._all = [tensor for layer in (*self.layers, *self.encoder) for tensor in layer]
+    def __init__(self, parameters: Sequence[Tensor]) -> None:
+        """Float32 tensors that require gradients."""
+        self._all = list(parameters)
         self._averages = [tensor.detach().clone() for tensor in self._all]
         self._adam = [
             {"step": torch.tensor(0.0)} | {name: torch.zeros_like(tensor.detach()) for name in MOMENTS}
             for tensor in self._all
         ]
 
-    @property
-    def network(self) -> Mlp | EncodedMlp:
-        """The layers as they are, to drive with."""
-        trunk = Mlp(_arrays(self.layers), "relu", "tanh")
-        if not self.encoder:
-            return trunk
-        return EncodedMlp(Mlp(_arrays(self.encoder), "relu", "relu"), trunk, self._facts)
-
-    def means(self, seen: Tensor) -> Tensor:
-        """Mean actions (n, 2) for observations (n, size)."""
-        *hidden, (weight, bias) = self.layers
-        layer = seen
-        if self.encoder:
-            facts = seen[:, -self._facts :]
-            for each, shift in self.encoder:
-                facts = torch.relu(linear(facts, each.T, shift))
-            layer = torch.cat([seen[:, : -self._facts], facts], dim=1)
-        for each, shift in hidden:
-            layer = torch.relu(linear(layer, each.T, shift))
-        means: Tensor = Saturating.apply(linear(layer, weight.T, bias))
-        return means
-
     def step(self, loss: Tensor, rate: float) -> None:
-        """Move the layers down the gradient of a loss, by Adam."""
+        """Move the tensors down the gradient of a loss, by Adam."""
         gradients = torch.autograd.grad(loss, self._all)
         step, mean, square = ([state[name] for state in self._adam] for name in ("step", *MOMENTS))
         # As a function: `torch.optim.Adam` reads PyTorch's compiler, which takes seconds.
@@ -97,7 +66,7 @@ class Actor:
             )  # fmt: skip
 
     def average(self, share: float) -> None:
-        """Move the average of the layers towards them as they are.
+        """Move the average of the tensors towards them as they are.
 
         Args:
             share: of the way, in 0..1.
@@ -105,16 +74,8 @@ class Actor:
         for average, tensor in zip(self._averages, self._all, strict=True):
             average.lerp_(tensor.detach(), share)
 
-    def averages(self) -> Iterator[tuple[str, NDArray[np.float32]]]:
-        """The average of the layers, by the names that they have in a checkpoint."""
-        averages = iter(self._averages)
-        for prefix, layers in (("", self.layers), (ENCODER, self.encoder)):
-            for index in range(len(layers)):
-                yield f"{prefix}{index}.weight", next(averages).numpy()
-                yield f"{prefix}{index}.bias", next(averages).numpy()
-
     def tensors(self) -> dict[str, Tensor]:
-        """Layers, their average and the optimiser's state, by name."""
+        """The tensors, their average and the optimiser's state, by name."""
         tensors = {}
         for index, tensor in enumerate(self._all):
             tensors[f"parameter.{index}"] = tensor.detach().clone()
@@ -143,6 +104,53 @@ class Actor:
             tensor.data.copy_(tensors[f"parameter.{index}"])
             self._averages[index].copy_(tensors[f"average.{index}"])
             self._adam[index] = {name: tensors[f"adam.{index}.{name}"] for name in ("step", *MOMENTS)}
+
+
+class Actor(Trained):
+    """Layers that are trained by their gradients.
+
+    Attributes:
+        layers: weight (in, out) and bias (out,) of each, float32.
+        encoder: the same of the encoder; empty where there is none.
+    """
+
+    def __init__(self, network: Mlp | EncodedMlp) -> None:
+        """Copies of a network's layers."""
+        trunk = network.network if isinstance(network, EncodedMlp) else network
+        self.layers = _parameters(trunk)
+        self.encoder = _parameters(network.encoder) if isinstance(network, EncodedMlp) else []
+        self._facts = network.facts if isinstance(network, EncodedMlp) else 0
+        super().__init__([tensor for layer in (*self.layers, *self.encoder) for tensor in layer])
+
+    @property
+    def network(self) -> Mlp | EncodedMlp:
+        """The layers as they are, to drive with."""
+        trunk = Mlp(_arrays(self.layers), "relu", "tanh")
+        if not self.encoder:
+            return trunk
+        return EncodedMlp(Mlp(_arrays(self.encoder), "relu", "relu"), trunk, self._facts)
+
+    def means(self, seen: Tensor) -> Tensor:
+        """Mean actions (n, 2) for observations (n, size)."""
+        *hidden, (weight, bias) = self.layers
+        layer = seen
+        if self.encoder:
+            facts = seen[:, -self._facts :]
+            for each, shift in self.encoder:
+                facts = torch.relu(linear(facts, each.T, shift))
+            layer = torch.cat([seen[:, : -self._facts], facts], dim=1)
+        for each, shift in hidden:
+            layer = torch.relu(linear(layer, each.T, shift))
+        means: Tensor = Saturating.apply(linear(layer, weight.T, bias))
+        return means
+
+    def averages(self) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        """The average of the layers, by the names that they have in a checkpoint."""
+        averages = iter(self._averages)
+        for prefix, layers in (("", self.layers), (ENCODER, self.encoder)):
+            for index in range(len(layers)):
+                yield f"{prefix}{index}.weight", next(averages).numpy()
+                yield f"{prefix}{index}.bias", next(averages).numpy()
 
 
 def _parameters(network: Mlp) -> list[tuple[Tensor, Tensor]]:

@@ -5,13 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    model_validator,
+)
 
 from nathlon.policies.checkpoint import ANY
 from nathlon.policies.qrsac.config import QRSACConfig
 from nathlon.policies.training.coached import CoachedStart
 from nathlon.policies.training.rewards import RewardWeights
+from nathlon.policies.vision import Vision
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.data_file import Section, read_toml
+from nathlon.sim.errors import InputError
 from nathlon.sim.observation import PLAN_PACE, ObservationSpec
 from nathlon.sim.scenario import Delay
 
@@ -135,12 +145,39 @@ class ImitationSettings(Section):
             training is shown the plan's speeds likewise.
         rounds: into which the updates of the run are divided; each begins with driving.
         length_s: driven in a round by each car.
+        taught: share of the cars that the teacher drives in the first rounds; none from then on.
+        patience_s: for how long a car may be out of control before its race is started anew; without it, no
+            race is.
+        passage: steps of a car that are learnt from together, where the policy sees by a camera.
+        recalled: of these, the first ones, which only bring the memory up to date.
+        telling: weight of the error with which it tells, while it learns, what the teacher sees.
     """
 
     teacher: str = "driver"
     paces: Annotated[tuple[Annotated[float, Field(ge=0.5, le=1.0)], ...], Field(min_length=1)] = (1.0,)
     rounds: Annotated[int, Field(ge=1, le=10_000)] = 30
     length_s: Annotated[float, Field(gt=0, le=600)] = 25.0
+    taught: tuple[Annotated[float, Field(ge=0, le=1)], ...] = (1.0, 0.5, 0.25, 0.1)
+    patience_s: Annotated[float, Field(gt=0, le=600)] | None = None
+    passage: Annotated[int, Field(ge=1, le=1000)] = 16
+    recalled: Annotated[int, Field(ge=0, le=1000)] = 4
+    telling: Annotated[float, Field(ge=0, le=100)] = 0.1
+
+    @model_validator(mode="after")
+    def _learns_from_the_rest(self) -> ImitationSettings:
+        if self.recalled >= self.passage:
+            raise ValueError(f"recalled is {self.recalled}, expected less than passage, {self.passage}")
+        return self
+
+
+def _camera(value: Any) -> CameraSpec:
+    try:
+        return value if isinstance(value, CameraSpec) else CameraSpec.from_dict(value)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+Camera = Annotated[CameraSpec, PlainValidator(_camera), PlainSerializer(CameraSpec.to_dict)]
 
 
 class ObservationSettings(Section):
@@ -152,10 +189,11 @@ class ObservationSettings(Section):
     cars_behind: Annotated[int, Field(ge=0, le=500)] = 4
     version: Literal[2, 3, 4] = 2
     plan_pace: Annotated[float, Field(ge=0.5, le=1.5)] = PLAN_PACE
+    camera: Annotated[Camera | None, Field(exclude_if=lambda camera: camera is None)] = None
 
     def spec(self) -> ObservationSpec:
         """The spec itself."""
-        return ObservationSpec(**self.model_dump())
+        return ObservationSpec(**self.model_dump(exclude={"camera"}), camera=self.camera)
 
 
 class TrainingConfig(Section):
@@ -175,6 +213,7 @@ class TrainingConfig(Section):
             which is exactly reproducible. Polishing and imitation share their trials among them.
         refresh_every: updates between the policies that the rollouts are given.
         tables: one replay table for each of the rollouts, or one for all.
+        vision: of a policy that sees by a camera, which learns by imitation.
         imitation: if given, the policy learns from a teacher instead of rewards.
         keep_replay: whether a stop keeps the replay tables too, so that going on needs no warm-up.
     """
@@ -195,6 +234,7 @@ class TrainingConfig(Section):
     coached: tuple[CoachedStart, ...] = ()
     rollouts: Annotated[tuple[Rollouts, ...], Field(min_length=1)]
     observation: ObservationSettings = ObservationSettings()
+    vision: Annotated[Vision | None, Field(exclude_if=lambda vision: vision is None)] = None
     qrsac: QRSACConfig = QRSACConfig()
     reward: RewardWeights = RewardWeights()
     polish: PolishSettings = PolishSettings()
@@ -213,6 +253,20 @@ class TrainingConfig(Section):
                 raise ValueError(f"{name} is {getattr(self, name)!r}, expected one, or a variety")
         if self.coached and self.variety is not None:
             raise ValueError("coached is given, which is of one circuit, expected no variety beside it")
+        return self
+
+    @model_validator(mode="after")
+    def _sees_as_it_observes(self) -> TrainingConfig:
+        camera = self.observation.camera
+        if (self.vision is None) != (camera is None):
+            raise ValueError("vision and observation.camera belong together, expected both or neither")
+        if self.vision is None or camera is None:
+            return self
+        if self.imitation is None:
+            raise ValueError("vision is given, expected an imitation beside it")
+        if self.qrsac.encoder:
+            raise ValueError("qrsac.encoder is given, expected none beside a vision")
+        self.vision.shapes(camera, 0)  # raises where nothing is left of the pictures
         return self
 
     @model_validator(mode="after")

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nathlon.policies.driver.shown_plan import show_plan
+from nathlon.policies.policy import Policy
 from nathlon.policies.training.pairs import Pair
 from nathlon.sim.car import load_car
-from nathlon.sim.observation import ObservationSpec
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.track import load_track
 
 SCENARIO = "time_trial"
 RUNS = 4
-
-Array = NDArray[np.float32]
 
 
 class LapEvaluation(NamedTuple):
@@ -28,17 +25,15 @@ class LapEvaluation(NamedTuple):
     off_course_share: float
 
 
-def evaluate_laps(
-    pair: Pair, spec: ObservationSpec, act: Callable[[Array], Array], seed: int
-) -> LapEvaluation:
+def evaluate_laps(pair: Pair, policy: Policy, seed: int) -> LapEvaluation:
     """Drive the time trial from a few starts.
 
     Args:
         pair: circuit, car and grip.
-        spec: what the policy sees.
-        act: actions (n, 2) for observations (n, spec.size).
+        policy: drives.
         seed: of the starts.
     """
+    spec, memory = policy.observation_spec, policy.initial_memory(RUNS)
     scenario, track = pair.conditions(load_scenario(SCENARIO)), load_track(pair.circuit)
     world = scenario.world(track, load_car(pair.car), RUNS)
     show_plan(world, spec)
@@ -48,7 +43,8 @@ def evaluate_laps(
         world.reset(race, scenario.place(track, rng))
     races, cars = np.arange(RUNS), np.zeros(RUNS, np.int64)
     while world.state["driving"].any() and world.time[0] < scenario.time_s:
-        world.step(act(world.observe(spec, races, cars))[:, None])
+        actions, memory = policy.act(world.observe(spec, races, cars), memory)
+        world.step(actions[:, None])
     state = world.state[:, 0]
     driven = np.where(np.isnan(state["finish_s"]), world.time, state["finish_s"])
     return LapEvaluation(float(state["best_lap_s"].mean()), float(state["off_course_s"].sum() / driven.sum()))

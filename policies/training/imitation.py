@@ -10,37 +10,29 @@ import math
 import time
 from collections.abc import Callable
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
-from torch.nn.functional import smooth_l1_loss
 
-from nathlon.policies.checkpoint import ACTION_SIZE, Card, encoded, load_checkpoint, save_checkpoint
-from nathlon.policies.training.actor import Actor
+from nathlon.policies.apart import load_guest
+from nathlon.policies.checkpoint import Card, open_checkpoint, save_checkpoint
 from nathlon.policies.training.config import ImitationSettings, TrainingConfig
 from nathlon.policies.training.evaluation import LapEvaluation, evaluate_laps, mean_laps
 from nathlon.policies.training.instruction import Class, School
 from nathlon.policies.training.log import Status
-from nathlon.policies.training.pairs import PairDraw, ready_pairs
+from nathlon.policies.training.pairs import Pair, PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import PolishState, load_state, save_state, write_curve
+from nathlon.policies.training.pupil import NumbersPupil, Pupil, Rows
 from nathlon.policies.training.run_folder import CHECKPOINTS, make_run_folder, read_run_folder
+from nathlon.policies.training.seeing_pupil import SeeingPupil
 from nathlon.policies.training.state import read_tensors, write_tensors
-from nathlon.policies.weights import mean_network
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.whole_file import writing
 
-TAUGHT = (1.0, 0.5, 0.25, 0.1)
-"""Share of the cars that the teacher drives in the first rounds; none from then on."""
-STEERING = 4.0
-"""How much more an error of the steering counts than one of the pedals."""
-NEAR = 0.02
-"""Error of an action up to which it counts by its square, and beyond which in proportion."""
-DEVIATION = -3.0
-"""Logarithm of the deviation of actions that a checkpoint names; nobody has learnt one."""
 CURVE = ("rounds", "updates", "transitions", "loss", "lap_s", "off_course_share")
 ROWS = "rows"
 """Folder of a run in which what was noted in its rounds is kept, as long as it is learnt from."""
@@ -59,12 +51,13 @@ class Imitation:
         assert config.imitation is not None, "it imitates"
         self.folder, self.config, self.seed = folder, config, seed
         self._settings: ImitationSettings = config.imitation
-        self._spec = config.observation.spec()
         self._card = Card(
+            format=2 if config.vision else 1,
             algorithm="DAgger",
             hidden=config.qrsac.hidden,
             encoder=config.qrsac.encoder,
-            observation=self._spec,
+            vision=config.vision,
+            observation=config.observation.spec(),
             circuit=config.circuit,
             car=config.car,
             scenarios=tuple(dict.fromkeys(rollouts.scenario for rollouts in config.rollouts)),
@@ -73,9 +66,7 @@ class Imitation:
             seed=seed,
             created_by={"nathlon": version("nathlon"), "torch": version("torch")},
         )
-        self._tensors = fresh(self._card, np.random.default_rng(seed))
-        network = encoded(self._card, self._tensors, mean_network(self._tensors, ACTION_SIZE))
-        self._actor = Actor(network)
+        self._pupil = self._novice(np.random.default_rng(seed))
         self.updates = self.transitions = self._rounds = 0
         self._weights: NDArray[np.float64] | None = None
         self._curve = np.zeros((0, len(CURVE)))
@@ -83,6 +74,15 @@ class Imitation:
             "configuration": config.model_dump_json(exclude={"workers"}),
             "seed": str(seed),
         }
+
+    def _novice(self, rng: np.random.Generator) -> Pupil:
+        """A pupil that has learnt nothing."""
+        config, batch = self.config, self.config.qrsac.batch
+        if config.vision is None:
+            return NumbersPupil(self._card, batch, rng)
+        pair = Pair(config.circuit, config.car)
+        teacher = load_guest(pair.wise(self._settings.teacher), *pair[:2])
+        return SeeingPupil(self._card, self._settings, batch, teacher.observation_spec.size, rng)
 
     @classmethod
     def start(cls, folder: Path, config: TrainingConfig, seed: int) -> Imitation:
@@ -106,8 +106,13 @@ class Imitation:
         state = load_state(folder, run._facts)
         if state:
             try:
+<<<<<<< HEAD
                 run._actor.load(state.learner)
             except ValueError as error:
+=======
+                run._pupil.trained.load(state.learner)
+            except (KeyError, ValueError) as error:
+>>>>>>> sight
                 raise InputError(f"{folder}: of another run: {error}") from None
             run._rounds, run.updates, run.transitions = state.rounds, state.updates, state.transitions
             run._weights, run._curve = state.weights, state.curve
@@ -151,7 +156,7 @@ class Imitation:
                 self._rounds,
                 self.updates,
                 self.transitions,
-                self._actor.tensors(),
+                self._pupil.trained.tensors(),
                 self._draw.weights,
                 self._curve,
             ),
@@ -162,7 +167,8 @@ class Imitation:
 
     def _note(self, school: School, rng: np.random.Generator) -> None:
         """Hold the classes of a round, and write down what was said."""
-        taught = TAUGHT[self._rounds] if self._rounds < len(TAUGHT) else 0.0
+        shares = self._settings.taught
+        taught = shares[self._rounds] if self._rounds < len(shares) else 0.0
         classes = [
             Class(
                 rollouts,
@@ -174,23 +180,24 @@ class Imitation:
             for rollouts in self.config.rollouts
             for _ in range(rollouts.worlds)
         ]
-        notes = list(school.teach(classes, self._actor.network))
+        notes = list(school.teach(classes, self._pupil.policy, self._pupil.note))
         for each, noted in zip(classes, notes, strict=True):
             if load_scenario(each.rollouts.scenario).cars == 1 and math.isfinite(noted.speed):
                 self._draw.note(each.pair, noted.speed)
-        seen, said = (np.concatenate(parts) for parts in list(zip(*notes, strict=True))[:2])
-        self.transitions += len(seen)
+        rows = {
+            name: torch.from_numpy(np.concatenate([noted.rows[name] for noted in notes]))
+            for name in notes[0].rows
+        }
+        self.transitions += len(rows["said"])
         (self.folder / ROWS).mkdir(exist_ok=True)
-        write_tensors(
-            self._rows_of(self._rounds), {"seen": torch.from_numpy(seen), "said": torch.from_numpy(said)}
-        )
+        write_tensors(self._rows_of(self._rounds), rows)
 
     def _rows_of(self, number: int) -> Path:
         return self.folder / ROWS / f"round-{number:05d}.safetensors"
 
-    def _rows(self) -> tuple[Tensor, Tensor]:
-        """What was seen and said in the last rounds, as many as are remembered; older notes are removed."""
-        parts: list[dict[str, Tensor]] = []
+    def _remembered(self) -> list[Rows]:
+        """What was noted in the last rounds, as many as are remembered; older notes are removed."""
+        parts: list[Rows] = []
         for number in range(self._rounds, -1, -1):
             path = self._rows_of(number)
             if not path.exists():
@@ -199,56 +206,30 @@ class Imitation:
                 path.unlink()
             else:
                 parts.append(read_tensors(path))
-        return torch.cat([part["seen"] for part in parts]), torch.cat([part["said"] for part in parts])
+        return parts
 
     def _learn(self, rng: np.random.Generator) -> float:
         """Go through what was said, in minibatches; their mean loss."""
-        seen, said = self._rows()
-        settings, total = self.config.qrsac, self.config.updates
-        weights, losses = torch.tensor([1.0, STEERING]), []
-        for _ in range(round(total * (self._rounds + 1) / self._settings.rounds) - self.updates):
-            chosen = torch.from_numpy(rng.integers(len(seen), size=settings.batch))
-            means, targets = self._actor.means(seen[chosen]), said[chosen]
-            loss = smooth_l1_loss(weights * means, weights * targets, beta=NEAR)
+        settings, total, losses = self.config.qrsac, self.config.updates, []
+        due = round(total * (self._rounds + 1) / self._settings.rounds) - self.updates
+        for loss in islice(self._pupil.losses(self._remembered(), rng), due):
             left = 0.5 + 0.5 * math.cos(math.pi * self.updates / total)
             rate = settings.policy_rate * (settings.final_rates + (1.0 - settings.final_rates) * left)
-            self._actor.step(loss, rate)
+            self._pupil.trained.step(loss, rate)
             self.updates += 1
-            self._actor.average(max(1.0 / self.updates, settings.averaging))
+            self._pupil.trained.average(max(1.0 / self.updates, settings.averaging))
             losses.append(loss.item())
         return float(np.mean(losses))
 
     def _checkpoint(self, loss: float) -> LapEvaluation:
         """Write a checkpoint and a row of the curve."""
-        tensors = {name: tensor.copy() for name, tensor in self._tensors.items()}
-        for name, layer in self._actor.averages():
-            tensors[name][..., : layer.shape[-1]] = layer
         card = self._card.model_copy(update={"step": self.updates, "transitions": self.transitions})
         path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
         with writing(path):
-            save_checkpoint(path, tensors, card)
-        network = load_checkpoint(path).network
-        laps = mean_laps(evaluate_laps(pair, self._spec, network, self.seed) for pair in self._evaluated)
+            save_checkpoint(path, self._pupil.averaged(), card)
+        policy = open_checkpoint(path)
+        laps = mean_laps(evaluate_laps(pair, policy, self.seed) for pair in self._evaluated)
         row = [[self._rounds, self.updates, self.transitions, loss, *laps]]
         self._curve = np.concatenate([self._curve, row])
         write_curve(self.folder, CURVE, self._curve)
         return laps
-
-
-def fresh(card: Card, rng: np.random.Generator) -> dict[str, NDArray[np.float32]]:
-    """Tensors of a policy that has learnt nothing: uniform within 1 / sqrt(fan in), as torch.nn.Linear.
-
-    Args:
-        card: which the tensors have the shapes of.
-        rng: draws them.
-    """
-    tensors: dict[str, NDArray[np.float32]] = {}
-    rows = card.widths[0]
-    for name, shape in card.shapes.items():
-        if len(shape) > 1:
-            rows = shape[0]
-        tensors[name] = rng.uniform(-1.0, 1.0, shape).astype(np.float32) / np.float32(math.sqrt(rows))
-    last = len(card.hidden)
-    tensors[f"{last}.weight"][:, ACTION_SIZE:] = 0.0
-    tensors[f"{last}.bias"][ACTION_SIZE:] = DEVIATION
-    return tensors

@@ -6,20 +6,21 @@ first the teacher drives some of the cars itself, with a little noise: wrecks te
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.environments.opponents import OpponentWrapper
-from nathlon.policies.mlp import EncodedMlp, Mlp
+from nathlon.policies.policy import Observations, Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import NOISE
+from nathlon.policies.training.mistakes import out_of_control
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.processes import start_processes
@@ -49,17 +50,35 @@ class Class(NamedTuple):
     seed: int
 
 
-class Notes(NamedTuple):
-    """What was seen and said, a row for each step of each car that drove.
+class Drive(NamedTuple):
+    """What was seen and said, of each step of each car.
 
     Attributes:
-        seen: (n, size) float32, observations.
-        said: (n, 2) float32, the teacher's actions.
+        seen: (steps, cars, ..) observations.
+        memory: (steps, cars, m) float32, what the policy remembered of what was before.
+        said: (steps, cars, 2) float32, the teacher's actions.
+        shown: (steps, cars, ..) what the teacher saw.
+        driving: (steps, cars) whether the car drove.
+        begun: (steps, cars) whether it began anew with this step.
+    """
+
+    seen: Observations
+    memory: Array
+    said: Array
+    shown: Observations
+    driving: NDArray[np.bool_]
+    begun: NDArray[np.bool_]
+
+
+class Notes(NamedTuple):
+    """What is kept of a class.
+
+    Attributes:
+        rows: arrays by name, with a row for each step of each car that drove.
         speed: mean progress on the course of the cars that the policy drove, m/s; nan without any.
     """
 
-    seen: Array
-    said: Array
+    rows: dict[str, NDArray[Any]]
     speed: float
 
 
@@ -71,13 +90,20 @@ class School:
         self._config = config
         self._processes = start_processes(config.workers) if config.workers else None
 
-    def teach(self, classes: Sequence[Class], network: Mlp | EncodedMlp) -> Iterator[Notes]:
+    def teach(
+        self, classes: Sequence[Class], policy: Policy, note: Callable[[Drive], dict[str, NDArray[Any]]]
+    ) -> Iterator[Notes]:
         """What comes of each of the classes, in their order.
+
+        Args:
+            classes: to be held.
+            policy: is taught.
+            note: the rows that are kept of what was driven; a function of a module.
 
         Raises:
             InputError: if the races cannot be made, or a process has ended.
         """
-        teach = partial(instruct, self._config, network)
+        teach = partial(instruct, self._config, policy, note)
         try:
             yield from self._processes.map(teach, classes) if self._processes else map(teach, classes)
         except BrokenProcessPool:
@@ -89,7 +115,12 @@ class School:
             self._processes.shutdown(cancel_futures=True)
 
 
-def instruct(config: TrainingConfig, network: Mlp | EncodedMlp, planned: Class) -> Notes:
+def instruct(
+    config: TrainingConfig,
+    policy: Policy,
+    note: Callable[[Drive], dict[str, NDArray[Any]]],
+    planned: Class,
+) -> Notes:
     """Drive the races of a class.
 
     The driver's own memory, of how far it has moved aside, would decide what it says off its line, and no
@@ -97,7 +128,8 @@ def instruct(config: TrainingConfig, network: Mlp | EncodedMlp, planned: Class) 
 
     Args:
         config: of which the rollouts are a part; it imitates.
-        network: of the policy.
+        policy: is taught.
+        note: the rows that are kept of what was driven.
         planned: the class.
 
     Raises:
@@ -115,40 +147,85 @@ def instruct(config: TrainingConfig, network: Mlp | EncodedMlp, planned: Class) 
         name = f"{DRIVER}:pace={planned.pace:g}"
         spec = replace(spec, plan_pace=planned.pace) if spec.planned else spec
     env = OpponentWrapper(episodes, learners.tolist(), spec, population.policies)
-    teacher = Teacher(name, pair, env)
     if env.others:
         who = population.draw(rollouts.races * env.others, rng)
         env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
-    seeds = rng.integers(2**63, size=rollouts.races).tolist()
-    env.start(range(rollouts.races), map(np.random.default_rng, seeds))
-    episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
-    return _drive(
-        env, teacher, network, round(config.imitation.length_s / episodes.step_s), planned.taught, rng
-    )
+    lesson = _Lesson(env, Teacher(name, pair, env), policy, planned.taught, rng)
+    for _ in range(round(config.imitation.length_s / episodes.step_s)):
+        lesson.step()
+        if config.imitation.patience_s is not None:
+            lesson.begin_anew(config.imitation.patience_s)
+    return Notes(note(lesson.drive), lesson.speed)
 
 
-def _drive(
-    env: OpponentWrapper,
-    teacher: Teacher,
-    network: Mlp | EncodedMlp,
-    steps: int,
-    taught: float,
-    rng: np.random.Generator,
-) -> Notes:
-    world, everybody = env.episodes.world, np.arange(len(env.cars))
-    led = rng.random(len(everybody)) < taught
-    begun = world.state["progress"][env.races, env.cars]
-    seen, said = [], []
-    for _ in range(steps):
-        driving = world.state["driving"][env.races, env.cars]
+class _Lesson:
+    """Races in which a policy drives and a teacher looks on."""
+
+    def __init__(
+        self,
+        env: OpponentWrapper,
+        teacher: Teacher,
+        policy: Policy,
+        taught: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._env, self._teacher, self._policy, self._rng = env, teacher, policy, rng
+        cars = len(env.cars)
+        self._memory = policy.initial_memory(cars)
+        self._noted: list[Drive] = []
+        self._begun = np.ones(cars, np.bool_)
+        self._astray_s, self._gone = np.zeros(cars), np.zeros(cars)
+        self._start(np.arange(len(env.episodes.endings)))
+        self._led = rng.random(cars) < taught
+
+    def _start(self, races: NDArray[np.int64]) -> None:
+        env, episodes = self._env, self._env.episodes
+        seeds = self._rng.integers(2**63, size=len(races)).tolist()
+        env.start(races.tolist(), map(np.random.default_rng, seeds))
+        episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
+        anew = np.flatnonzero(np.isin(env.races, races))
+        self._memory[anew] = self._policy.initial_memory(len(anew))
+        self._teacher.forget(anew)
+        self._begun[anew], self._astray_s[anew] = True, 0.0
+
+    @property
+    def _cars(self) -> NDArray[np.void]:
+        return self._env.episodes.world.state[self._env.races, self._env.cars]
+
+    def step(self) -> None:
+        """Drive on, and note what is seen and said."""
+        env, before = self._env, self._cars.copy()
+        everybody = np.arange(len(env.cars))
         if not env.others:
-            teacher.forget()
-        advice = teacher.advice(everybody)
-        noise = rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
-        actions = np.where(led[:, None], advice + noise, network(env.seen))
-        seen.append(env.seen[driving])
-        said.append(advice[driving])
+            self._teacher.forget(everybody)
+        shown, advice = self._teacher.look(everybody)
+        noise = self._rng.normal(0.0, NOISE, advice.shape).astype(np.float32)
+        acted, memory = self._policy.act(env.seen, self._memory)
+        actions = np.where(self._led[:, None], advice + noise, acted)
+        known = env.seen.copy(), self._memory.copy(), advice.copy(), shown
+        self._noted.append(Drive(*known, before["driving"], self._begun.copy()))
+        self._memory, self._begun[:] = memory, False
         env.step(np.clip(actions, -1.0, 1.0))
-    gone = (world.state["progress"][env.races, env.cars] - begun)[~led]
-    speed = float(gone.mean()) / (steps * env.episodes.step_s) if len(gone) else float("nan")
-    return Notes(np.concatenate(seen), np.concatenate(said), speed)
+        self._gone += self._cars["progress"] - before["progress"]
+
+    def begin_anew(self, patience_s: float) -> None:
+        """Start the races again in which all cars of the policy have been out of control for so long."""
+        cars, env = self._cars, self._env
+        self._astray_s = np.where(out_of_control(cars), self._astray_s + env.episodes.step_s, 0.0)
+        through = (self._astray_s >= patience_s) | ~cars["driving"]
+        waiting = np.bincount(env.races[~through], minlength=len(env.episodes.endings))
+        over = np.flatnonzero(waiting == 0)
+        if len(over):
+            self._start(over)
+
+    @property
+    def drive(self) -> Drive:
+        """All that was noted."""
+        return Drive(*map(np.stack, zip(*self._noted, strict=True)))
+
+    @property
+    def speed(self) -> float:
+        """Mean progress of the cars that the policy drove, m/s; nan without any."""
+        gone = self._gone[~self._led]
+        length_s = len(self._noted) * self._env.episodes.step_s
+        return float(gone.mean()) / length_s if len(gone) else float("nan")

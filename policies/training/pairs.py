@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from nathlon.policies.bundled import champion
 from nathlon.policies.driver import Driver
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import TrainingConfig, Variety
@@ -27,6 +28,8 @@ from nathlon.sim.track.styles import STYLES
 from nathlon.sim.untrusted_file import read_text
 from nathlon.sim.whole_file import write_whole
 
+CHAMPION = "champion"
+"""Of the pair, as it comes with nathlon."""
 PAIRS = "pairs"
 """Folder of a run in which the files of its circuits and cars are."""
 HOME = ("lindenring", "porto-sereno", "grandes-landes")
@@ -62,7 +65,13 @@ class Pair(NamedTuple):
         return scenario.model_copy(update={"grip": grip})
 
     def wise(self, policy: str) -> str:
-        """A policy's name, of built-in drivers that of one who has practised on this grip."""
+        """A policy's name, of built-in drivers that of one who has practised on this grip.
+
+        Raises:
+            InputError: if it is CHAMPION, and none comes with nathlon for this circuit and car.
+        """
+        if policy == CHAMPION:
+            return str(champion(self.circuit, self.car))
         kind, _, settings = policy.partition(":")
         if kind != DRIVER or self.grip == 1.0:
             return policy

@@ -216,10 +216,8 @@ class Polish:
         path = self._folder / "checkpoints" / f"round-{self.rounds:05d}.safetensors"
         with writing(path):
             save_checkpoint(path, tensors, card)
-        network = load_checkpoint(path).network
-        laps = mean_laps(
-            evaluate_laps(pair, card.observation, network, self._seed) for pair in self._evaluated
-        )
+        policy = load_checkpoint(path)
+        laps = mean_laps(evaluate_laps(pair, policy, self._seed) for pair in self._evaluated)
         row = [[self.rounds, card.step, card.transitions, reward, laps.lap_s, laps.off_course_share]]
         self._curve = np.concatenate([self._curve, row])
         write_curve(self._folder, CURVE, self._curve)

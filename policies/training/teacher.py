@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nathlon.policies.apart import load_guest
 from nathlon.policies.driver.shown_plan import show_plan
 from nathlon.policies.environments.opponents import OpponentWrapper
-from nathlon.policies.policy import Batch
+from nathlon.policies.policy import Batch, Observations
 from nathlon.policies.training.mistakes import ASTRAY_RAD
 from nathlon.policies.training.pairs import Pair
 
@@ -39,11 +39,11 @@ class Teacher:
         self._policy = load_guest(pair.wise(policy), pair.circuit, pair.car)
         self._world, self._races, self._cars = env.episodes.world, env.races, env.cars
         show_plan(self._world, self._policy.observation_spec)
-        self.forget()
-
-    def forget(self) -> None:
-        """Start afresh, as the races do."""
         self._memory = self._policy.initial_memory(len(self._cars))
+
+    def forget(self, cars: NDArray[np.int64]) -> None:
+        """Start afresh in the place of some of the cars, (n,) indices, as their races do."""
+        self._memory[cars] = self._policy.initial_memory(len(cars))
 
     def lesson(self, cars: NDArray[np.void]) -> Batch:
         """What it would do, (n, 2); nan for cars that are not lost.
@@ -59,6 +59,10 @@ class Teacher:
 
     def advice(self, asked: NDArray[np.int64]) -> Batch:
         """What it would do in the place of some of the cars, (n,) indices, (n, 2)."""
+        return self.look(asked)[1]
+
+    def look(self, asked: NDArray[np.int64]) -> tuple[Observations, Batch]:
+        """What it sees from some of the cars, (n,) indices, and what it would do there, (n, 2)."""
         seen = self._world.observe(self._policy.observation_spec, self._races[asked], self._cars[asked])
         actions, self._memory[asked] = self._policy.act(seen, self._memory[asked])
-        return actions
+        return seen, actions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -13,6 +14,7 @@ import numpy as np
 import torch
 
 from nathlon.policies.checkpoint import Card, save_checkpoint
+from nathlon.policies.policy import Memoryless
 from nathlon.policies.qrsac.learner import QRSAC
 from nathlon.policies.replay_buffer.tables import ReplayTables
 from nathlon.policies.training.config import TrainingConfig
@@ -268,10 +270,8 @@ class Trainer:
         path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
         with writing(path):
             save_checkpoint(path, self.learner.policy_tensors(), card)
-        laps = mean_laps(
-            evaluate_laps(pair, self._spec, lambda seen: self.learner.act(seen, stochastic=False), self.seed)
-            for pair in self._evaluated
-        )
+        policy = Memoryless(self._spec, partial(self.learner.act, stochastic=False))
+        laps = mean_laps(evaluate_laps(pair, policy, self.seed) for pair in self._evaluated)
         self._checkpointed = self.updates
         log.checkpoint(self.updates, self.transitions, self._wall_s, laps, self._metrics)
         self._save_state()

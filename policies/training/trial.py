@@ -222,7 +222,7 @@ class Trial:
 
     def _forget(self) -> None:
         if self._teacher:
-            self._teacher.forget()
+            self._teacher.forget(np.arange(self._cars))
 
     def _step(self, actions: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Rewards of a step with actions (cars, 2), without contacts and of these alone, (cars,) each."""

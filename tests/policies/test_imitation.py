@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from pydantic import ValidationError
 
 import nathlon
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.runner import run_match
-from nathlon.policies.checkpoint import Card, encoded, load_checkpoint, read_card
+from nathlon.policies.checkpoint import Card, SeeingPolicy, load_checkpoint, open_checkpoint, read_card
 from nathlon.policies.driver import Driver
-from nathlon.policies.mlp import EncodedMlp, Mlp
-from nathlon.policies.training import imitation
-from nathlon.policies.training.config import TrainingConfig
+from nathlon.policies.load import load_policy
+from nathlon.policies.policy import Policy
+from nathlon.policies.training import imitation, instruction
+from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_config
 from nathlon.policies.training.evaluation import LapEvaluation
-from nathlon.policies.training.imitation import Imitation, fresh
+from nathlon.policies.training.imitation import Imitation
 from nathlon.policies.training.instruction import Class, Notes, instruct
-from nathlon.policies.training.pairs import Pair
+from nathlon.policies.training.pairs import CHAMPION, Pair
+from nathlon.policies.training.pupil import NumbersPupil, note_numbers
+from nathlon.policies.training.seeing_pupil import note_passages
 from nathlon.policies.training.teacher import Teacher
 from nathlon.policies.training.trainer import Trainer
-from nathlon.policies.weights import mean_network
 from nathlon.sim.errors import InputError
 from tests.support.trainings import TOML, polishing
 
@@ -43,7 +48,19 @@ TRAFFIC = polishing(
 )
 
 
-def novice(config: TrainingConfig) -> Mlp | EncodedMlp:
+SEEING = polishing(
+    {"scenario": "1v1", "races": 2, "learners": 1, "opponents": [CHAMPION]},
+    updates=8,
+    checkpoint_every=4,
+    replay=10_000,
+    imitation={"rounds": 2, "length_s": 2.0, "teacher": CHAMPION, "passage": 4, "recalled": 1},
+    observation={"camera": {"width": 24, "height": 16}},
+    vision={"convolutions": [{"filters": 3, "side": 8, "stride": 4}], "features": 5, "memory": 4},
+    qrsac={"hidden": [6], "batch": 16, "policy_rate": 1e-2},
+)
+
+
+def novice(config: TrainingConfig) -> Policy:
     card = Card(
         algorithm="none",
         hidden=(8,),
@@ -56,23 +73,45 @@ def novice(config: TrainingConfig) -> Mlp | EncodedMlp:
         seed=0,
         created_by={},
     )
-    tensors = fresh(card, np.random.default_rng(1))
-    return encoded(card, tensors, mean_network(tensors, 2))
+    return NumbersPupil(card, 1, np.random.default_rng(1)).policy
 
 
 def taught(config: TrainingConfig, share: float = 0.0) -> Notes:
-    return instruct(config, novice(config), Class(config.rollouts[0], HOME, 1.0, share, seed=3))
+    return instruct(config, novice(config), note_numbers, Class(config.rollouts[0], HOME, 1.0, share, seed=3))
 
 
 def test_each_step_of_each_car_is_noted_with_what_the_driver_would_do_there() -> None:
     notes = taught(ALONE)
-    assert notes.seen.shape == (20 * 4, ALONE.observation.spec().size)
-    assert notes.said.shape == (20 * 4, 2)
-    assert np.abs(notes.said).max() <= 1.0
-    again = taught(ALONE)
-    assert np.array_equal(again.seen, notes.seen)
+    seen, said = notes.rows["seen"], notes.rows["said"]
+    assert seen.shape == (20 * 4, ALONE.observation.spec().size)
+    assert said.shape == (20 * 4, 2)
+    assert np.abs(said).max() <= 1.0
+    assert np.array_equal(taught(ALONE).rows["seen"], seen)
     # Where the driver leads it goes forward.
-    assert taught(ALONE, 1.0).seen[-4:, 0].mean() > notes.seen[-4:, 0].mean()
+    assert taught(ALONE, 1.0).rows["seen"][-4:, 0].mean() > seen[-4:, 0].mean()
+
+
+def test_who_sees_is_told_what_the_champion_would_do_with_all_that_a_passage_needs(tmp_path: Path) -> None:
+    pupil = Imitation(tmp_path, SEEING, seed=1)._pupil
+    policy = pupil.policy
+    rows = instruct(SEEING, policy, note_passages, Class(SEEING.rollouts[0], HOME, 1.0, 0.0, seed=3)).rows
+    assert rows["left"].tolist() == [*range(19, -1, -1)] * 2
+    seen = policy.observation_spec.blank(40)
+    for name in ("picture", "sensors"):
+        seen[name] = rows[name]
+    # What a car remembers comes of its step before; each begins with nothing.
+    _, after = policy.act(seen, rows["memory"].astype(np.float32))
+    np.testing.assert_allclose(rows["memory"][1:20], after[:19], atol=2e-3)
+    np.testing.assert_array_equal(rows["memory"][[0, 20]], 0.0)
+    champion = load_policy(HOME.wise(CHAMPION), *HOME[:2])
+    said, _ = champion.act(rows["shown"].astype(np.float32), champion.initial_memory(40))
+    np.testing.assert_allclose(rows["said"], said, atol=0.02)
+    noted = [{name: torch.from_numpy(each) for name, each in rows.items()}]
+    losses = []
+    for loss in islice(pupil.losses(noted, np.random.default_rng(1)), 60):
+        pupil.trained.step(loss, 1e-2)
+        losses.append(loss.item())
+    assert sum(losses[-10:]) < 0.8 * sum(losses[:10])
 
 
 @pytest.mark.parametrize(("config", "remembers"), [(ALONE, False), (TRAFFIC, True)], ids=["alone", "traffic"])
@@ -80,15 +119,28 @@ def test_the_driver_remembers_how_far_it_moved_aside_only_among_others(
     config: TrainingConfig, remembers: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     remembered: list[float] = []
-    advice = Teacher.advice
+    look = Teacher.look
 
-    def watched(self: Teacher, asked: np.ndarray) -> np.ndarray:
+    def watched(self: Teacher, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         remembered.append(float(np.abs(self._memory).max()))
-        return advice(self, asked)
+        return look(self, asked)
 
-    monkeypatch.setattr(Teacher, "advice", watched)
+    monkeypatch.setattr(Teacher, "look", watched)
     taught(config)
     assert bool(max(remembered)) is remembers
+
+
+def test_whoever_is_out_of_control_for_long_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(instruction, "out_of_control", lambda cars: np.ones(len(cars), np.bool_))
+    settings = SEEING.imitation.model_copy(update={"length_s": 0.9, "patience_s": 0.25})
+    config = SEEING.model_copy(update={"imitation": settings})
+    policy = Imitation(tmp_path, config, seed=1)._pupil.policy
+    rows = instruct(config, policy, note_passages, Class(config.rollouts[0], HOME, 1.0, 0.0, seed=3)).rows
+    # No passage goes on from one start to the next, and none remembers what was before.
+    assert rows["left"].tolist() == [2, 1, 0] * 6
+    assert (np.abs(rows["memory"]).max(axis=1) == 0.0).tolist() == [True, False, False] * 6
 
 
 @pytest.fixture
@@ -98,22 +150,28 @@ def unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("unmeasured")
-def test_a_run_that_was_stopped_goes_on_as_if_it_had_not_been(tmp_path: Path) -> None:
+@pytest.mark.parametrize("config", [ALONE, SEEING], ids=["numbers", "seeing"])
+def test_a_run_that_was_stopped_goes_on_as_if_it_had_not_been(tmp_path: Path, config: TrainingConfig) -> None:
     class Stop(Exception):
         pass
 
     def stop(_: object) -> None:
         raise Stop
 
-    Imitation.start(tmp_path / "whole", ALONE, seed=2).run(lambda _: None)
+    Imitation.start(tmp_path / "whole", config, seed=2).run(lambda _: None)
     with pytest.raises(Stop):
-        Imitation.start(tmp_path / "stopped", ALONE, seed=2).run(stop)
+        Imitation.start(tmp_path / "stopped", config, seed=2).run(stop)
     Imitation.resume(tmp_path / "stopped").run(lambda _: None)
-    for name in ("curve.csv", "checkpoints/step-0000020.safetensors", "checkpoints/step-0000040.safetensors"):
-        whole, stopped = ((tmp_path / run / name).read_bytes() for run in ("whole", "stopped"))
-        assert whole == stopped, name
-    losses = [float(row.split(",")[3]) for row in (tmp_path / "whole" / "curve.csv").read_text().split()[1:]]
-    assert losses[1] < losses[0]
+    checkpoints = sorted((tmp_path / "whole" / "checkpoints").iterdir())
+    assert len(checkpoints) == 2
+    for path in (tmp_path / "whole" / "curve.csv", *checkpoints):
+        assert path.read_bytes() == (tmp_path / "stopped" / path.relative_to(tmp_path / "whole")).read_bytes()
+    if config.vision:
+        assert isinstance(open_checkpoint(checkpoints[0]), SeeingPolicy)
+    if config is ALONE:
+        curve = (tmp_path / "whole" / "curve.csv").read_text().split()
+        losses = [float(row.split(",")[3]) for row in curve[1:]]
+        assert losses[1] < losses[0]
     facts = tmp_path / "whole" / "run.json"
     facts.write_text(facts.read_text().replace('"seed": 2', '"seed": 3', 1))
     with pytest.raises(InputError, match="is of another seed"):
@@ -151,3 +209,26 @@ def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_p
     assert nathlon.train(out=run, resume=True, progress=False).updates == 4
     with pytest.raises(InputError, match="imitation: expected none in a training by rewards"):
         Trainer.resume(run)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"vision": None}, "belong together"),
+        ({"imitation": None}, "expected an imitation beside it"),
+        ({"qrsac": {"encoder": [4]}}, "expected none beside a vision"),
+        ({"observation": {"camera": {"width": 8}}}, "width is 8, expected a whole number from 16"),
+        ({"imitation": {"passage": 4, "recalled": 4}}, "expected less than passage"),
+        ({"vision": {"convolutions": [{"filters": 3, "side": 20, "stride": 4}]}}, "leave nothing of 16 x 24"),
+    ],
+)
+def test_a_configuration_of_seeing_that_contradicts_itself_is_refused(changed: dict, said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        TrainingConfig.model_validate(SEEING.model_dump() | changed)
+
+
+def test_the_configuration_that_is_shipped_is_read(tmp_path: Path) -> None:
+    pupil = Imitation(tmp_path, read_config(CONFIGS / "vision.toml"), seed=1)._pupil
+    assert isinstance(pupil.policy, SeeingPolicy)
+    with pytest.raises(InputError, match="champion: none comes with nathlon for lindenring and coupe"):
+        Pair("lindenring", "coupe").wise(CHAMPION)

@@ -195,7 +195,7 @@ def test_a_polished_policy_laps_faster(tmp_path: Path, monkeypatch: pytest.Monke
     laps = []
     for path in (CHECKPOINT, found):
         policy = load_checkpoint(path)
-        laps.append(evaluate_laps(Pair("lindenring", "gt3"), policy.observation_spec, policy.network, seed=7))
+        laps.append(evaluate_laps(Pair("lindenring", "gt3"), policy, seed=7))
     assert laps[1].lap_s < laps[0].lap_s - 0.05
     assert laps[1].off_course_share == 0.0
     card, before = read_card(found), read_card(CHECKPOINT)

@@ -19,6 +19,7 @@ from nathlon.arena.team import Team
 from nathlon.policies.checkpoint import Card, SeeingPolicy, load_checkpoint, save_checkpoint
 from nathlon.policies.driver import Driver
 from nathlon.policies.load import load_policy
+from nathlon.policies.training.seeing_pupil import SeeingActor
 from nathlon.policies.vision import Convolution, Vision
 from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.observation import ObservationSpec
@@ -105,6 +106,35 @@ def test_the_network_computes_what_pytorch_does(memory: int) -> None:
         actions, kept = policy.act(seen(), kept)
         np.testing.assert_allclose(actions, wanted, atol=1e-6)
         np.testing.assert_allclose(kept, then, atol=1e-6)
+
+
+def test_what_a_picture_comes_to_is_the_same_to_the_bit_in_any_batch() -> None:
+    policy = SeeingPolicy(card(), "id", tensors(card()))
+    many = seen(9)
+    memory = np.random.default_rng(2).normal(size=(9, 5)).astype(np.float32)
+    together = policy.act(many, memory)
+    for row in range(9):
+        alone = policy.act(many[row : row + 1], memory[row : row + 1])
+        assert all(np.array_equal(each[0], all_[row]) for each, all_ in zip(alone, together, strict=True))
+
+
+@pytest.mark.parametrize("memory", [0, 5])
+def test_the_network_in_training_computes_the_same(memory: int) -> None:
+    own = tensors(card(memory))
+    actor, policy = SeeingActor(card(memory).vision or Vision(), own), SeeingPolicy(card(memory), "id", own)
+    steps, kept = [seen(4)[turn : turn + 2] for turn in range(3)], np.ones((2, memory), np.float32)
+    known, after = actor.recall(
+        *(
+            torch.from_numpy(np.stack([step[name] for step in steps], axis=1))
+            for name in ("picture", "sensors")
+        ),
+        torch.from_numpy(kept),
+    )
+    means = actor.means(known).detach().numpy()
+    for turn, step in enumerate(steps):
+        actions, kept = policy.act(step, kept)
+        np.testing.assert_allclose(means[:, turn], actions, atol=1e-5)
+    np.testing.assert_allclose(after.detach().numpy(), kept, atol=1e-5)
 
 
 def test_a_file_gives_back_what_was_saved(path: Path) -> None:
