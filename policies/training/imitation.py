@@ -106,13 +106,8 @@ class Imitation:
         state = load_state(folder, run._facts)
         if state:
             try:
-<<<<<<< HEAD
-                run._actor.load(state.learner)
-            except ValueError as error:
-=======
                 run._pupil.trained.load(state.learner)
-            except (KeyError, ValueError) as error:
->>>>>>> sight
+            except ValueError as error:
                 raise InputError(f"{folder}: of another run: {error}") from None
             run._rounds, run.updates, run.transitions = state.rounds, state.updates, state.transitions
             run._weights, run._curve = state.weights, state.curve
