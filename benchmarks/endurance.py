@@ -65,7 +65,7 @@ def measure(hours: float) -> dict[str, Any]:
         "processor_s": round(processor_s, 1),
         "day_wall_s": round(24.0 / hours * wall_s),
         "day_processor_s": round(24.0 / hours * processor_s),
-        "laps": int(driven.results["laps"].max()),  # type: ignore[arg-type]
+        "laps": int(driven.results["laps"].max()),
         "stops": int(stops["stops"].sum()),
         "left": driven.results.filter(ending="time_up").height,
     }

@@ -129,7 +129,8 @@ class MlpStack:
 
     def __init__(self, networks: Sequence[Mlp]) -> None:
         """Networks of the same `Mlp.shape`."""
-        self._functions = [networks[0].hidden] * (len(networks[0].layers) - 1) + [networks[0].output]
+        inner = len(networks[0].layers) - 1
+        self._functions = [*[networks[0].hidden] * inner, networks[0].output]
         self._layers = [
             tuple(map(_stacked, zip(*layers, strict=True)))
             for layers in zip(*(network.layers for network in networks), strict=True)

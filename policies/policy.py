@@ -54,7 +54,7 @@ class Policy(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass
 class Memoryless:
     """A policy that keeps nothing in mind.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -39,7 +40,7 @@ def _draw(laps: pl.DataFrame) -> Figure:
     return figure
 
 
-def _line(car: int) -> dict[str, str]:
+def _line(car: int) -> dict[str, Any]:
     return {"color": COLOURS[car % len(COLOURS)], "ls": DASHES[car // len(COLOURS) % len(DASHES)]}
 
 
@@ -47,7 +48,7 @@ def _draw_places(axes: Axes, order: pl.DataFrame, laps: pl.DataFrame, names: dic
     """One line a car, named at its end; a dot where it has stopped."""
     stopped = laps.sort("car", "lap").filter(pl.col("stops").diff().over("car").fill_null(0) > 0)
     for (car,), line in order.group_by("car", maintain_order=True):
-        number = int(car)  # type: ignore[call-overload]
+        number = int(str(car))
         lap, place = line["lap"].to_numpy(), line["place"].to_numpy()
         axes.plot(lap, place, lw=1.5, **_line(number))
         stops = stopped.filter(car=number)["time_s"].to_numpy()
@@ -71,7 +72,7 @@ def _draw_gaps(axes: Axes, laps: pl.DataFrame) -> None:
     """How much later each car has completed a lap than the first to complete it."""
     gaps = laps.with_columns(gap=pl.col("time_s") - pl.col("time_s").min().over("lap")).sort("car", "lap")
     for (car,), line in gaps.group_by("car", maintain_order=True):
-        axes.plot(line["lap"].to_numpy(), line["gap"].to_numpy(), lw=1.2, **_line(int(car)))  # type: ignore[call-overload]
+        axes.plot(line["lap"].to_numpy(), line["gap"].to_numpy(), lw=1.2, **_line(int(str(car))))
     axes.invert_yaxis()
     axes.set_ylabel("s behind the first to complete the lap")
     axes.set_xlabel("lap")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,7 @@ class Start:
     finish: NDArray[np.float64]
     side_speed: NDArray[np.float64] | float = 0.0
     yaw_rate: NDArray[np.float64] | float = 0.0
-    sky: int = 0
+    sky: int = field(default=0, kw_only=True)
 
 
 @dataclass(frozen=True)

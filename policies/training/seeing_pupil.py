@@ -62,7 +62,7 @@ class SeeingActor(Trained):
             (passages, steps, k), what the perceptron takes, and the memory after the last step.
         """
         known = torch.cat(
-            [self._features(pictures.flatten(0, 1)).unflatten(0, pictures.shape[:2]), sensors], 2
+            [self._features(pictures.flatten(0, 1)).reshape(*pictures.shape[:2], -1), sensors], 2
         )
         if not self._vision.memory:
             return known, memory

@@ -101,6 +101,8 @@ def test_a_race_is_driven_by_its_plans(tmp_path: Path) -> None:
     assert (soft.compound, soft.laps, hard.compound, hard.laps) == ("racing-soft", 1, "racing-hard", 1)
     assert soft.stood_s == pytest.approx(worlds[-1].state["stood_s"][0, 0], abs=1e-3)
     assert soft.lane_s == pytest.approx(worlds[-1].state["lane_s"][0, 0], abs=1e-3)
+    assert soft.stood_s is not None
+    assert soft.lane_s is not None
     assert 8.0 < soft.stood_s < soft.lane_s - 20.0
     assert (only, hard.stood_s, hard.lane_s) == (DrivenStint("racing-hard", 2), None, None)
 

@@ -105,7 +105,7 @@ def test_trouble_that_comes_later_ends_nothing_and_ctrl_c_loses_no_night(
         return look
 
     monkeypatch.setattr(command, "hold_night", hold)
-    monkeypatch.setattr(command.time, "sleep", lambda _: None)
+    monkeypatch.setattr("nathlon.commands.watch.time.sleep", lambda _: None)
     with pytest.raises(SystemExit) as ended:
         command.watch(Path("nathlon.toml"), as_json=True)
     assert ended.value.code == 130
@@ -119,6 +119,6 @@ def test_trouble_that_comes_later_ends_nothing_and_ctrl_c_loses_no_night(
     assert capsys.readouterr().out == ""
     looks += [quiet, away]
     moments = iter([0.0, 0.0, 9.0])
-    monkeypatch.setattr(command.time, "monotonic", lambda: next(moments))
+    monkeypatch.setattr("nathlon.commands.watch.time.monotonic", lambda: next(moments))
     with pytest.raises(InputError, match="no such file"):
         command.watch(Path("nathlon.toml"), wait=5.0, as_json=True)

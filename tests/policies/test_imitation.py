@@ -134,6 +134,7 @@ def test_whoever_is_out_of_control_for_long_begins_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(instruction, "out_of_control", lambda cars: np.ones(len(cars), np.bool_))
+    assert SEEING.imitation is not None
     settings = SEEING.imitation.model_copy(update={"length_s": 0.9, "patience_s": 0.25})
     config = SEEING.model_copy(update={"imitation": settings})
     policy = Imitation(tmp_path, config, seed=1)._pupil.policy

@@ -123,13 +123,10 @@ def test_the_network_in_training_computes_the_same(memory: int) -> None:
     own = tensors(card(memory))
     actor, policy = SeeingActor(card(memory).vision or Vision(), own), SeeingPolicy(card(memory), "id", own)
     steps, kept = [seen(4)[turn : turn + 2] for turn in range(3)], np.ones((2, memory), np.float32)
-    known, after = actor.recall(
-        *(
-            torch.from_numpy(np.stack([step[name] for step in steps], axis=1))
-            for name in ("picture", "sensors")
-        ),
-        torch.from_numpy(kept),
+    pictures, sensors = (
+        torch.from_numpy(np.stack([step[name] for step in steps], axis=1)) for name in ("picture", "sensors")
     )
+    known, after = actor.recall(pictures, sensors, torch.from_numpy(kept))
     means = actor.means(known).detach().numpy()
     for turn, step in enumerate(steps):
         actions, kept = policy.act(step, kept)

@@ -42,7 +42,7 @@ def crossed(selection: Selection) -> Selection:
         ("quick", "1 stop", second, 5.0, 4.0, 6.0, 0.0, 0.0, 0.0, 4),
     ]
     table = pl.DataFrame(rows, schema=STRATEGIES, orient="row")
-    return replace(selection, tables=selection.tables | {"strategies": table})
+    return replace(selection, tables={**selection.tables, "strategies": table})
 
 
 def test_a_race_shows_its_stints_and_what_stops_took(browser: Browser, tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_a_race_shows_its_stints_and_what_stops_took(browser: Browser, tmp_path:
     opened.until("[...document.querySelectorAll('figure')].every(figure => figure.querySelector('svg'))")
     page = opened.page
     chart = page.get_by_role("img", name="Stints of every car")
-    assert "5 racing-hard" in chart.text_content()
+    assert "5 racing-hard" in (chart.text_content() or "")
     assert chart.locator("[data-mark=bar] rect").count() == 3 + 6
     heads = page.locator("#result thead").inner_text()
     assert all(head in heads for head in ("Stops", "Standing, s", "In the lane, s"))

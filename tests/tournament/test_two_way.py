@@ -19,8 +19,8 @@ def results(units: int, rng: np.random.Generator, together: float = 0.0) -> pl.D
     races = units * len(CELLS)
     points = np.zeros((races, len(CELLS)))
     luck = np.repeat(3.0 * rng.standard_normal(units), len(CELLS))
-    for car, cell in enumerate(CELLS.values()):
-        points[:, car] = 5.0 + luck + POLICIES[cell.policy] + PLANS[cell.strategy]
+    for number, cell in enumerate(CELLS.values()):
+        points[:, number] = 5.0 + luck + POLICIES[cell.policy] + PLANS[cell.strategy]
     points[:, 0] += together
     points += 0.5 * rng.standard_normal(points.shape)
     race, car = np.indices(points.shape)

@@ -80,9 +80,9 @@ def drive_race(
 
 def _write(path: Path, match: Match, driven: LegDriven) -> None:
     frames = {LAPS: driven.laps, RESULTS: driven.results}
-    tables = {name: _packed(frame) for name, frame in frames.items() if frame is not None}
+    tables: dict[str, Any] = {name: _packed(frame) for name, frame in frames.items() if frame is not None}
     with writing(path), whole_file(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, **driven.halt.arrays(), **tables, **{KEY: np.array(match.key)})
+        np.savez_compressed(file, **(tables | driven.halt.arrays() | {KEY: np.array(match.key)}))
 
 
 def _read(path: Path, match: Match) -> LegDriven:
