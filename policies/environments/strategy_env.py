@@ -38,8 +38,9 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
     with fuel for the fastest stint on it. The first action is taken on the grid and fits the car: 0 leaves
     it to the planner.
 
-    Observations, each from 0 to 1: laps to go; wear, 1 is the most that was practised; fuel; the gaps to the leader, to the car ahead and to
-    the car behind over FARTHEST_S; the place; one number a compound, 1 for that on the car.
+    Observations, each from 0 to 1: laps to go; wear, 1 is the most that was practised; fuel; the gaps to the
+    leader, to the car ahead and to the car behind over FARTHEST_S; the place; one number a compound, 1 for
+    that on the car.
 
     The reward is what a lap takes longer than the model's fastest, s, negative. An episode is terminated at
     the finish, or without fuel.
