@@ -26,7 +26,7 @@ from rich.progress import track
 
 from benchmarks.result import write_result
 from nathlon.arena.statistics import group_sums
-from nathlon.selection.pareto import nondominated_probability
+from nathlon.selection.pareto import nondominated_probability, surviving
 from nathlon.selection.pareto.filter import FilterSettings, undecided
 from nathlon.selection.pareto.objective import Measured
 
@@ -175,7 +175,7 @@ def judge(kind: Kind, most: int, select: Filter) -> dict[str, float]:
         truth = kind.plant(rng, kind.entrants)
         runs = kind.drive(rng, truth, most)
         probability, sizes = select(runs, rng)
-        survives = probability >= FilterSettings().keep_probability
+        survives = surviving(probability, FilterSettings().keep_probability)
         means = np.stack([objective.cost for objective in measured(runs, sizes)], axis=-1)
         seen = moocore.is_nondominated(means, keep_weakly=True)
         front = truth.front

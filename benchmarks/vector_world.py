@@ -10,6 +10,7 @@ one and with one of `SIZE`.
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -98,9 +99,9 @@ def main() -> None:
         "times_as_fast": round(alone_s / together_s, 1),
         "same_scores": alone == together,
     }
-    print(figures)
     if options.json:
         write_result(options.json, figures)
+    print(json.dumps(figures))
 
 
 if __name__ == "__main__":

@@ -180,36 +180,39 @@ class InTurn:
     """A PettingZoo `AECEnv` as a `ParallelEnv` in which one seat plays at a time: whose turn it is.
 
     A step tells rewards when a seat hears of them: with its next observation, or at its end.
+
+    Attributes:
+        environment: the `AECEnv`.
     """
 
     in_turn = True
 
     def __init__(self, environment: Any) -> None:
-        self._environment = environment
+        self.environment = environment
         self.possible_agents = list(environment.possible_agents)
         self.agents: list[Any] = []
         self.render_mode = getattr(environment, "render_mode", None)
 
     def observation_space(self, name: Any) -> Any:
-        return self._environment.observation_space(name)
+        return self.environment.observation_space(name)
 
     def action_space(self, name: Any) -> Any:
-        return self._environment.action_space(name)
+        return self.environment.action_space(name)
 
     def render(self) -> Any:
-        return self._environment.render()
+        return self.environment.render()
 
     def close(self) -> None:
-        self._environment.close()
+        self.environment.close()
 
     def reset(self, **seed: int) -> Any:
-        self._environment.reset(**seed)
+        self.environment.reset(**seed)
         observations, _, _, _, infos = self._heard()
         return observations, infos
 
     def step(self, actions: dict[str, Any]) -> Any:
         (action,) = actions.values()
-        self._environment.step(action)
+        self.environment.step(action)
         return self._heard()
 
     def _heard(self) -> Any:
@@ -220,14 +223,14 @@ class InTurn:
         cuts: dict[Any, bool] = {}
         infos: dict[Any, Any] = {}
         self.agents = []
-        while self._environment.agents:
-            name = self._environment.agent_selection
-            observation, reward, ends[name], cuts[name], infos[name] = self._environment.last()
+        while self.environment.agents:
+            name = self.environment.agent_selection
+            observation, reward, ends[name], cuts[name], infos[name] = self.environment.last()
             rewards[name] = rewards.get(name, 0.0) + reward
             if not (ends[name] or cuts[name]):
                 observations[name], self.agents = observation, [name]
                 break
-            self._environment.step(None)
+            self.environment.step(None)
         return observations, rewards, ends, cuts, infos
 
 

@@ -25,6 +25,7 @@ from nathlon.arena.world import Measure, Setup, World
 from nathlon.arena.world_finding import is_racing
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.environment import GymnasiumWorld, PettingZooWorld
+from nathlon.arena.worlds.host import InTurn
 from nathlon.arena.worlds.repeats import Elsewhere, Played, any_policy, differs, repeated, starts
 from nathlon.policies.sources import RANDOM
 from nathlon.sim.errors import InputError
@@ -346,17 +347,27 @@ def fairness(points: Floats) -> list[str]:
 
 
 def _tested(name: str, scenario: str, _: float) -> list[RehearsalFinding]:
-    """What PettingZoo's own tests say of an environment in this interpreter."""
     world = load_world(name)
     if not isinstance(world, PettingZooWorld) or isinstance(world, GymnasiumWorld) or world.foreign:
         return []
-    from pettingzoo.test import parallel_api_test, parallel_seed_test
+    return [RehearsalFinding(scenario, False, said) for said in farama_says(world, scenario)]
 
+
+def farama_says(world: PettingZooWorld, scenario: str) -> list[str]:
+    """What PettingZoo's own tests say of an environment in this interpreter, in sentences."""
+    from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+
+    def made() -> Any:
+        environment = world.made(scenario)
+        return environment.environment if isinstance(environment, InTurn) else environment
+
+    in_turn = isinstance(world.made(scenario), InTurn)
+    api, seeds = (api_test, seed_test) if in_turn else (parallel_api_test, parallel_seed_test)
     tests: dict[str, Callable[[], Any]] = {
-        "parallel_api_test": lambda: parallel_api_test(world.made(scenario), API_CYCLES),
-        "parallel_seed_test": lambda: parallel_seed_test(lambda: world.made(scenario), API_CYCLES),
+        api.__name__: lambda: api(made(), API_CYCLES),
+        seeds.__name__: lambda: seeds(made, API_CYCLES),
     }
-    findings = []
+    told = []
     for test, call in tests.items():
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
@@ -368,6 +379,6 @@ def _tested(name: str, scenario: str, _: float) -> list[RehearsalFinding]:
             except (Exception, SystemExit) as error:
                 said = f"fails: {type(error).__name__} ({error})"
             else:
-                said = f"passes, but warns: {warned[0].message}" if warned else "passes"
-        findings.append(RehearsalFinding(scenario, False, f"PettingZoo's {test} {said}."))
-    return findings
+                said = f"passes, but warns: {str(warned[0].message).rstrip('.')}" if warned else "passes"
+        told.append(f"PettingZoo's {test} {said}.")
+    return told

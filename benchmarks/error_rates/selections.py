@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from itertools import combinations
+from typing import NamedTuple
 
 import moocore
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from benchmarks.error_rates.noise import NOISES, Noise
 from benchmarks.error_rates.simulation import Case, Outcome
 from nathlon.arena.results import RESULTS
-from nathlon.arena.statistics import Floats, group_sums
+from nathlon.arena.statistics import Floats, group_sums, possible_ranks
 from nathlon.selection.battery.ranking import MARKS, rank_battery
-from nathlon.selection.pareto import nondominated_probability
+from nathlon.selection.pareto import nondominated_probability, surviving
 from nathlon.selection.pareto.filter import FilterSettings, undecided
 from nathlon.selection.pareto.objective import Measured
 from nathlon.selection.round_robin import TournamentSettings
@@ -33,9 +35,25 @@ POINTS, POINT_DEVIATION, FASTER = 500.0, 100.0, 150.0
 """Points of a test, from run to run, and by which the better one is better in each."""
 THREE, PAIR_DEVIATION, STRONGER, SWEPT = 3, 6.0, 9.0, 16.0
 """Entrants; points of a pair, by which the better one is better, and lost in a disaster."""
+EQUALS, RANGES = "equals have ranks", "ranges miss true ranks"
 
-LOOKED_FOR = 0.3
-"""Share of the round robins in which a better one is looked for as well: they take longest."""
+
+class Ranks(NamedTuple):
+    """The best and the worst rank (K,) that each of K entrants may have, as a verdict says."""
+
+    best: NDArray[np.int64]
+    worst: NDArray[np.int64]
+
+
+def ranges(said: Ranks) -> Outcome:
+    """Any range without a rank that is true where the first entrant is better than the others, all equal.
+
+    Found is the first, alone in the first rank.
+    """
+    first, others = (1, 1), (2, len(said.best))
+    true_best, true_worst = np.array([first, *[others] * (len(said.best) - 1)]).T
+    missed = bool((said.best > true_best).any() or (said.worst < true_worst).any())
+    return Outcome(float(missed), 1, float(said.worst[0] == 1))
 
 
 def filtered(rng: np.random.Generator, noise: Noise) -> Outcome:
@@ -60,7 +78,7 @@ def filtered(rng: np.random.Generator, noise: Noise) -> Outcome:
         if not again.any():
             break
         driven = np.where(again, 2 * driven, driven)
-    kept = probability >= FILTER.keep_probability
+    kept = surviving(probability, FILTER.keep_probability)
     front = moocore.is_nondominated(np.ascontiguousarray(truth.T), keep_weakly=True)
     others = ~front
     return Outcome(
@@ -70,8 +88,8 @@ def filtered(rng: np.random.Generator, noise: Noise) -> Outcome:
     )
 
 
-def battery_ranks(rng: np.random.Generator, noise: Noise, gain: float) -> list[int]:
-    """Ranks of entrants in their order, of whom the first is better by so many points in every test."""
+def battery_ranks(rng: np.random.Generator, noise: Noise, gain: float) -> Ranks:
+    """Ranks of entrants, of whom the first is better by so many points in every test."""
     shape = (SIX, TESTS, TEST_RUNS)
     points = POINTS + np.arange(TESTS)[:, None] / 3 + POINT_DEVIATION * noise.draw(rng, shape)
     points[0] += gain
@@ -89,17 +107,22 @@ def battery_ranks(rng: np.random.Generator, noise: Noise, gain: float) -> list[i
         },
         MARKS,
     ).filter(pl.Series(valid))
-    return rank_battery(marks, rng, resamples=2).sort("entrant")["rank"].to_list()
+    ranked = rank_battery(marks, rng, resamples=2).sort("entrant")
+    return Ranks(ranked["rank"].to_numpy(), ranked["worst_rank"].to_numpy())
 
 
 def battery(rng: np.random.Generator, noise: Noise) -> Outcome:
-    """Any of six equals ranked behind another; found is one that is better, alone in the first rank."""
-    equal, one_better = (battery_ranks(rng, noise, gain) for gain in (0.0, FASTER))
-    return Outcome(float(max(equal) > 1), 1, float(one_better[0] == 1 and min(one_better[1:]) > 1))
+    """Any of six equals ranked behind another."""
+    return Outcome(float(battery_ranks(rng, noise, 0.0).best.max() > 1), 1, None)
 
 
-def raced(rng: np.random.Generator, noise: Noise, gain: float) -> np.ndarray:
-    """(K, K) who is better than whom after a tournament in rounds, of whom the first scores more."""
+def battery_ranges(rng: np.random.Generator, noise: Noise) -> Outcome:
+    """See `ranges`."""
+    return ranges(battery_ranks(rng, noise, FASTER))
+
+
+def raced(rng: np.random.Generator, noise: Noise, gain: float) -> Ranks:
+    """Ranks after a tournament in rounds of entrants, of whom the first scores more."""
     names = [f"{number}" for number in range(THREE)]
     stopping = Stopping(TOURNAMENT.effect, TOURNAMENT.drop)
     open_ = {frozenset(two) for two in combinations(names, 2)}
@@ -116,7 +139,7 @@ def raced(rng: np.random.Generator, noise: Noise, gain: float) -> np.ndarray:
         results = pl.concat([results, *drawn])
         open_ -= settled(results, stopping, EQUAL)
     evidence = Evidence(results, EQUAL)
-    return better(evidence, 1 - repeated(CONFIDENCE, rounds))
+    return Ranks(*possible_ranks(better(evidence, 1 - repeated(CONFIDENCE, rounds))))
 
 
 def _pairs(
@@ -150,16 +173,20 @@ def _pairs(
 
 
 def round_robin(rng: np.random.Generator, noise: Noise) -> Outcome:
-    """Any of three equals ranked behind another; found, where it is looked for, is one better than both."""
-    false = float(raced(rng, noise, 0.0).any())
-    if rng.uniform() > LOOKED_FOR:
-        return Outcome(false, 1, None)
-    return Outcome(false, 1, float(raced(rng, noise, STRONGER)[0].sum() == THREE - 1))
+    """Any of three equals ranked behind another."""
+    return Outcome(float(raced(rng, noise, 0.0).best.max() > 1), 1, None)
+
+
+def round_robin_ranges(rng: np.random.Generator, noise: Noise) -> Outcome:
+    """See `ranges`."""
+    return ranges(raced(rng, noise, STRONGER))
 
 
 def cases() -> Iterator[Case]:
     """All of filter, battery and round robin."""
     for noise in NOISES:
         yield Case("filter", "loses of the front", noise.name, 0.10, partial(filtered, noise=noise))
-        yield Case("battery", "equals have ranks", noise.name, 0.05, partial(battery, noise=noise))
-        yield Case("round robin", "equals have ranks", noise.name, 0.05, partial(round_robin, noise=noise))
+        yield Case("battery", EQUALS, noise.name, 0.05, partial(battery, noise=noise))
+        yield Case("battery", RANGES, noise.name, 0.05, partial(battery_ranges, noise=noise))
+        yield Case("round robin", EQUALS, noise.name, 0.05, partial(round_robin, noise=noise))
+        yield Case("round robin", RANGES, noise.name, 0.05, partial(round_robin_ranges, noise=noise))

@@ -43,6 +43,7 @@ def pareto(
     from nathlon.reports.tables import as_texts
     from nathlon.results.summary import void_runs, voided
     from nathlon.selection.nightly.night import HEALTH
+    from nathlon.selection.pareto import lost_remark
     from nathlon.selection.pareto.filter import run_filter
     from nathlon.selection.single_run import single_run
     from nathlon.terminal.progress import stage_progress, worker_count
@@ -66,13 +67,14 @@ def pareto(
     with whole_file(files["csv"]) as csv, whole_file(files["parquet"]) as parquet:
         as_texts(table).write_csv(csv)
         table.write_parquet(parquet)
-    front = table.filter("survives")
+    front, remark = table.filter("survives"), lost_remark(table)
     not_judged = voided(answer.not_judged, {entrant.id: entrant.name for entrant in entrants})
     if as_json:
         summary = {
             **run.stages[-1].model_dump(),
             "front": front.to_dicts(),
             "not_judged": [one.model_dump() for one in not_judged],
+            "note": remark or None,
             "excluded": [asdict(one) for one in field.excluded],
             "files": {kind: str(path) for kind, path in files.items()},
         }
@@ -81,6 +83,8 @@ def pareto(
         _print_front(front, table.height, settings.pareto.objective)
         if void := int(answer.results["ending"].is_in(VOID_ENDINGS).sum()):
             say(void_runs(void, answer.results.height, not_judged))
+        if remark:
+            say(remark)
         say_set_aside(field.excluded)
         for file in files.values():
             say(str(file))

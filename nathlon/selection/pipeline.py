@@ -40,6 +40,7 @@ from nathlon.selection.config import Config
 from nathlon.selection.field import EntryList
 from nathlon.selection.forecasting import earlier, effect, forecast, habits_of
 from nathlon.selection.incident.hold import hold_incidents
+from nathlon.selection.pareto import lost_remark
 from nathlon.selection.pareto.filter import run_filter
 from nathlon.selection.round_robin import leaders, ranked_by_tests, run_round_robin
 from nathlon.selection.run import CONFIDENCE, Answer, Run
@@ -193,7 +194,7 @@ def _summary(
         most_void=_most_void(results, names),
         excluded=tuple(SetAside(**asdict(item)) for item in field.excluded),
         gone=tuple(SetAside(source=printable(each.source), reason=GONE, digest=each.id) for each in gone),
-        notes=remarks(field, deviation, run.otherwise),
+        notes=remarks(field, deviation, run.otherwise, lost_remark(tables["pareto"])),
         also={
             entrant.name: tuple(map(printable, entrant.also)) for entrant in field.entrants if entrant.also
         },
@@ -201,16 +202,19 @@ def _summary(
     )
 
 
-def remarks(field: EntryList, deviation: float | None, otherwise: str = "") -> tuple[str, ...]:
+def remarks(
+    field: EntryList, deviation: float | None, otherwise: str = "", lost: str = ""
+) -> tuple[str, ...]:
     """What is said of a run beside its verdict.
 
     Args:
         field: who took part.
         deviation: of a matchup's difference from unit to unit; None where nobody met twice.
         otherwise: what came otherwise when it was played again; '' where nothing did.
+        lost: what the filter may have left aside; '' where that is little.
     """
-    alike = deviation is not None and deviation < ALIKE_DEVIATION
-    return (*field.notes, *([ALIKE] if alike else []), *([otherwise] if otherwise else []))
+    alike = ALIKE if deviation is not None and deviation < ALIKE_DEVIATION else ""
+    return (*field.notes, *filter(None, (alike, otherwise, lost)))
 
 
 def _most_void(results: pl.DataFrame, names: dict[str, str]) -> MostVoid | None:

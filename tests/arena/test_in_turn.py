@@ -15,6 +15,7 @@ from nathlon.arena.watch import Watch
 from nathlon.arena.worlds.environment import GymnasiumWorld, PettingZooWorld
 from nathlon.arena.worlds.host import InTurn
 from nathlon.arena.worlds.player import Asking, idle
+from nathlon.arena.worlds.rehearsal import farama_says
 from nathlon.policies.general import load_general
 
 THREE = ("ann", "bob", "cid")
@@ -106,6 +107,16 @@ def test_who_is_out_plays_no_more_and_the_others_go_on(tmp_path: Path) -> None:
 
 def test_an_environment_in_turn_is_told_from_others() -> None:
     assert isinstance(PettingZooWorld({"rounds": Rounds}).made("rounds"), InTurn)
+
+
+def test_pettingzoo_tests_the_game_in_turn_itself() -> None:
+    from pettingzoo.classic import tictactoe_v3
+
+    said = farama_says(PettingZooWorld({"game": tictactoe_v3.env}, episode="game"), "game")
+    assert said == [
+        "PettingZoo's api_test passes, but warns: Observation numpy array is all zeros.",
+        "PettingZoo's seed_test passes.",
+    ]
 
 
 def test_random_moves_and_those_of_who_has_failed_are_legal() -> None:

@@ -65,6 +65,16 @@ def test_every_verdict_is_judged_under_every_noise() -> None:
         assert 0.0 <= outcome.false <= 1.0
 
 
+def test_a_range_that_is_too_narrow_is_seen() -> None:
+    def outcome(*said: tuple[int, int]) -> Outcome:
+        return selections.ranges(selections.Ranks(*np.array(said).T))
+
+    assert outcome((1, 1), (2, 3), (2, 3)) == Outcome(0.0, 1, 1.0)
+    assert outcome((1, 3), (1, 3), (1, 3)) == Outcome(0.0, 1, 0.0)
+    for narrow in ([(1, 1), (2, 2), (2, 3)], [(1, 1), (2, 3), (3, 3)], [(2, 3), (1, 3), (1, 3)]):
+        assert outcome(*narrow).false == 1.0
+
+
 def test_a_gate_that_counts_no_breakdowns_is_seen(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

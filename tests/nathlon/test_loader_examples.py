@@ -28,7 +28,13 @@ def played(world: Any, source: str) -> tuple[list[float], list[str]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "needs", "least"), [("recurrent", "torch", 16), ("jax_es", "jax", 1), ("rllib", "tree", 1)]
+    ("name", "needs", "least"),
+    [
+        ("recurrent", "torch", 16),
+        ("jax_es", "jax", 1),
+        ("rllib", "tree", 1),
+        ("tianshou_dqn", "tianshou", 1),
+    ],
 )
 def test_what_an_example_has_trained_plays(tmp_path: Path, name: str, needs: str, least: int) -> None:
     pytest.importorskip(needs)

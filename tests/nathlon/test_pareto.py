@@ -17,6 +17,7 @@ from nathlon.selection.pareto import (
     draw,
     draw_means,
     in_contention,
+    lost_remark,
     nondominated_probability,
     pareto,
 )
@@ -299,6 +300,21 @@ def test_those_never_on_the_front_are_left_out_without_a_difference() -> None:
     fronts = [moocore.is_nondominated(np.ascontiguousarray(points), keep_weakly=True) for points in draws]
     assert probability.tolist() == np.mean(fronts, axis=0).tolist()
     assert 3 < (probability > 0).sum() < 50
+
+
+def test_of_thousands_that_are_nearly_equal_some_survive_and_what_is_lost_is_said() -> None:
+    """Each is the best in far less than a twentieth of the draws."""
+    best = Objective(name="lap_s", measure="lap_s", source="time_trial")
+    rng, shape = seeded(), (1500, 2)
+    lap = 100.0 + np.linspace(0.0, 0.3, shape[0])[:, None] + rng.normal(0.0, 0.5, shape)
+    table = pareto(field(lap, np.zeros(shape), np.zeros(shape, int)), [best], rng)
+    probability, survives = table["nondominated_probability"].to_numpy(), table["survives"].to_numpy()
+    assert probability.max() < 0.05
+    assert probability[survives].sum() >= 0.5 * probability.sum()
+    assert 10 < survives.sum() < 300
+    assert "survivors hold 50% of the probability" in lost_remark(table)
+    assert lost_remark(table.with_columns(survives=True)) == ""
+    assert lost_remark(table.clear()) == ""
 
 
 def test_same_seed_gives_the_same_bytes_and_the_order_of_rows_does_not_matter() -> None:

@@ -26,6 +26,7 @@ NO_WEBGL = """() => {
   };
 }"""
 CONTACT_S = 20.0 / 3
+FOLLOWED = 1
 LOADED_S = 3600.0
 """Of the page's clock, by which it is loaded."""
 
@@ -109,29 +110,38 @@ def test_every_camera_draws_another_picture(browser: Browser, tmp_path: Path, lo
 def test_trackside_cameras_keep_the_followed_car_in_the_picture(
     browser: Browser, tmp_path: Path, log: RaceLog
 ) -> None:
-    """Where its label stands, there is its colour."""
-    watched = Watched(browser, tmp_path, log, 0.0, car=1)
-    watched.press("v")
-    colour = watched.page.locator("#order tr[aria-current] rect").get_attribute("fill")
-    assert colour is not None
-    own = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], float)
+    """Where its label stands is what changes with its paint, and nothing else does."""
+    paints = [tuple(team if car == FOLLOWED else 0 for car in range(len(log.names))) for team in (1, -1)]
+    pages = [tmp_path / name for name in ("own", "other")]
+    for folder in pages:
+        folder.mkdir()
+    own, other = (
+        Watched(browser, folder, replace(log, teams=teams), 0.0, car=FOLLOWED)
+        for folder, teams in zip(pages, paints, strict=True)
+    )
     cameras = set()
+    for watched in (own, other):
+        watched.press("v")
     for now_s in np.linspace(1.0, 19.0, 10):
-        watched.seek(float(now_s))
-        cameras.add(watched.camera())
-        label = watched.page.locator(".label.own").bounding_box()
-        view = watched.page.locator("#space").bounding_box()
+        for watched in (own, other):
+            watched.seek(float(now_s))
+        cameras.add(own.camera())
+        label = own.page.locator(".label.own").bounding_box()
+        view = own.page.locator("#space").bounding_box()
         assert label is not None
         assert view is not None
-        x, y = round(label["x"] - view["x"]), round(label["y"] - view["y"])
-        at_px = watched.page.evaluate("parseFloat(document.querySelector('.label.own').style.translate)")
-        assert x + label["width"] / 2 == pytest.approx(at_px, abs=1.0), "the label stands above its car"
-        around = watched.picture()[max(y, 0) : y + 90, max(x - 50, 0) : x + 58].reshape(-1, 3)
-        # Light changes how bright a colour is, haze and what paint reflects its hue somewhat.
-        cosine = around @ own / (np.linalg.norm(around, axis=1) * np.linalg.norm(own) + 1e-9)
-        assert (cosine > 0.96).sum() > 30, now_s
+        above = label["x"] - view["x"] + label["width"] / 2, label["y"] - view["y"]
+        at_px = own.page.evaluate("parseFloat(document.querySelector('.label.own').style.translate)")
+        assert above[0] == pytest.approx(at_px, abs=1.0), "the label stands above its car"
+        assert own.picture().any(axis=2).all(), "all places have light"
+        changed = np.abs(own.picture().astype(int) - other.picture()).max(axis=2) > 40
+        rows, columns = np.nonzero(changed)
+        assert len(rows) > 50, now_s
+        assert np.abs(columns - above[0]).max() < 30, now_s
+        assert np.abs(rows - above[1] - 35).max() < 18, now_s
     assert len(cameras) > 3
-    watched.close()
+    for watched in (own, other):
+        watched.close()
 
 
 def test_trackside_cameras_stand_outside_of_bends_and_near_enough(

@@ -14,12 +14,10 @@ from pydantic import TypeAdapter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from nathlon.arena.store import Store
+from nathlon.arena.store import FoundEntrant, Store
 from nathlon.lab.serve.work import (
-    FoundCheckpoint,
     NightRecord,
     WorkState,
-    found_checkpoints,
     night_records,
     work_state,
 )
@@ -27,8 +25,8 @@ from nathlon.lab.web.access import answer, headers
 
 JSON = "application/json"
 SEARCH = "search"
-LONGEST_SEARCH = 500
-"""Letters."""
+LONGEST_SEARCH, MOST_FOUND = 500, 200
+"""Letters, and checkpoints that a search finds at once."""
 
 
 class ApiPath(NamedTuple):
@@ -60,8 +58,8 @@ PATHS: dict[str, ApiPath] = {
     ),
     "checkpoints": ApiPath(
         "Checkpoints of all runs with a text in their name, path or id, the latest run's first; 200 at most.",
-        TypeAdapter(list[FoundCheckpoint]),
-        found_checkpoints,
+        TypeAdapter(list[FoundEntrant]),
+        lambda store, text: store.find_entrants(text, MOST_FOUND),
         searches=True,
     ),
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -18,9 +17,6 @@ from nathlon.results.part import ResultModel
 from nathlon.results.summary import Summary
 from nathlon.selection.nightly.night import NIGHT
 from nathlon.selection.run import STAGES
-
-MOST_FOUND = 200
-"""Checkpoints that a search finds at once."""
 
 
 class WorkerState(ResultModel):
@@ -114,24 +110,6 @@ class NightRecord(ResultModel):
     void: int
 
 
-class FoundCheckpoint(ResultModel):
-    """A checkpoint in a run; see `nathlon.arena.store.FoundEntrant`."""
-
-    run: str
-    began_at: str
-    entrant: str
-    name: str
-    source: str
-    algorithm: str
-    step: int | None
-    survives: bool | None
-    skill: float | None
-    rank: int | None
-    points_per_race: float | None
-    points_low: float | None
-    points_high: float | None
-
-
 def work_state(store: Store) -> WorkState:
     """What is at work now."""
     said, workers = control(store), at_work(store)
@@ -157,11 +135,6 @@ def night_records(store: Store) -> list[NightRecord]:
         _night(store, record, summaries.get(record.name), outcomes.get(record.name) or {})
         for record in reversed(nights)
     ]
-
-
-def found_checkpoints(store: Store, text: str) -> list[FoundCheckpoint]:
-    """Checkpoints of all runs with a text in their name, path or id, at most `MOST_FOUND`."""
-    return [FoundCheckpoint(**asdict(one)) for one in store.find_entrants(text, MOST_FOUND)]
 
 
 def _waiting(store: Store, digest: str, matches: int, first: str | None) -> WaitingMatches:

@@ -28,6 +28,12 @@ from nathlon.selection.pareto.objective import (
 
 STANDARD = (LAP, OFF_COURSE, CONTACTS)
 
+HELD = 0.5
+"""Share of all the probability to be on the front that survivors hold at least."""
+
+FEW_HELD = 0.9
+"""Of which survivors should hold more."""
+
 BORROWED_RUNS = 4
 """Runs that the pooled spread of the field counts as, beside an entrant's own."""
 
@@ -46,9 +52,10 @@ def pareto(
 
     An entrant survives if it is non-dominated in at least
     `keep_probability` of the draws of what everybody's objectives may truly be; see
-    `nondominated_probability`. Equal objectives do not dominate each other. An entrant that has no
-    value in an objective, came through none of the runs of a test, or cannot be judged since most of
-    them are void, neither survives nor dominates.
+    `nondominated_probability`. Of many that are nearly equal, nobody may be; so the fewest that hold `HELD`
+    of all this probability survive in any case. Equal objectives do not dominate each other. An entrant
+    that has no value in an objective, came through none of the runs of a test, or cannot be judged since
+    most of them are void, neither survives nor dominates.
     """
     runs = own_runs(results)
     measured = [measure(runs, objective) for objective in objectives]
@@ -66,14 +73,25 @@ def pareto(
     table = under_test(results)
     for column in columns:
         table = table.join(column, on="entrant", how="left", maintain_order="left")
+    table = table.with_columns(pl.col("nondominated_probability", "races").fill_null(0))
+    kept = surviving(table["nondominated_probability"].to_numpy(), keep_probability)
     return (
-        table.with_columns(pl.col("nondominated_probability", "races").fill_null(0))
-        .with_columns(
-            survives=(pl.col("nondominated_probability") >= keep_probability)
-            & ~pl.col("entrant").is_in(not_judged)
-        )
+        table.with_columns(survives=pl.Series(kept) & ~pl.col("entrant").is_in(not_judged))
         .select(PARETO.names())
         .cast(PARETO)
+    )
+
+
+def lost_remark(table: pl.DataFrame) -> str:
+    """What is said of a PARETO that leaves much of the front aside, in a sentence; '' of others."""
+    probability, survives = table["nondominated_probability"].to_numpy(), table["survives"].to_numpy()
+    held, everything = probability[survives].sum(), probability.sum()
+    if not everything or held >= FEW_HELD * everything:
+        return ""
+    return (
+        f"The filter's {survives.sum():,} survivors hold {held / everything:.0%} of the probability of "
+        f"being on the front: {table.height:,} entrants are too alike for so few races. Raise "
+        " pareto.most_races, or lower pareto.keep_probability."
     )
 
 
@@ -176,6 +194,11 @@ def _never_on_front(draws: Floats) -> NDArray[np.bool_]:
     no_worse = (rulers <= best[:, None]).all(axis=-1)
     better = (rulers < best[:, None]).any(axis=-1)
     return (no_worse & better).any(axis=1)
+
+
+def surviving(probability: Floats, keep_probability: float) -> NDArray[np.bool_]:
+    """Which of E entrants of a probability (E,) to be on the front survive; see `pareto`."""
+    return (probability >= keep_probability) | in_contention(probability, HELD)
 
 
 def in_contention(probability: Floats, share: float = 0.99) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ const WALL_M = 1.0;
 const ZONE = [150, 122, 62]; // where penalties are served
 const MEADOW = [92, 124, 66];
 const PLAIN_M = 3000;
+const PLAIN_PARTS = 24; // on a side, as haze is reckoned at corners
 const GROUND_PIECE_M = 120; // of the lap
 export const OUTSIDE_M = 90; // as far the land falls away behind a wall
 export const FALL_M = 9;
@@ -86,7 +87,8 @@ export function meadow({ wall_left: left, wall_right: right }) {
   const ends = (part) => [left, right].flatMap((wall) => [Math.min(...wall[part]), Math.max(...wall[part])]);
   const [[x, X], [y, Y], [z]] = ["x", "y", "z"].map((part) => [Math.min(...ends(part)), Math.max(...ends(part))]);
   const [west, east, south, north, low] = [x - PLAIN_M, X + PLAIN_M, y - PLAIN_M, Y + PLAIN_M, z - FALL_M - 3];
-  mesh.quad([west, south, low], [east, south, low], [east, north, low], [west, north, low], MEADOW, LOOK.grass, UP);
+  const at = (i, j) => [west + ((east - west) * i) / PLAIN_PARTS, south + ((north - south) * j) / PLAIN_PARTS, low];
+  for (let i = 0; i < PLAIN_PARTS; i++) for (let j = 0; j < PLAIN_PARTS; j++) mesh.quad(at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1), MEADOW, LOOK.grass, UP);
   hills(mesh, [(x + X) / 2, (y + Y) / 2, low], Math.hypot(X - x, Y - y) / 2);
   return mesh;
 }

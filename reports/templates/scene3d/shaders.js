@@ -15,7 +15,7 @@ out vec4 shade; out vec3 grain; out float clear;
 void main() {
   vec4 world = mat4(model0, model1, model2, model3) * vec4(place, 1.0);
   gl_Position = camera * world;
-  clear = exp(-gl_Position.w / ${HAZE_M}.0);
+  clear = exp(-max(gl_Position.w, 0.0) / ${HAZE_M}.0);
   shade = vec4(colour.rgb * mix(vec3(1.0), paint.rgb, accent.w), colour.a * mix(1.0, paint.a, accent.w));
   int look = int(facing.w + 0.5);
   grain = vec3(world.xy * 0.19, (look == ${LOOK.road} ? 0.2 : look == ${LOOK.grass} ? 0.42 : 0.0) * max(1.0 - gl_Position.w / 110.0, 0.0));
@@ -31,7 +31,7 @@ void main() {
   mat4 model = mat4(model0, model1, model2, model3);
   vec4 world = model * vec4(place, 1.0);
   gl_Position = camera * world;
-  clear = exp(-gl_Position.w / ${HAZE_M}.0);
+  clear = exp(-max(gl_Position.w, 0.0) / ${HAZE_M}.0);
   grain = vec3(0.0);
   int look = int(facing.w + 0.5);
   vec3 n = normalize(mat3(model) * facing.xyz);
