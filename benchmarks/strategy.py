@@ -27,6 +27,7 @@ from statistics import fmean
 from typing import Any
 
 import numpy as np
+import polars as pl
 
 import nathlon
 from benchmarks.result import write_result
@@ -112,7 +113,7 @@ def field(first: str, second: str, circuit: str, laps: int, seeds: Sequence[int]
         for turn in range(2)
     )
     results = run({PLANNER: first, "fixed": second}, f"{SCENARIO}:laps={laps}", circuit, races)
-    means = results.group_by("seed", "entrant").mean()
+    means = results.group_by("seed", "entrant").agg(pl.col("place").mean())
     return [
         {name: float(means.filter(seed=seed, entrant=name)["place"].item()) for name in (PLANNER, "fixed")}
         | {"hours": results.filter(seed=seed)["driven_s"].max() * 2 / 3600.0}
@@ -120,7 +121,7 @@ def field(first: str, second: str, circuit: str, laps: int, seeds: Sequence[int]
     ]
 
 
-def run(sources: Mapping[str, str], scenario: str, circuit: str, races: tuple[Race, ...]) -> Any:
+def run(sources: Mapping[str, str], scenario: str, circuit: str, races: tuple[Race, ...]) -> pl.DataFrame:
     """RESULTS of one match."""
     match = Match("race", "strategy", scenario, circuit, CAR, tuple(sources), tuple(sources.values()), races)
     return run_match(match, [load_policy(source, circuit, CAR) for source in sources.values()])
@@ -141,6 +142,7 @@ def measure(circuit: str, policy: str, laps: int, seeds: Sequence[int], folder: 
     fixed = {f"{stops} stops": even(model, laps, stops) for stops in STOPS}
     sources = {name: written(folder, policy, name, stints) for name, stints in fixed.items()}
     driven = alone({PLANNER: str(practised.planner)} | sources, circuit, laps, seeds)
+    print(circuit, json.dumps(driven), flush=True)
     best = min(sources, key=lambda name: fmean(driven[name]))
     began = time.perf_counter()
     places = field(str(practised.planner), sources[best], circuit, laps, seeds)

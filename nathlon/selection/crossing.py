@@ -38,7 +38,7 @@ def _parts(entrant: Entrant) -> tuple[str, str, str]:
     """Id and name of an entrant's policy, and its strategy."""
     source = entrant.source
     if not source.endswith(COMPOSITE) or source.endswith(ROLES):
-        return entrant.id, entrant.name, NO_STRATEGY
+        return entrant.id, stem(source), NO_STRATEGY
     composite = CompositeSource.read(Path(source))
     if len(composite.file.part) > 1:
         plain = composite.file.model_copy(update={"stint": (), "planner": None})

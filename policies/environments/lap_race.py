@@ -155,4 +155,4 @@ def _worn(compound: CompoundLaps, age: float) -> float:
     """Wear of tyres that have driven so many laps; beyond what was practised as in the last lap that was."""
     known = [0.0, *compound.wear]
     beyond = max(age - len(compound.wear), 0.0) * (known[-1] - known[-2])
-    return min(float(np.interp(age, np.arange(len(known)), known)) + beyond, 1.0)
+    return float(np.interp(age, np.arange(len(known)), known)) + beyond

@@ -38,8 +38,9 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
     with fuel for the fastest stint on it. The first action is taken on the grid and fits the car: 0 leaves
     it to the planner.
 
-    Observations, each from 0 to 1: laps to go; wear; fuel; the gaps to the leader, to the car ahead and to
-    the car behind over FARTHEST_S; the place; one number a compound, 1 for that on the car.
+    Observations, each from 0 to 1: laps to go; wear, 1 is the most that was practised; fuel; the gaps to the
+    leader, to the car ahead and to the car behind over FARTHEST_S; the place; one number a compound, 1 for
+    that on the car.
 
     The reward is what a lap takes longer than the model's fastest, s, negative. An episode is terminated at
     the finish, or without fuel.
@@ -76,6 +77,7 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
         self._tank_kg = load_car(car).fuel.capacity_kg
         self._names = [compound.name for compound in self._model.compound]
         self._fastest_s = min(min(compound.lap_s) for compound in self._model.compound)
+        self._worn = max(compound.wear[-1] for compound in self._model.compound)
         self.observation_space = Box(0.0, 1.0, (7 + len(self._names),), np.float32)
         self.action_space = Discrete(1 + len(self._names))
         self.render_mode = render_mode
@@ -142,7 +144,7 @@ class StrategyEnv(gymnasium.Env[Observation, np.int64]):
         near = [ahead.max(initial=0.0), ahead.min(initial=FARTHEST_S), behind.min(initial=FARTHEST_S)]
         numbers = [
             (self._laps - race.lap) / self._laps,
-            race.wear[self._car],
+            race.wear[self._car] / self._worn,
             race.fuel_kg[self._car] / self._tank_kg,
             *(gap / FARTHEST_S for gap in near),
             place / max(self._cars - 1, 1),

@@ -212,3 +212,11 @@ def test_a_planner_begins_as_the_fastest_plan() -> None:
         tank_kg=80.0,
     )
     assert StintPlanner(stint_model(model)).start(wall) == best.stints[0].service
+
+
+def test_a_model_in_a_file_has_new_tyres_that_are_a_little_faster_than_old_ones() -> None:
+    """Practice does not part them from start and stop; sums over races stay."""
+    kept = stint_model(fit(practised(8, 0.0, np.random.default_rng(1))))
+    assert kept.start_s + kept.compound[0].lap_s[0] == pytest.approx(START_S + lap_s(0, 1, 0.0), abs=1e-3)
+    assert kept.stop_s + kept.compound[1].lap_s[0] == pytest.approx(STOP_S + lap_s(1, 1, 0.0), abs=1e-3)
+    assert kept.stop_s == pytest.approx(STOP_S, abs=3.0)
