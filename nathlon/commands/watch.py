@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +15,9 @@ from nathlon.commands.options import AsJson, ConfigFile, Workers
 from nathlon.commands.selection import stoppable
 from nathlon.sim.errors import InputError
 from nathlon.terminal import print_json, warn
+
+if TYPE_CHECKING:
+    from nathlon.selection.nightly.night import Night
 
 
 def watch(
@@ -38,41 +42,56 @@ def watch(
 
     settings = read_config(config)
     nights: list[dict[str, Any]] = []
-    news, quiet, looked = time.monotonic(), "", False
-    trouble: InputError | None = None
     try:
         with stoppable("The same command goes on."):
-            while True:
-                try:
-                    night = hold_night(settings, workers, as_json, most)
-                except InputError as error:
-                    # A disk or an address that was there may be away for a while.
-                    if not looked:
-                        raise
-                    trouble, reason = error, f"{error}."
+            for night in _held(lambda: hold_night(settings, workers, as_json, most), every, wait):
+                done = tell_night(night, settings, as_json)
+                if as_json:
+                    nights.append(facts(done, settings))
                 else:
-                    looked, trouble, reason = True, None, night.reason
-                    if night.counts:
-                        done = tell_night(night, settings, as_json)
-                        if as_json:
-                            nights.append(facts(done, settings))
-                        else:
-                            say_outcome(done)
-                            sys.stdout.flush()
-                        told(settings, done.night)
-                        news, quiet = time.monotonic(), ""
-                        continue
-                if wait is not None and time.monotonic() - news >= wait:
-                    break
-                if quiet != reason:
-                    quiet = reason
-                    warn(f"{quiet} Looking again every {every:g} s.")
-                time.sleep(every if wait is None else min(every, wait))
-        if trouble is not None:
-            raise trouble
+                    say_outcome(done)
+                    sys.stdout.flush()
+                told(settings, done.night)
     except BaseException:
-        if as_json and nights:
+        if nights:
             print_json({"nights": nights})
         raise
     if as_json:
         print_json({"nights": nights})
+
+
+def _held(hold: Callable[[], Night], every: float, wait: float | None) -> Iterator[Night]:
+    """The nights of which there is something to tell.
+
+    Args:
+        hold: holds one, or finds nothing new.
+        every: seconds between two looks while nothing is new.
+        wait: seconds without news after which there are no more; None for ever.
+
+    Raises:
+        InputError: if the first look fails, or the last.
+    """
+    news, said, looked = time.monotonic(), "", False
+    while True:
+        trouble: InputError | None = None
+        try:
+            night = hold()
+        except InputError as error:
+            # A disk or an address that was there may be away for a while.
+            if not looked:
+                raise
+            trouble, reason = error, f"{error}."
+        else:
+            looked, reason = True, night.reason
+            if night.counts:
+                yield night
+                news, said = time.monotonic(), ""
+                continue
+        if wait is not None and time.monotonic() - news >= wait:
+            if trouble is not None:
+                raise trouble
+            return
+        if said != reason:
+            said = reason
+            warn(f"{said} Looking again every {every:g} s.")
+        time.sleep(every if wait is None else min(every, wait))

@@ -109,6 +109,11 @@ def test_a_pack_that_tells_half_of_it_is_found(night: Path, store: Store, tmp_pa
 
         return changed
 
+    def no_stage(listed: list[Any]) -> None:
+        listed[0]["spec"]["stage"] = []
+        text = json.dumps(listed[0]["spec"], sort_keys=True)
+        listed[0]["key"] = hashlib.sha256(text.encode()).hexdigest()
+
     def a_bare_specification(listed: list[Any]) -> None:
         listed[0]["spec"] = {"world": "racing", "stage": "tournament"}
         text = json.dumps(listed[0]["spec"], sort_keys=True)
@@ -123,6 +128,8 @@ def test_a_pack_that_tells_half_of_it_is_found(night: Path, store: Store, tmp_pa
             "every row",
         ),
         (matches(a_bare_specification), "its matches cannot be read"),
+        (matches(no_stage), "its matches cannot be read"),
+        (matches(lambda listed: listed[0]["results"].update(points=[10**400] * 8)), "cannot be read"),
         (lambda files: files.update({"entrants.json": b"[" * 100_000}), "its matches cannot be read"),
         (lambda files: files.update({"a": b"", "a/b": b""}), r"'a/b' cannot be unpacked"),
         (lambda files: files.update({"a" * 300: b""}), "cannot be unpacked: File name too long"),

@@ -160,8 +160,10 @@ def _read(path: Path, files: Mapping[str, bytes], here: Path) -> tuple[list[Fini
 def _match(packed: PackedMatch) -> Finished:
     with suppress(InputError):  # of another version of nathlon
         Match.from_spec(packed.spec, {})
-    results = pl.DataFrame(packed.results, schema=RESULTS)
-    return Finished(packed.key, packed.spec["stage"], packed.spec, results, packed.processor)
+    results, stage = pl.DataFrame(packed.results, schema=RESULTS), packed.spec["stage"]
+    if not isinstance(stage, str):
+        raise TypeError(f"stage is {stage!r}")
+    return Finished(packed.key, stage, packed.spec, results, packed.processor)
 
 
 def _check_worlds(path: Path, matches: Collection[Finished], worlds: Collection[str]) -> None:
