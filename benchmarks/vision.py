@@ -1,7 +1,7 @@
 """Speed of the camera, and how well a policy races by what it sees, beside the champion of its circuit.
 
-Run as `python -m benchmarks.vision [--json FILE] [--races N] [CHECKPOINT ...]`, by default with all bundled
-checkpoints that see; the last line of the output is one JSON object:
+Run as `python -m benchmarks.vision [--json FILE] [--races N] [CHECKPOINT ...]`, by default with all of
+`benchmarks.ladders` that see; the last line of the output is one JSON object:
 
 - `pictures_per_s`: pictures of 64 x 64 x 3 with eight cars in each race, from the cockpit, a CPU second;
 - `observations_per_s`: full observations in numbers of the same cars at the same moments, a CPU second;
@@ -35,6 +35,7 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.champions import places, race_match
+from benchmarks.ladders import ladder
 from benchmarks.result import write_result
 from benchmarks.time_trial import FLYING, drive_alone
 from benchmarks.world import BATCH, CAR, CIRCUIT, SCENARIOS, SPEC, seats, trained_drive
@@ -116,11 +117,6 @@ def action_ms(policy: Policy, cars: int) -> float:
     return round(float(np.median(times)) / cars * 1000, 3)
 
 
-def seeing() -> list[Path]:
-    """The bundled checkpoints that see by a camera."""
-    return [path for path in sorted(BUNDLED.rglob("*.safetensors")) if read_card(path).vision]
-
-
 def agents(paths: Sequence[Path], races: int, console: Console) -> Figures:
     """Figures of checkpoints that see, by name."""
     found: Figures = {}
@@ -150,7 +146,7 @@ def main() -> None:
         "ratio": round(pictures[list(MOUNTS).index(camera.mount)] / numbers, 1),
         "pictures_per_s_by_mount": rates,
         "size": [camera.width, camera.height, camera.channels],
-        "agents": agents(chosen.checkpoints or seeing(), chosen.races, console),
+        "agents": agents(chosen.checkpoints or ladder("sight"), chosen.races, console),
     }
     if chosen.json:
         write_result(chosen.json, figures)

@@ -105,8 +105,8 @@ def train(
             if settings.imitation is None:
                 trainer = Trainer.start(folder, _with_coach(settings, coach), seed, start, device)
             else:
-                _check_imitation(start, coach, device, engine)
-                trainer = Imitation.start(folder, settings, seed)
+                _check_imitation(coach, device, engine)
+                trainer = Imitation.start(folder, settings, seed, start)
         _check_workers(trainer.config, engine)
         beside = trainer.config.workers if engine == "local" else 0
         # Two threads of matrix products beside a busy process are slower than one.
@@ -150,10 +150,9 @@ def _resumed(folder: Path, device: Device) -> Trainer | Imitation:
     return Imitation.resume(folder)
 
 
-def _check_imitation(start: Path | None, coach: Sequence[str | Path], device: Device, engine: str) -> None:
+def _check_imitation(coach: Sequence[str | Path], device: Device, engine: str) -> None:
     """Refuse what only learning from rewards knows."""
     for name, given in (
-        ("origin", start is not None),
         ("coach", bool(coach)),
         ("device", device != "cpu"),
         ("engine", engine != "local"),

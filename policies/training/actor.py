@@ -14,6 +14,7 @@ from torch.optim.adam import adam
 
 from nathlon.policies.checkpoint import ENCODER
 from nathlon.policies.mlp import EncodedMlp, Mlp
+from nathlon.policies.policy import Batch, Observations
 
 LEAST_SLOPE, UTMOST = 0.1, 0.9993
 """Of the tangent, and the action beyond which it has its own."""
@@ -129,6 +130,10 @@ class Actor(Trained):
         if not self.encoder:
             return trunk
         return EncodedMlp(Mlp(_arrays(self.encoder), "relu", "relu"), trunk, self._facts)
+
+    def inputs(self, seen: Observations, memory: Batch) -> tuple[Tensor, ...]:
+        """What `means` takes, for observations (n, size); nothing is remembered."""
+        return (torch.from_numpy(seen),)
 
     def means(self, seen: Tensor) -> Tensor:
         """Mean actions (n, 2) for observations (n, size)."""

@@ -28,7 +28,7 @@ from nathlon.policies.training.polish_state import PolishState, load_state, save
 from nathlon.policies.training.pupil import NumbersPupil, Pupil, Rows
 from nathlon.policies.training.run_folder import CHECKPOINTS, make_run_folder, read_run_folder
 from nathlon.policies.training.seeing_pupil import SeeingPupil
-from nathlon.policies.training.state import read_tensors, write_tensors
+from nathlon.policies.training.state import STATE_FILE, read_tensors, write_tensors
 from nathlon.sim.errors import InputError
 from nathlon.sim.scenario import load_scenario
 from nathlon.sim.whole_file import writing
@@ -85,13 +85,25 @@ class Imitation:
         return SeeingPupil(self._card, self._settings, batch, teacher.observation_spec.size, rng)
 
     @classmethod
-    def start(cls, folder: Path, config: TrainingConfig, seed: int) -> Imitation:
+    def start(cls, folder: Path, config: TrainingConfig, seed: int, origin: Path | None = None) -> Imitation:
         """Begin a run in a new folder.
 
+        Args:
+            folder: of the run.
+            config: what it is made of.
+            seed: of all randomness.
+            origin: folder of another run of imitation, whose pupil goes on.
+
         Raises:
-            InputError: if the folder already holds a run or cannot be made.
+            InputError: if the folder already holds a run or cannot be made, or the other run has no state or
+                another network.
         """
         run = cls(folder, config, seed)
+        if origin is not None:
+            state = load_state(origin, {}) if (origin / STATE_FILE).exists() else None
+            if state is None:
+                raise InputError(f"{origin}: no run of imitation to start from")
+            run._take(origin, state)
         make_run_folder(folder, config, seed)
         return run
 
@@ -105,13 +117,17 @@ class Imitation:
         run = cls(folder, *read_run_folder(folder))
         state = load_state(folder, run._facts)
         if state:
-            try:
-                run._pupil.trained.load(state.learner)
-            except ValueError as error:
-                raise InputError(f"{folder}: of another run: {error}") from None
+            run._take(folder, state)
             run._rounds, run.updates, run.transitions = state.rounds, state.updates, state.transitions
             run._weights, run._curve = state.weights, state.curve
         return run
+
+    def _take(self, folder: Path, state: PolishState) -> None:
+        """Go on with the tensors of a run in a folder."""
+        try:
+            self._pupil.trained.load(state.learner)
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{folder}: of another run: {error}") from None
 
     def run(
         self, on_status: Callable[[Status], None], on_pair: Callable[[int, int], None] = lambda *_: None

@@ -20,7 +20,7 @@ from nathlon.policies.policy import Observations, Policy
 from nathlon.policies.sources import DRIVER
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.demonstration import NOISE
-from nathlon.policies.training.mistakes import out_of_control
+from nathlon.policies.training.mistakes import Mistakes, out_of_control
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.population import Population
 from nathlon.policies.training.processes import start_processes
@@ -150,7 +150,8 @@ def instruct(
     if env.others:
         who = population.draw(rollouts.races * env.others, rng)
         env.seat(range(rollouts.races), who.reshape(rollouts.races, env.others))
-    lesson = _Lesson(env, Teacher(name, pair, env), policy, planned.taught, rng)
+    teacher = Teacher(name, pair, env)
+    lesson = _Lesson(env, teacher, policy, planned.taught, learners, rollouts.mistakes, rng)
     for _ in range(round(config.imitation.length_s / episodes.step_s)):
         lesson.step()
         if config.imitation.patience_s is not None:
@@ -167,9 +168,12 @@ class _Lesson:
         teacher: Teacher,
         policy: Policy,
         taught: float,
+        learners: NDArray[np.int64],
+        again: float,
         rng: np.random.Generator,
     ) -> None:
         self._env, self._teacher, self._policy, self._rng = env, teacher, policy, rng
+        self._mistakes, self._again = Mistakes(env.episodes, learners), again
         cars = len(env.cars)
         self._memory = policy.initial_memory(cars)
         self._noted: list[Drive] = []
@@ -181,7 +185,13 @@ class _Lesson:
     def _start(self, races: NDArray[np.int64]) -> None:
         env, episodes = self._env, self._env.episodes
         seeds = self._rng.integers(2**63, size=len(races)).tolist()
-        env.start(races.tolist(), map(np.random.default_rng, seeds))
+        again = {
+            race: self._mistakes.draw(self._rng)
+            for race in races.tolist()
+            if len(self._mistakes) and self._rng.random() < self._again
+        }
+        env.start(races.tolist(), map(np.random.default_rng, seeds), again)
+        self._mistakes.restart(races.tolist())
         episodes.world.state["finish"], episodes.limit_s[:] = np.inf, np.inf
         anew = np.flatnonzero(np.isin(env.races, races))
         self._memory[anew] = self._policy.initial_memory(len(anew))
@@ -207,6 +217,8 @@ class _Lesson:
         self._memory, self._begun[:] = memory, False
         env.step(np.clip(actions, -1.0, 1.0))
         self._gone += self._cars["progress"] - before["progress"]
+        if self._again:
+            self._mistakes.watch()
 
     def begin_anew(self, patience_s: float) -> None:
         """Start the races again in which all cars of the policy have been out of control for so long."""

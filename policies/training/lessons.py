@@ -7,14 +7,15 @@ so that many rounds change no more elsewhere than one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch.nn.functional import smooth_l1_loss
 
+from nathlon.policies.policy import Policy
 from nathlon.policies.training.actor import Actor
+from nathlon.policies.training.seeing_actor import SeeingActor
 from nathlon.policies.training.trial import Driven
 
 PASSES = 6
@@ -24,12 +25,10 @@ HELD = 8
 NEAR = 0.01
 """Error of an action up to which it counts by its square, and beyond which in proportion."""
 
-Array = NDArray[np.float32]
-
 
 def study(
-    actor: Actor,
-    origin: Callable[[Array], Array],
+    actor: Actor | SeeingActor,
+    origin: Policy,
     driven: Sequence[Driven],
     rate: float,
     batch: int,
@@ -39,7 +38,7 @@ def study(
 
     Args:
         actor: has driven, and is taught.
-        origin: actions (n, 2) before it was, for observations (n, size).
+        origin: the policy before it was.
         driven: with lessons, which are nan where the actor is to stay.
         rate: of Adam.
         batch: rows of a minibatch.
@@ -48,19 +47,22 @@ def study(
     Returns:
         how many updates that made.
     """
-    seen = np.concatenate([each.seen for each in driven])
+    seen, memory = (np.concatenate([each[part] for each in driven]) for part in range(2))
     lessons = np.concatenate([each.lesson for each in driven])
     taught = np.isfinite(lessons).all(axis=1)
     told, others = np.flatnonzero(taught), np.flatnonzero(~taught)
     if not len(told):
         return 0
     held = rng.choice(others, min(HELD * len(told), len(others)), replace=False)
-    lessons[held] = origin(seen[held])
+    lessons[held], _ = origin.act(seen[held], memory[held])
     rows = np.concatenate([told, held])
-    inputs, targets = torch.from_numpy(seen[rows]), torch.from_numpy(lessons[rows])
+    inputs, targets = actor.inputs(seen[rows], memory[rows]), torch.from_numpy(lessons[rows])
     updates = 0
     for _ in range(PASSES):
         for chosen in torch.split(torch.from_numpy(rng.permutation(len(rows))), batch):
-            actor.step(smooth_l1_loss(actor.means(inputs[chosen]), targets[chosen], beta=NEAR), rate)
+            actor.step(
+                smooth_l1_loss(actor.means(*(each[chosen] for each in inputs)), targets[chosen], beta=NEAR),
+                rate,
+            )
             updates += 1
     return updates

@@ -24,11 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.checkpoint import (
+    SeeingPolicy,
     checkpoint_id,
-    load_checkpoint,
+    open_checkpoint,
     read_checkpoint,
     save_checkpoint,
 )
+from nathlon.policies.policy import Memoryless, Policy
 from nathlon.policies.replay_buffer.tables import apportion
 from nathlon.policies.training.actor import Actor
 from nathlon.policies.training.config import TrainingConfig
@@ -37,6 +39,7 @@ from nathlon.policies.training.lessons import study
 from nathlon.policies.training.pairs import PairDraw, ready_pairs
 from nathlon.policies.training.polish_state import CURVE, PolishState, load_state, save_state, write_curve
 from nathlon.policies.training.proximal import improve
+from nathlon.policies.training.seeing_actor import SeeingActor
 from nathlon.policies.training.state import STATE_FILE
 from nathlon.policies.training.trial import Driven
 from nathlon.policies.training.trial_pool import TrialPool, TrialSetup
@@ -110,8 +113,12 @@ class Polish:
             "seed": str(seed),
         }
         self._weights: NDArray[np.float64] | None = None
-        self._origin = load_checkpoint(checkpoint).network
-        self._actor = Actor(self._origin)
+        self._origin = open_checkpoint(checkpoint)
+        self._actor = (
+            SeeingActor(self.card, self._tensors)
+            if isinstance(self._origin, SeeingPolicy)
+            else Actor(self._origin.network)
+        )
         self.rounds = self.updates = self.transitions = 0
         self._curve = np.zeros((0, len(CURVE)))
         state = load_state(folder, self._facts)
@@ -167,7 +174,7 @@ class Polish:
         """Drive, and improve on it; the mean reward of a car."""
         rng = np.random.default_rng([self._seed, self.rounds])
         plans = self._plans(rng)
-        drives = list(pool.drive(plans, self._actor.network))
+        drives = list(pool.drive(plans, self._policy))
         for plan, drive in zip(plans, drives, strict=True):
             if drive.alone:
                 self._draw.note(plan.pair, drive.speed)
@@ -179,6 +186,13 @@ class Polish:
         self._actor.average(max(1.0 / self.rounds, AVERAGED))
         self.transitions += sum(drive.steps for drive in drives)
         return float(np.average([drive.reward for drive in drives], weights=[drive.cars for drive in drives]))
+
+    @property
+    def _policy(self) -> Policy:
+        """As it is, to drive with."""
+        if isinstance(self._actor, SeeingActor):
+            return self._actor.policy
+        return Memoryless(self.card.observation, self._actor.network)
 
     def _learn(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> int:
         settings = self._config.polish
@@ -216,7 +230,7 @@ class Polish:
         path = self._folder / "checkpoints" / f"round-{self.rounds:05d}.safetensors"
         with writing(path):
             save_checkpoint(path, tensors, card)
-        policy = load_checkpoint(path)
+        policy = open_checkpoint(path)
         laps = mean_laps(evaluate_laps(pair, policy, self._seed) for pair in self._evaluated)
         row = [[self.rounds, card.step, card.transitions, reward, laps.lap_s, laps.off_course_share]]
         self._curve = np.concatenate([self._curve, row])

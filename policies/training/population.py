@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nathlon.policies.apart import load_guest
-from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.checkpoint import open_checkpoint
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import PAST, SELF, Opponent
 from nathlon.policies.training.pairs import Pair
@@ -64,7 +64,7 @@ class Population:
                 self.policies[index] = current
                 changed.append(index)
             elif name == PAST and renewed:
-                self.policies[index] = load_checkpoint(past[int(rng.integers(len(past)))])
+                self.policies[index] = open_checkpoint(past[int(rng.integers(len(past)))])
                 changed.append(index)
         self._past = tuple(past)
         return changed

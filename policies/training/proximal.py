@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from nathlon.policies.training.actor import Actor
+from nathlon.policies.training.seeing_actor import SeeingActor
 from nathlon.policies.training.trial import Driven
 
 CLIP = 0.2
@@ -16,7 +17,7 @@ CLIP = 0.2
 
 
 def improve(
-    actor: Actor,
+    actor: Actor | SeeingActor,
     driven: Sequence[Driven],
     deviation: Sequence[float],
     rate: float,
@@ -36,13 +37,12 @@ def improve(
     Returns:
         how many updates that made.
     """
-    seen, means, noise, advantage, _ = (
-        torch.from_numpy(np.concatenate(parts)) for parts in zip(*driven, strict=True)
-    )
+    seen, memory, *told = (np.concatenate(parts) for parts in zip(*driven, strict=True))
+    inputs, (means, noise, advantage, _) = actor.inputs(seen, memory), map(torch.from_numpy, told)
     order = torch.from_numpy(rng.permutation(len(seen)))
     batches = max(1, len(order) // batch)
     for rows in order[: batches * batch].chunk(batches):
-        moved = (actor.means(seen[rows]) - means[rows]) / torch.tensor(deviation)
+        moved = (actor.means(*(each[rows] for each in inputs)) - means[rows]) / torch.tensor(deviation)
         actor.step(proximal_loss(moved, noise[rows], advantage[rows]), rate)
     return batches
 

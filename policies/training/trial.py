@@ -10,15 +10,16 @@ is one. Then each race has a start of its own: lessons want many places, not man
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nathlon.policies.checkpoint import load_checkpoint
+from nathlon.policies.checkpoint import open_checkpoint
 from nathlon.policies.environments.opponents import OpponentWrapper
+from nathlon.policies.policy import Observations, Policy
 from nathlon.policies.training.advantage import advantages, discounted
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.failures import Failure, Failures
@@ -45,14 +46,14 @@ BOLDNESS, KEPT = 2.0, 0.8
 MOTION = ("x", "y", "yaw", "world_velocity_x", "world_velocity_y", "yaw_rate", "steering", "shifting")
 
 Array = NDArray[np.float32]
-Act = Callable[[Array], Array]
 
 
 class Driven(NamedTuple):
     """What was done in a trial, a row for each step of each car.
 
     Attributes:
-        seen: (n, size) float32, observations.
+        seen: (n, ..) observations.
+        memory: (n, m) float32, what was remembered of what was before.
         means: (n, 2) float32, actions without noise.
         noise: (n, 2) float32, of the actions, in deviations; where it was bolder, over the square of the
             boldness, since that is what the gradient of its density goes by.
@@ -60,7 +61,8 @@ class Driven(NamedTuple):
         lesson: (n, 2) float32, what the teacher would have done; nan where nobody asks.
     """
 
-    seen: Array
+    seen: Observations
+    memory: Array
     means: Array
     noise: Array
     advantage: Array
@@ -112,7 +114,7 @@ class Trial:
         learners = learners_of(rollouts, scenario.cars)
         opponents = (rollouts.opponents or config.opponents) if len(learners) < scenario.cars else ()
         self._population = Population(opponents, pair)
-        policy = load_checkpoint(checkpoint)
+        policy = open_checkpoint(checkpoint)
         self._population.meet(policy, (checkpoint,), np.random.default_rng(0))  # nothing to choose from
         self._env = OpponentWrapper(
             self._episodes, learners.tolist(), policy.observation_spec, self._population.policies
@@ -124,27 +126,27 @@ class Trial:
         teacher = config.polish.teacher
         self._teacher = Teacher(teacher, pair, self._env) if teacher else None
 
-    def drive(self, act: Act, rng: np.random.Generator) -> Drive:
+    def drive(self, policy: Policy, rng: np.random.Generator) -> Drive:
         """Drive all races once, with noise; then some again, from moments before what went wrong.
 
         Args:
-            act: actions (n, 2) without noise for observations (n, size).
+            policy: drives, as its actions are without noise.
             rng: draws starts, opponents, noise, and what is driven again.
         """
         self._start(rng)
         failures = Failures(self._episodes, self._env.races, self._env.cars, rng) if self._again else None
-        first = self._drive(HORIZON_S, act, rng, failures=failures)
+        first = self._drive(HORIZON_S, policy, rng, failures=failures)
         again = failures.draw(self._again) if failures else []
         if not again:
             return first
         self._start_again(again)
-        more = self._drive(AGAIN_S, act, rng, BOLDNESS, KEPT)
+        more = self._drive(AGAIN_S, policy, rng, BOLDNESS, KEPT)
         return first._replace(driven=first.driven + more.driven, steps=first.steps + more.steps)
 
     def _drive(
         self,
         length_s: float,
-        act: Act,
+        policy: Policy,
         rng: np.random.Generator,
         boldness: float = 1.0,
         kept: float = 0.0,
@@ -154,7 +156,9 @@ class Trial:
         step_s = self._episodes.step_s
         length, until = round(length_s / step_s), round((length_s - UNTOLD_S) / step_s)
         shape = (length, self._cars)
-        seen = np.empty((*shape, self._env.seen.shape[1]), np.float32)
+        seen = np.empty((length, *self._env.seen.shape), self._env.seen.dtype)
+        now = policy.initial_memory(self._cars)
+        memory = np.empty((length, *now.shape), np.float32)
         means, lessons = np.empty((*shape, 2), np.float32), np.full((*shape, 2), np.nan, np.float32)
         noise = lasting(rng.standard_normal((*shape, 2), np.float32), kept)
         rewards, charges, driving = np.empty(shape), np.empty(shape), np.empty(shape, np.bool_)
@@ -164,7 +168,8 @@ class Trial:
             cars = self._episodes.world.state[self._env.races, self._env.cars]
             motion[step] = np.stack([cars[name] for name in MOTION], axis=-1)
             driving[step] = cars["driving"]
-            seen[step], means[step] = self._env.seen, act(self._env.seen)
+            seen[step], memory[step] = self._env.seen, now
+            means[step], now = policy.act(self._env.seen, now)
             if self._teacher:
                 lessons[step] = self._teacher.lesson(cars)
             rewards[step], charges[step] = self._step(
@@ -181,8 +186,9 @@ class Trial:
             advantage = advantages(*(self._grouped(each[:until]) for each in (returns, charges, motion)))
             advantage = np.moveaxis(advantage, -1, 1).reshape(told.shape)[told]
             advantage /= np.maximum(advantage.std(), np.finfo(np.float32).tiny)
-        seen, means, noise, lessons = (each[:until][told] for each in (seen, means, noise, lessons))
-        driven = Driven(seen, means, noise / boldness, advantage.astype(np.float32), lessons)
+        seen, memory = seen[:until][told], memory[:until][told]
+        means, noise, lessons = (each[:until][told] for each in (means, noise, lessons))
+        driven = Driven(seen, memory, means, noise / boldness, advantage.astype(np.float32), lessons)
         speed = float((self._progress - begun).mean()) / length_s
         return Drive((driven,), reward, speed, int(driving.sum()), self._cars, self._alone)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nathlon.policies.mlp import EncodedMlp, Mlp
+from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import Rollouts, TrainingConfig
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.processes import start_processes
@@ -47,17 +47,17 @@ class TrialPool:
         self._config, self._checkpoint = config, checkpoint
         self._processes = start_processes(config.workers) if config.workers else None
 
-    def drive(self, plans: Sequence[TrialSetup], network: Mlp | EncodedMlp) -> Iterator[Drive]:
+    def drive(self, plans: Sequence[TrialSetup], policy: Policy) -> Iterator[Drive]:
         """What comes of each of the trials, in their order.
 
         Args:
             plans: the trials.
-            network: of the policy.
+            policy: drives.
 
         Raises:
             InputError: if a trial cannot be made, or a process has ended.
         """
-        drive = partial(_drive, self._config, self._checkpoint, network)
+        drive = partial(_drive, self._config, self._checkpoint, policy)
         if self._processes is None:
             yield from map(drive, plans)
             return
@@ -74,6 +74,6 @@ class TrialPool:
             self._processes.shutdown(cancel_futures=True)
 
 
-def _drive(config: TrainingConfig, checkpoint: Path, network: Mlp | EncodedMlp, plan: TrialSetup) -> Drive:
+def _drive(config: TrainingConfig, checkpoint: Path, policy: Policy, plan: TrialSetup) -> Drive:
     trial = Trial(config, plan.rollouts, plan.pair, plan.starts, checkpoint)
-    return trial.drive(network, np.random.default_rng(plan.seed))
+    return trial.drive(policy, np.random.default_rng(plan.seed))

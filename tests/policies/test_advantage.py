@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -12,11 +13,13 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from nathlon.policies.mlp import Mlp
+from nathlon.policies.policy import Memoryless, Policy
 from nathlon.policies.training.actor import LEAST_SLOPE, UTMOST, Actor, Saturating
 from nathlon.policies.training.advantage import OUTLYING, advantages, discounted
 from nathlon.policies.training.lessons import study
 from nathlon.policies.training.proximal import CLIP, improve, proximal_loss
 from nathlon.policies.training.trial import Driven
+from nathlon.sim.observation import ObservationSpec
 
 NONE = np.zeros(32)
 """Charges."""
@@ -119,10 +122,15 @@ def learner() -> Actor:
     return Actor(Mlp(tuple(layers), "relu", "tanh"))
 
 
+def driving(network: Callable[[np.ndarray], np.ndarray]) -> Policy:
+    return Memoryless(ObservationSpec(), network)
+
+
 def some(work: Actor) -> Driven:
     """Actions of which those with less steering brought more."""
     seen, noise = drawn(7, 500, 5).astype(np.float32), drawn(8, 500, 2).astype(np.float32)
-    return Driven(seen, work.network(seen), noise, -noise[:, 1], np.full_like(noise, np.nan))
+    memory = np.zeros((len(seen), 0), np.float32)
+    return Driven(seen, memory, work.network(seen), noise, -noise[:, 1], np.full_like(noise, np.nan))
 
 
 def test_the_policy_moves_to_what_brought_more() -> None:
@@ -141,7 +149,7 @@ def test_the_policy_moves_to_what_the_teacher_does_and_stays_elsewhere() -> None
     driven.lesson[:100] = 0.5
     driven.seen[:100] += 10.0
     for _ in range(100):
-        study(work, origin, [driven], 2e-3, 256, np.random.default_rng(0))
+        study(work, driving(origin), [driven], 2e-3, 256, np.random.default_rng(0))
     before, after = origin(driven.seen), work.network(driven.seen)
     assert np.abs(after - 0.5)[:100].mean() < 0.1 * np.abs(before - 0.5)[:100].mean()
     assert np.abs(after - before)[100:].mean() < 0.1 * np.abs(after - before)[:100].mean()
@@ -155,13 +163,13 @@ def test_who_has_moved_goes_back_to_where_it_was_before_its_lessons() -> None:
     apart = np.abs(work.network(driven.seen) - origin(driven.seen)).mean()
     driven.lesson[:50] = origin(driven.seen[:50])
     for _ in range(25):
-        study(work, origin, [driven], 1e-3, 64, np.random.default_rng(0))
+        study(work, driving(origin), [driven], 1e-3, 64, np.random.default_rng(0))
     assert np.abs(work.network(driven.seen) - origin(driven.seen)).mean() < 0.2 * apart
 
 
 def test_without_lessons_nothing_is_learnt() -> None:
     work = learner()
-    assert study(work, work.network, [some(work)], 1e-3, 64, np.random.default_rng(0)) == 0
+    assert study(work, driving(work.network), [some(work)], 1e-3, 64, np.random.default_rng(0)) == 0
 
 
 @pytest.mark.parametrize("steps", [0, 1])

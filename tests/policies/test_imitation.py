@@ -202,12 +202,17 @@ def test_who_has_seen_the_plan_in_training_sees_it_in_races(tmp_path: Path) -> N
 def test_it_is_trained_as_others_are_but_what_only_rewards_know_is_refused(tmp_path: Path) -> None:
     path, run = tmp_path / "pupil.toml", tmp_path / "run"
     path.write_text(f"{TOML}\n[imitation]\nrounds = 2\nlength_s = 1.0\n")
-    with pytest.raises(InputError, match="origin: expected for training by rewards, not by imitation"):
+    with pytest.raises(InputError, match="device: expected for training by rewards, not by imitation"):
+        nathlon.train(path, run, device="cuda", progress=False)
+    with pytest.raises(InputError, match="no run of imitation to start from"):
         nathlon.train(path, run, origin=tmp_path, progress=False)
     trained = nathlon.train(path, run, progress=False)
     assert [read_card(path).step for path in trained.checkpoints] == [2, 4]
     assert trained.curve["lap_s"].to_list() == [100.0, 100.0]
     assert nathlon.train(out=run, resume=True, progress=False).updates == 4
+    further = Imitation.start(tmp_path / "further", read_config(path), 2, run)
+    before, after = load_checkpoint(trained.checkpoints[-1]), further._pupil.averaged()
+    np.testing.assert_allclose(after["0.weight"], before.network.layers[0][0], atol=1e-3)
     with pytest.raises(InputError, match="imitation: expected none in a training by rewards"):
         Trainer.resume(run)
 

@@ -13,18 +13,22 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
 from nathlon.policies.bundled import BUNDLED
-from nathlon.policies.checkpoint import load_checkpoint, read_card
+from nathlon.policies.checkpoint import Card, load_checkpoint, open_checkpoint, read_card, save_checkpoint
 from nathlon.policies.training import polish, trial
 from nathlon.policies.training.advantage import advantages
 from nathlon.policies.training.config import TrainingConfig
-from nathlon.policies.training.evaluation import evaluate_laps
+from nathlon.policies.training.evaluation import LapEvaluation, evaluate_laps
 from nathlon.policies.training.failures import Failure, Failures
 from nathlon.policies.training.pairs import Pair
 from nathlon.policies.training.polish import Polish
+from nathlon.policies.training.pupil import fresh
 from nathlon.policies.training.rewards import Reward
 from nathlon.policies.training.trial import Driven, Trial, lasting
+from nathlon.policies.vision import Convolution, Vision
 from nathlon.selection.publish.curves import find_curves
+from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.errors import InputError
+from nathlon.sim.observation import ObservationSpec
 from tests.support.command_line import nathlon, refused
 from tests.support.refusals import refusal
 from tests.support.trainings import polishing
@@ -56,9 +60,8 @@ def polished(folder: Path, rounds: int, stop_after: int | None = None) -> None:
 
 
 def drive(settings: TrainingConfig, seed: int = 5) -> tuple[Driven, float]:
-    network = load_checkpoint(CHECKPOINT).network
     races = Trial(settings, settings.rollouts[0], HOME, 2, CHECKPOINT)
-    drive = races.drive(network, np.random.default_rng(seed))
+    drive = races.drive(load_checkpoint(CHECKPOINT), np.random.default_rng(seed))
     assert len(drive.driven) == 1
     return drive.driven[0], drive.reward
 
@@ -105,8 +108,8 @@ def test_what_went_wrong_is_driven_again(settings: TrainingConfig, monkeypatch: 
     monkeypatch.setattr(Failures, "draw", draw)
     rollouts = settings.rollouts[0].model_copy(update={"mistakes": 0.5})
     races = Trial(settings, rollouts, HOME, 2, CHECKPOINT)
-    network = load_checkpoint(CHECKPOINT).network
-    done = races.drive(network, np.random.default_rng(5))
+    policy = load_checkpoint(CHECKPOINT)
+    done = races.drive(policy, np.random.default_rng(5))
     first, again = done.driven
     assert asked == [1]  # half of two starts
     assert done.steps == 30 * 8 + 110 * 4
@@ -260,6 +263,49 @@ def test_what_is_polished_can_be_polished_further(tmp_path: Path) -> None:
     card, before = read_card(tmp_path / "twice" / "checkpoints" / once.name), read_card(once)
     assert card.algorithm == before.algorithm == "QR-SAC, polished"
     assert card.transitions - before.transitions == before.transitions - read_card(CHECKPOINT).transitions
+
+
+@pytest.fixture
+def eye(tmp_path: Path) -> Path:
+    """A checkpoint that sees by a camera, and has learnt nothing."""
+    card = Card(
+        format=2,
+        algorithm="none",
+        hidden=(6,),
+        vision=Vision(convolutions=(Convolution(filters=3, side=8, stride=4),), features=5, memory=4),
+        observation=ObservationSpec(camera=CameraSpec(width=24, height=16)),
+        circuit="lindenring",
+        car="gt3",
+        scenarios=(),
+        step=0,
+        transitions=0,
+        seed=0,
+        created_by={},
+    )
+    path = tmp_path / "eye.safetensors"
+    save_checkpoint(path, fresh(card, np.random.default_rng(1)), card)
+    return path
+
+
+@pytest.mark.usefixtures("few")
+def test_who_sees_by_a_camera_is_polished_likewise(
+    eye: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(polish, "evaluate_laps", lambda *_: LapEvaluation(100.0, 0.1))
+    races = Trial(TRAFFIC, TRAFFIC.rollouts[0], HOME, 2, eye)
+    policy = open_checkpoint(eye)
+    (driven,) = races.drive(policy, np.random.default_rng(5)).driven
+    means, _ = policy.act(driven.seen, driven.memory)
+    assert np.array_equal(means, driven.means)
+    assert np.abs(driven.memory).max() > 0.0
+    work = Polish(eye, TRAFFIC, tmp_path / "polished", 2, seed=3)
+    work.run(lambda _: None)
+    found = open_checkpoint(tmp_path / "polished" / "checkpoints" / "round-00002.safetensors")
+    assert found.card.algorithm == "none, polished"
+    tensors, old = (
+        load_file(path) for path in (tmp_path / "polished/checkpoints/round-00002.safetensors", eye)
+    )
+    assert {name for name, tensor in old.items() if np.array_equal(tensors[name], tensor)} <= {"1.bias"}
 
 
 @pytest.mark.usefixtures("few")

@@ -27,7 +27,7 @@ def taught_by(teacher: str | None) -> TrainingConfig:
 def recovery(teacher: str | None) -> trial.Driven:
     settings = taught_by(teacher)
     races = Trial(settings, settings.rollouts[0], HOME, 8, CHECKPOINT)
-    (driven,) = races.drive(load_checkpoint(CHECKPOINT).network, np.random.default_rng(2)).driven
+    (driven,) = races.drive(load_checkpoint(CHECKPOINT), np.random.default_rng(2)).driven
     return driven
 
 

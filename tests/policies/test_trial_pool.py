@@ -23,17 +23,17 @@ def test_it_does_not_matter_how_many_processes_drive() -> None:
     """And one that ends is no traceback."""
     config = polishing({"scenario": "1v0", "races": 1, "learners": 1})
     plans = [TrialSetup(config.rollouts[0], Pair("lindenring", "gt3"), 1, seed) for seed in (1, 2)]
-    network = load_checkpoint(CHECKPOINT).network
+    policy = load_checkpoint(CHECKPOINT)
     found: list[list[Drive]] = []
     for workers in (0, 2):
         pool = TrialPool(config.model_copy(update={"workers": workers}), CHECKPOINT)
         try:
-            found.append(list(pool.drive(plans, network)))
+            found.append(list(pool.drive(plans, policy)))
             if pool._processes:
                 with pytest.raises(BrokenProcessPool):
                     pool._processes.submit(os._exit, 1).result()
                 with pytest.raises(InputError, match="a worker process has ended"):
-                    list(pool.drive(plans, network))
+                    list(pool.drive(plans, policy))
         finally:
             pool.close()
     for here, there in zip(*found, strict=True):

@@ -19,7 +19,7 @@ from nathlon.arena.team import Team
 from nathlon.policies.checkpoint import Card, SeeingPolicy, load_checkpoint, save_checkpoint
 from nathlon.policies.driver import Driver
 from nathlon.policies.load import load_policy
-from nathlon.policies.training.seeing_pupil import SeeingActor
+from nathlon.policies.training.seeing_actor import SeeingActor
 from nathlon.policies.vision import Convolution, Vision
 from nathlon.sim.camera_spec import CameraSpec
 from nathlon.sim.observation import ObservationSpec
@@ -121,16 +121,18 @@ def test_what_a_picture_comes_to_is_the_same_to_the_bit_in_any_batch() -> None:
 @pytest.mark.parametrize("memory", [0, 5])
 def test_the_network_in_training_computes_the_same(memory: int) -> None:
     own = tensors(card(memory))
-    actor, policy = SeeingActor(card(memory).vision or Vision(), own), SeeingPolicy(card(memory), "id", own)
+    actor, policy = SeeingActor(card(memory), own), SeeingPolicy(card(memory), "id", own)
     steps, kept = [seen(4)[turn : turn + 2] for turn in range(3)], np.ones((2, memory), np.float32)
     pictures, sensors = (
         torch.from_numpy(np.stack([step[name] for step in steps], axis=1)) for name in ("picture", "sensors")
     )
     known, after = actor.recall(pictures, sensors, torch.from_numpy(kept))
-    means = actor.means(known).detach().numpy()
+    means = actor.actions(known).detach().numpy()
     for turn, step in enumerate(steps):
+        again = actor.means(*actor.inputs(step, kept))
         actions, kept = policy.act(step, kept)
         np.testing.assert_allclose(means[:, turn], actions, atol=1e-5)
+        np.testing.assert_allclose(again.detach().numpy(), actions, atol=1e-5)
     np.testing.assert_allclose(after.detach().numpy(), kept, atol=1e-5)
 
 
