@@ -116,7 +116,7 @@ def field(first: str, second: str, circuit: str, laps: int, seeds: Sequence[int]
     means = results.group_by("seed", "entrant").agg(pl.col("place").mean())
     return [
         {name: float(means.filter(seed=seed, entrant=name)["place"].item()) for name in (PLANNER, "fixed")}
-        | {"hours": results.filter(seed=seed)["driven_s"].max() * 2 / 3600.0}
+        | {"hours": float(results.filter(seed=seed)["driven_s"].to_numpy().max()) * 2 / 3600.0}
         for seed in seeds
     ]
 

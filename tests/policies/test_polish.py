@@ -15,6 +15,7 @@ from safetensors.numpy import load_file, save_file
 from nathlon.policies.bundled import BUNDLED
 from nathlon.policies.checkpoint import Card, load_checkpoint, open_checkpoint, read_card, save_checkpoint
 from nathlon.policies.training import polish, trial
+from nathlon.policies.training.actor import Actor
 from nathlon.policies.training.advantage import advantages
 from nathlon.policies.training.config import TrainingConfig
 from nathlon.policies.training.evaluation import LapEvaluation, evaluate_laps
@@ -241,6 +242,7 @@ def test_a_checkpoint_is_an_average_of_rounds(tmp_path: Path) -> None:
     averages: list[np.ndarray] = []
 
     def on_round(_: polish.Round) -> None:
+        assert isinstance(work._actor, Actor)
         rounds.append(work._actor.layers[0][0].detach().numpy().copy())
         averages.append(dict(work._actor.averages())["0.weight"].copy())
 
