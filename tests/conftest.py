@@ -13,7 +13,8 @@ from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
 from nathlon.arena.world_finding import RACING
 
-# Four test processes share two cores, as each waits half of its time: BLAS and torch must not take more than one each.
+# Four test processes share two cores, as each waits half of its time. BLAS and torch must not take more
+# than one each.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 # Nor may threads of torch, which a training tells to take two, spin on a core that another process has.
