@@ -29,6 +29,7 @@ from nathlon.policies.training.config import CONFIGS, TrainingConfig, read_confi
 from nathlon.policies.training.evaluation import LapEvaluation
 from nathlon.policies.training.imitation import Imitation
 from nathlon.policies.training.instruction import Class, Notes, instruct
+from nathlon.policies.training.mistakes import Mistakes
 from nathlon.policies.training.pairs import CHAMPION, Pair
 from nathlon.policies.training.pupil import NumbersPupil, note_numbers
 from nathlon.policies.training.seeing_pupil import note_passages
@@ -149,6 +150,27 @@ def test_whoever_is_out_of_control_for_long_begins_anew(
     # No passage goes on from one start to the next, and none remembers what was before.
     assert rows["left"].tolist() == [2, 1, 0] * 6
     assert (np.abs(rows["memory"]).max(axis=1) == 0.0).tolist() == [True, False, False] * 6
+
+
+def test_mistakes_are_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class First(Mistakes):
+        """Takes the end of the first step for one."""
+
+        def watch(self) -> None:
+            if not self._found:
+                self._found.append(self._episodes.moment().of(0))
+
+    monkeypatch.setattr(instruction, "out_of_control", lambda cars: np.ones(len(cars), np.bool_))
+    monkeypatch.setattr(instruction, "Mistakes", First)
+    settings = SEEING.imitation.model_copy(update={"length_s": 0.9, "patience_s": 0.25})
+    rollouts = SEEING.rollouts[0].model_copy(update={"mistakes": 1.0})
+    config = SEEING.model_copy(update={"imitation": settings})
+    policy = Imitation(tmp_path, config, seed=1)._pupil.policy
+    rows = instruct(config, policy, note_passages, Class(rollouts, HOME, 1.0, 0.0, seed=3)).rows
+    again = rows["picture"][[3, 6, 12, 15]]
+    assert (again == again[0]).all()
+    assert np.array_equal(again[0], rows["picture"][1])
+    assert not np.array_equal(rows["picture"][9], rows["picture"][0])
 
 
 @pytest.fixture
