@@ -14,9 +14,8 @@ TWO = (DrivenStint("racing-soft", 5, 16.25, 40.0), DrivenStint("racing-hard", 7)
 
 
 def result(*stints: str | None) -> RaceResult:
-    columns = {"place": list(range(1, len(stints) + 1)), "stints": list(stints)}
-    results = rows({"place": columns["place"]}, len(stints)).with_columns(
-        pl.Series("stints", columns["stints"], pl.String), name=pl.lit("one")
+    results = rows({"place": list(range(1, len(stints) + 1))}, len(stints)).with_columns(
+        pl.Series("stints", stints, pl.String), name=pl.lit("one")
     )
     return RaceResult(results, None, None, "")
 

@@ -162,6 +162,7 @@ def test_mistakes_are_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(instruction, "out_of_control", lambda cars: np.ones(len(cars), np.bool_))
     monkeypatch.setattr(instruction, "Mistakes", First)
+    assert SEEING.imitation is not None
     settings = SEEING.imitation.model_copy(update={"length_s": 0.9, "patience_s": 0.25})
     rollouts = SEEING.rollouts[0].model_copy(update={"mistakes": 1.0})
     config = SEEING.model_copy(update={"imitation": settings})
