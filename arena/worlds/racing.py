@@ -119,9 +119,16 @@ def surroundings(scenario: str, circuit: str, car: str) -> dict[str, Any]:
     Raises:
         InputError: if one is unknown or its file is wrong.
     """
+    track = load_track(circuit)
     return {
         "scenario_file": load_scenario(scenario).model_dump(),
         "rules_file": load_rules(load_scenario(scenario).rules).model_dump(),
         "car_file": load_car(car).model_dump(),
-        "track": hashlib.sha256(load_track(circuit).table.tobytes()).hexdigest(),
+        "track": hashlib.sha256(track.table.tobytes()).hexdigest(),
+        "along": {
+            "grid": track.grid.model_dump(),
+            "sectors": list(track.sectors),
+            "sections": [section.model_dump() for section in track.sections],
+            "pit_lane": track.pit_lane.model_dump(),
+        },
     }

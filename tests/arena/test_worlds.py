@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from nathlon.arena.world_finding import offered_worlds
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.episodes import place_points, placed, score_points
 from nathlon.arena.worlds.loaded import LoadedPolicy
+from nathlon.arena.worlds.racing import surroundings
+from nathlon.sim.data_file import DATA
 from tests.support.games import box_player, player, refused, world_of
 
 MAKER = """
@@ -295,3 +298,24 @@ def test_unknown_seats_and_scenarios_are_refused(tmp_path: Path, pool: Pool) -> 
 
 def test_our_own_world_is_always_offered() -> None:
     assert offered_worlds()[0] == "racing"
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes"),
+    [
+        ("pole_m = -12.0", "pole_m = -20.0"),
+        ("lateral_m = 2.6", "lateral_m = 1.6"),
+        ("[grid]", '[pit_lane]\nside = "right"\nentry_m = 4000.0\nexit_m = 150.0\n\n[grid]'),
+    ],
+)
+def test_what_lies_along_a_circuit_decides_what_its_races_come_to(
+    tmp_path: Path, was: str, becomes: str
+) -> None:
+    """Stored matches of the file as it was are not those of the file as it is."""
+    shutil.copytree(DATA / "circuits" / "lindenring", tmp_path / "own")
+    file = tmp_path / "own" / "circuit.toml"
+    before = surroundings("sprint", str(file), "gt3")
+    text = file.read_text()
+    assert was in text
+    file.write_text(text.replace(was, becomes))
+    assert surroundings("sprint", str(file), "gt3") != before
