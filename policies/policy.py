@@ -55,7 +55,7 @@ class Policy(Protocol):
 
 
 @dataclass
-class Memoryless:
+class StatelessPolicy:
     """A policy that keeps nothing in mind.
 
     Attributes:

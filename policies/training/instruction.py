@@ -50,7 +50,7 @@ class Class(NamedTuple):
     seed: int
 
 
-class Drive(NamedTuple):
+class Taught(NamedTuple):
     """What was seen and said, of each step of each car.
 
     Attributes:
@@ -91,7 +91,7 @@ class School:
         self._processes = start_processes(config.workers) if config.workers else None
 
     def teach(
-        self, classes: Sequence[Class], policy: Policy, note: Callable[[Drive], dict[str, NDArray[Any]]]
+        self, classes: Sequence[Class], policy: Policy, note: Callable[[Taught], dict[str, NDArray[Any]]]
     ) -> Iterator[Notes]:
         """What comes of each of the classes, in their order.
 
@@ -118,7 +118,7 @@ class School:
 def instruct(
     config: TrainingConfig,
     policy: Policy,
-    note: Callable[[Drive], dict[str, NDArray[Any]]],
+    note: Callable[[Taught], dict[str, NDArray[Any]]],
     planned: Class,
 ) -> Notes:
     """Drive the races of a class.
@@ -176,7 +176,7 @@ class _Lesson:
         self._mistakes, self._again = Mistakes(env.episodes, learners), again
         cars = len(env.cars)
         self._memory = policy.initial_memory(cars)
-        self._noted: list[Drive] = []
+        self._noted: list[Taught] = []
         self._begun = np.ones(cars, np.bool_)
         self._astray_s, self._gone = np.zeros(cars), np.zeros(cars)
         self._start(np.arange(len(env.episodes.endings)))
@@ -213,7 +213,7 @@ class _Lesson:
         acted, memory = self._policy.act(env.seen, self._memory)
         actions = np.where(self._led[:, None], advice + noise, acted)
         known = env.seen.copy(), self._memory.copy(), advice.copy(), shown
-        self._noted.append(Drive(*known, before["driving"], self._begun.copy()))
+        self._noted.append(Taught(*known, before["driving"], self._begun.copy()))
         self._memory, self._begun[:] = memory, False
         env.step(np.clip(actions, -1.0, 1.0))
         self._gone += self._cars["progress"] - before["progress"]
@@ -231,9 +231,9 @@ class _Lesson:
             self._start(over)
 
     @property
-    def drive(self) -> Drive:
+    def drive(self) -> Taught:
         """All that was noted."""
-        return Drive(*map(np.stack, zip(*self._noted, strict=True)))
+        return Taught(*map(np.stack, zip(*self._noted, strict=True)))
 
     @property
     def speed(self) -> float:

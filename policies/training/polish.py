@@ -30,7 +30,7 @@ from nathlon.policies.checkpoint import (
     read_checkpoint,
     save_checkpoint,
 )
-from nathlon.policies.policy import Memoryless, Policy
+from nathlon.policies.policy import Policy, StatelessPolicy
 from nathlon.policies.replay_buffer.tables import apportion
 from nathlon.policies.training.actor import Actor
 from nathlon.policies.training.config import TrainingConfig
@@ -192,7 +192,7 @@ class Polish:
         """As it is, to drive with."""
         if isinstance(self._actor, SeeingActor):
             return self._actor.policy
-        return Memoryless(self.card.observation, self._actor.network)
+        return StatelessPolicy(self.card.observation, self._actor.network)
 
     def _learn(self, driven: Sequence[Driven], rate: float, rng: np.random.Generator) -> int:
         settings = self._config.polish

@@ -13,9 +13,9 @@ from torch import Tensor
 from torch.nn.functional import smooth_l1_loss
 
 from nathlon.policies.checkpoint import ACTION_SIZE, Card, encoded
-from nathlon.policies.policy import Memoryless, Policy
+from nathlon.policies.policy import Policy, StatelessPolicy
 from nathlon.policies.training.actor import Actor, Trained
-from nathlon.policies.training.instruction import Drive
+from nathlon.policies.training.instruction import Taught
 from nathlon.policies.weights import mean_network
 
 STEERING = 4.0
@@ -41,7 +41,7 @@ class Pupil(Protocol):
     def trained(self) -> Trained: ...
 
     @property
-    def note(self) -> Callable[[Drive], dict[str, NDArray[Any]]]: ...
+    def note(self) -> Callable[[Taught], dict[str, NDArray[Any]]]: ...
 
     @property
     def policy(self) -> Policy:
@@ -62,7 +62,7 @@ class Pupil(Protocol):
         ...
 
 
-def note_numbers(drive: Drive) -> dict[str, NDArray[Any]]:
+def note_numbers(drive: Taught) -> dict[str, NDArray[Any]]:
     """What was seen and said, step by step."""
     return {"seen": drive.seen[drive.driving], "said": drive.said[drive.driving]}
 
@@ -90,7 +90,7 @@ class NumbersPupil:
     @property
     def policy(self) -> Policy:
         """As it is, to drive with."""
-        return Memoryless(self._card.observation, self.trained.network)
+        return StatelessPolicy(self._card.observation, self.trained.network)
 
     def losses(self, rounds: Sequence[Rows], rng: np.random.Generator) -> Iterator[Tensor]:
         """As of `Pupil`."""

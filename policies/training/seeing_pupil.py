@@ -14,7 +14,7 @@ from torch.nn.functional import smooth_l1_loss
 from nathlon.policies.checkpoint import Card
 from nathlon.policies.policy import Policy
 from nathlon.policies.training.config import ImitationSettings
-from nathlon.policies.training.instruction import Drive
+from nathlon.policies.training.instruction import Taught
 from nathlon.policies.training.pupil import Rows, error, fresh
 from nathlon.policies.training.seeing_actor import SeeingActor
 from nathlon.sim.errors import InputError
@@ -26,7 +26,7 @@ TOLD = 0.3
 """Error of what is told, in deviations, up to which it counts by its square."""
 
 
-def note_passages(drive: Drive) -> dict[str, NDArray[Any]]:
+def note_passages(drive: Taught) -> dict[str, NDArray[Any]]:
     """All that passages are made of, car by car; `left` is how many steps of the same car follow."""
     driving = drive.driving.T
     follows = driving[:, 1:] & ~drive.begun.T[:, 1:]

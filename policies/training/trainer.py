@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from nathlon.policies.checkpoint import Card, save_checkpoint
-from nathlon.policies.policy import Memoryless
+from nathlon.policies.policy import StatelessPolicy
 from nathlon.policies.qrsac.learner import QRSAC
 from nathlon.policies.replay_buffer.tables import ReplayTables
 from nathlon.policies.training.config import TrainingConfig
@@ -270,7 +270,7 @@ class Trainer:
         path = self.folder / CHECKPOINTS / f"step-{self.updates:07d}.safetensors"
         with writing(path):
             save_checkpoint(path, self.learner.policy_tensors(), card)
-        policy = Memoryless(self._spec, partial(self.learner.act, stochastic=False))
+        policy = StatelessPolicy(self._spec, partial(self.learner.act, stochastic=False))
         laps = mean_laps(evaluate_laps(pair, policy, self.seed) for pair in self._evaluated)
         self._checkpointed = self.updates
         log.checkpoint(self.updates, self.transitions, self._wall_s, laps, self._metrics)

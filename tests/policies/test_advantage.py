@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from nathlon.policies.mlp import Mlp
-from nathlon.policies.policy import Memoryless, Policy
+from nathlon.policies.policy import Policy, StatelessPolicy
 from nathlon.policies.training.actor import LEAST_SLOPE, UTMOST, Actor, Saturating
 from nathlon.policies.training.advantage import OUTLYING, advantages, discounted
 from nathlon.policies.training.lessons import study
@@ -123,7 +123,7 @@ def learner() -> Actor:
 
 
 def driving(network: Callable[[np.ndarray], np.ndarray]) -> Policy:
-    return Memoryless(ObservationSpec(), network)
+    return StatelessPolicy(ObservationSpec(), network)
 
 
 def some(work: Actor) -> Driven:
