@@ -14,14 +14,14 @@ from nathlon.arena.statistics import Floats
 from nathlon.tournament.evidence import appearances
 
 
-class Cell(NamedTuple):
+class CrossedEntrant(NamedTuple):
     """A policy with a strategy, by their labels."""
 
     policy: str
     strategy: str
 
 
-def crossed(cells: Mapping[str, Cell]) -> dict[str, Cell]:
+def crossed(cells: Mapping[str, CrossedEntrant]) -> dict[str, CrossedEntrant]:
     """Those entrants that make up a layout: of policies that were entered once with every strategy.
 
     Args:
@@ -36,7 +36,9 @@ def crossed(cells: Mapping[str, Cell]) -> dict[str, Cell]:
     return {e: cell for e, cell in cells.items() if len(strategies) > 1 and cell.policy in whole}
 
 
-def two_way(results: pl.DataFrame, cells: Mapping[str, Cell], confidence: float = 0.95) -> pl.DataFrame:
+def two_way(
+    results: pl.DataFrame, cells: Mapping[str, CrossedEntrant], confidence: float = 0.95
+) -> pl.DataFrame:
     """STRATEGIES of the RESULTS of a free-for-all.
 
     A unit has one value for every cell, so that what a unit's seed does to all cancels in every effect.
@@ -57,7 +59,7 @@ def two_way(results: pl.DataFrame, cells: Mapping[str, Cell], confidence: float 
     policies = list(dict.fromkeys(cell.policy for cell in layout.values()))
     strategies = list(dict.fromkeys(cell.strategy for cell in layout.values()))
     ids = {cell: entrant for entrant, cell in layout.items()}
-    order = [ids[Cell(policy, strategy)] for policy in policies for strategy in strategies]
+    order = [ids[CrossedEntrant(policy, strategy)] for policy in policies for strategy in strategies]
     rank = pl.col("entrant").replace_strict({entrant: i for i, entrant in enumerate(order)})
     points = units.sort("test", "match", "unit", rank)["points"].to_numpy()
     table = points.reshape(-1, len(policies), len(strategies))
@@ -71,7 +73,9 @@ def two_way(results: pl.DataFrame, cells: Mapping[str, Cell], confidence: float 
         rows.append(("", strategy, None, by_strategy[:, 0, j], (by_strategy - whole)[:, 0, j]))
     for i, policy in enumerate(policies):
         for j, strategy in enumerate(strategies):
-            rows.append((policy, strategy, ids[Cell(policy, strategy)], table[:, i, j], left[:, i, j]))
+            rows.append(
+                (policy, strategy, ids[CrossedEntrant(policy, strategy)], table[:, i, j], left[:, i, j])
+            )
     return pl.DataFrame(
         [
             (*names, *_interval(mean, confidence), *_interval(effect, confidence), len(table))

@@ -10,12 +10,12 @@ from nathlon.arena.naming import stem
 from nathlon.policies.sources import COMPOSITE, ROLES
 from nathlon.policies.sources.composite import CompositeFile, CompositeSource
 from nathlon.policies.sources.identity import policy_id
-from nathlon.tournament.two_way import Cell
+from nathlon.tournament.two_way import CrossedEntrant
 
 NO_STRATEGY = CompositeFile.model_construct(part=()).strategy_label
 
 
-def cells(entrants: Sequence[Entrant], references: Container[str] = ()) -> dict[str, Cell]:
+def cells(entrants: Sequence[Entrant], references: Container[str] = ()) -> dict[str, CrossedEntrant]:
     """Policy and strategy of the entrants, by id.
 
     Policies go by the names of their files; where two of these are alike, by the beginning of their ids too.
@@ -29,7 +29,7 @@ def cells(entrants: Sequence[Entrant], references: Container[str] = ()) -> dict[
     for policy, name, _ in known.values():
         names.setdefault(name, set()).add(policy)
     return {
-        entrant: Cell(name if len(names[name]) == 1 else f"{name}-{policy[:6]}", strategy)
+        entrant: CrossedEntrant(name if len(names[name]) == 1 else f"{name}-{policy[:6]}", strategy)
         for entrant, (policy, name, strategy) in known.items()
     }
 

@@ -17,7 +17,7 @@ from nathlon.policies.sources.identity import policy_id
 from nathlon.selection.crossing import cells
 from nathlon.selection.round_robin import TournamentSettings, run_round_robin
 from nathlon.selection.run import Run
-from nathlon.tournament.two_way import Cell
+from nathlon.tournament.two_way import CrossedEntrant
 from tests.support.race_results import DEFAULTS
 
 STRATEGIES = {"1 stop": ("", 6), "early": ('strategy = "early"\n', 2)}
@@ -76,9 +76,11 @@ class Planted:
 def test_composites_are_policies_with_strategies(entrants: list[Entrant]) -> None:
     plain = Entrant("driver:pace=0.9", "plain", "driver:pace=0.9", "built-in", "", "", None, None)
     assert list(cells([*entrants, plain], [plain.id]).values()) == [
-        Cell(policy, strategy) for policy in ("driver:pace=0.9", "driver:pace=0.8") for strategy in STRATEGIES
+        CrossedEntrant(policy, strategy)
+        for policy in ("driver:pace=0.9", "driver:pace=0.8")
+        for strategy in STRATEGIES
     ]
-    assert cells([plain])[plain.id] == Cell("driver:pace=0.9", "0 stops")
+    assert cells([plain])[plain.id] == CrossedEntrant("driver:pace=0.9", "0 stops")
 
 
 def test_an_event_tells_the_effects_of_policies_and_strategies(entrants: list[Entrant]) -> None:

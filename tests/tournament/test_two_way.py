@@ -7,11 +7,11 @@ import polars as pl
 import pytest
 
 from nathlon.arena.results import STRATEGIES
-from nathlon.tournament.two_way import Cell, crossed, two_way
+from nathlon.tournament.two_way import CrossedEntrant, crossed, two_way
 from tests.support.race_results import rows
 
 POLICIES, PLANS = {"quick": 1.0, "calm": -1.0}, {"1 stop": 0.0, "2 stops": 1.5, "planner": -1.5}
-CELLS = {f"{policy}/{plan}": Cell(policy, plan) for policy in POLICIES for plan in PLANS}
+CELLS = {f"{policy}/{plan}": CrossedEntrant(policy, plan) for policy in POLICIES for plan in PLANS}
 
 
 def results(units: int, rng: np.random.Generator, together: float = 0.0) -> pl.DataFrame:
@@ -68,7 +68,7 @@ def test_one_unit_has_no_interval() -> None:
 
 
 def test_only_policies_with_every_strategy_are_in_the_layout() -> None:
-    with_alone = CELLS | {"alone": Cell("slow", "1 stop")}
+    with_alone = CELLS | {"alone": CrossedEntrant("slow", "1 stop")}
     assert crossed(with_alone) == CELLS
-    assert crossed({"a": Cell("a", "planner"), "b": Cell("b", "planner")}) == {}
+    assert crossed({"a": CrossedEntrant("a", "planner"), "b": CrossedEntrant("b", "planner")}) == {}
     assert two_way(results(2, np.random.default_rng(5)), {}).is_empty()
