@@ -11,7 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from nathlon.arena.match import Match
-from nathlon.arena.results import POLICY_FAULTS, RESULTS
+from nathlon.arena.results import POLICY_FAULTS, RESULTS, VOID_ENDINGS
 from nathlon.sim.state import CAR_STATE
 
 PLACE_POINTS = (10, 8, 6, 5, 4, 3, 2, 1)
@@ -94,7 +94,7 @@ def _classify_race(
                 "contacts_faster_behind": int(state["contacts_faster_behind"]),
                 "contacts_at_fault": int(state["contacts_at_fault"]),
                 "penalties": int(state["penalties"]),
-                "stints": stints.get((index, car)),
+                "stints": None if endings[car] in VOID_ENDINGS else stints.get((index, car)),
             }
         )
     return rows

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from nathlon.arena.classification import void
+from nathlon.arena.classification import BLANK, classify, void
 from nathlon.arena.entrant import enter
 from nathlon.arena.job import Wanted
 from nathlon.arena.match import Match, Race, Seat
@@ -223,3 +223,5 @@ def test_a_world_that_is_not_finite_voids_its_race_and_no_other() -> None:
     assert broken.filter(pl.col("race") == 1).equals(void(match).filter(pl.col("race") == 1))
     assert set(void(match)["ending"]) == {"simulator_fault"}
     assert void(match).schema == RESULTS
+    cars, endings = np.full((3, 2), BLANK), np.full((3, 2), "simulator_fault")
+    assert classify(match, cars, endings, np.zeros((3, 2)), {(0, 0): "any"}).equals(void(match))
