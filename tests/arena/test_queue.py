@@ -395,7 +395,8 @@ def test_an_older_store_gets_its_queue_in_place(target: str, world: str, tmp_pat
         assert work_through(store, pool, world) == Shift(1, 0)
     for table in ("queue", "surroundings", "file", "worker"):
         change(target, sa.text(f"DROP TABLE {table}"))
-    change(target, sa.text("ALTER TABLE match DROP COLUMN processor"))
+    for table, column in (("match", "processor"), ("result", "stints")):
+        change(target, sa.text(f"ALTER TABLE {table} DROP COLUMN {column}"))
     change(target, sa.text("UPDATE nathlon_version SET version_num = '0003'"))
     with Store(target) as store:
         assert store.has(first.key)

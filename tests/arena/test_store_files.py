@@ -81,6 +81,7 @@ def test_files_of_an_older_store_count_as_used_when_it_was_brought_up_to_date(ta
     Store(target).close()
     change(
         target,
+        "ALTER TABLE result DROP COLUMN stints",
         "ALTER TABLE file DROP COLUMN used_at",
         *(f"ALTER TABLE worker DROP COLUMN {later}" for later in ("began_at", "seen_at", "ran")),
         f"UPDATE {opening.VERSION_TABLE} SET version_num = '0005'",
