@@ -248,7 +248,7 @@ def test_what_no_machine_can_run_is_refused_by_its_field(
 def test_laps_beyond_any_race(laps: str) -> None:
     with pytest.raises(InputError, match="expected a number from 1 to 1000"):
         load_scenario(f"race:laps={laps}")
-    with pytest.raises(InputError, match="expected at most 21600 s"):
+    with pytest.raises(InputError, match="expected at most 86400 s"):
         load_scenario("race:laps=1000")
 
 
