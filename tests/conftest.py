@@ -13,11 +13,10 @@ from nathlon.arena.kernels import compile_kernels
 from nathlon.arena.pool import Pool
 from nathlon.arena.world_finding import RACING
 
-# Four test processes share two cores, as each waits half of its time. BLAS and torch must not take more
-# than one each.
+# Two test processes share two cores: BLAS and torch must not take more than one each.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-# Nor may threads of torch, which a training tells to take two, spin on a core that another process has.
+# Nor may threads of torch, which a training tells to take two, spin on a core that the other process has.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 # Nor may commands start a worker for each core, as each loads for seconds. Pools of two are asked for.
 os.cpu_count = lambda: 1

@@ -69,7 +69,7 @@ SUMS = {"points": 10_250.0, "points_low": 10_150.0, "points_high": 10_350.0}
 
 
 def with_shipped_tests(selection: Selection) -> Selection:
-    """The selection with points in all tests that are held unasked, of four digits in some, and sums of five."""
+    """The selection with points in all tests that are held unasked, of four digits in some, sums of five."""
     tests = sorted({file.stem for file in SKILLS_FOLDER.glob("*.toml")} - set(ON_REQUEST))
     battery = selection.tables["battery"].with_columns(
         *(pl.lit(value).alias(name) for name, value in SUMS.items())
