@@ -126,7 +126,7 @@ class Imitation:
         """Go on with the tensors of a run in a folder."""
         try:
             self._pupil.trained.load(state.learner)
-        except (KeyError, ValueError) as error:
+        except ValueError as error:
             raise InputError(f"{folder}: of another run: {error}") from None
 
     def run(
