@@ -182,7 +182,7 @@ def test_going_on_from_its_tensors_is_the_same(steps: int) -> None:
     for each in (work, other):
         improve(each, [driven], DEVIATION, 1e-3, 8192, np.random.default_rng(1))
     assert np.array_equal(work.network(driven.seen), other.network(driven.seen))
-    with pytest.raises(ValueError, match="parameter.0' is missing"):
+    with pytest.raises(ValueError, match=r"parameter\.0' is missing"):
         other.load({})
     with pytest.raises(ValueError, match=r"parameter\.0"):
         other.load({**work.tensors(), "parameter.0": torch.zeros(1)})
