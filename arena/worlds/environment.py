@@ -17,7 +17,6 @@ import numpy as np
 
 from nathlon.arena.world import (
     KNOWN,
-    Loader,
     Measure,
     Onlooker,
     Outcome,
@@ -28,9 +27,10 @@ from nathlon.arena.world import (
     WorldError,
 )
 from nathlon.arena.worlds.episodes import EpisodeWorld
-from nathlon.arena.worlds.foreign import Foreign
+from nathlon.arena.worlds.far_loader import FarLoader
+from nathlon.arena.worlds.foreign import Foreign, Interpreter
 from nathlon.arena.worlds.host import hashes, is_in_turn, parallel
-from nathlon.arena.worlds.loaded import by_ending
+from nathlon.arena.worlds.loaded import Named, by_ending
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
@@ -90,7 +90,7 @@ class PettingZooWorld(EpisodeWorld):
         score: Source = lambda seat: seat.total,
         measures: Mapping[str, Declared] | None = None,
         baseline: str = "random",
-        load: Loader | Mapping[str, Loader] | None = None,
+        load: Named | Mapping[str, Named] | None = None,
         episode: str = "episode",
         packages: Sequence[str] = (),
         most_steps: int = 10_000,
@@ -114,6 +114,7 @@ class PettingZooWorld(EpisodeWorld):
             baseline: source of the policy that takes the other seats and sets the marks of tests.
             load: a function that makes policies of files which nathlon cannot read, see
                 `nathlon.arena.worlds.loaded`; of those with the endings `WEIGHTS`, or of others by ending.
+                `PATH.py:FUNCTION` runs in the other interpreter.
             episode: what its users call one, for reports: `"game"`.
             packages: whose versions decide how episodes go, besides this module's file.
             most_steps: of an episode; then it is cut off.
@@ -134,12 +135,13 @@ class PettingZooWorld(EpisodeWorld):
             name: KNOWN.get(name, Measure(declared.unit, declared.goal))
             for name, declared in (measures or {}).items()
         }
-        self.baseline, self.episode, self.loaders = baseline, episode, by_ending(load)
+        self.baseline, self.episode = baseline, episode
         self._make, self._sides, self._points = dict(scenarios), sides, points
         self._roles = {seat: role for role, named in (roles or {}).items() for seat in named}
         self._score, self._declared = score, dict(measures or {})
         self._packages, self.most_steps, self._step_s = tuple(packages), most_steps, step_s
         self._python, self._answer_s = python, answer_s
+        self.loaders = by_ending(load, None if python is None else self._far_loader)
         # A process of its own is ended first, which voids the episode alone.
         self.answer_s = answer_s if python is None else 3 * max(WORLD_OPENS_S, answer_s)
         self._environments: dict[str, Any] = {}
@@ -176,8 +178,8 @@ class PettingZooWorld(EpisodeWorld):
 
     @cached_property
     def _identity(self) -> dict[str, Any]:
-        made = (*self._make.values(), *self.loaders.values())
-        own = {path for path in (self.file, *map(_source, made)) if path}
+        loaders = [one.file if isinstance(one, FarLoader) else _source(one) for one in self.loaders.values()]
+        own = {path for path in (self.file, *map(_source, self._make.values()), *loaders) if path}
         files: dict[str, str] = {}
         for path in own:
             files |= hashes(str(path))
@@ -320,10 +322,19 @@ class PettingZooWorld(EpisodeWorld):
         """A new environment of a scenario."""
         make = self._make[scenario]
         if isinstance(make, str):
-            assert self._python is not None
-            folder = Path() if self.file is None else self.file.parent
-            return Foreign(self._python, make, folder, self._packages, self._answer_s)
+            return Foreign(self._interpreter, make, self._answer_s)
         return parallel(self.make(scenario))
+
+    @property
+    def _interpreter(self) -> Interpreter:
+        assert self._python is not None
+        return Interpreter(self._python, Path() if self.file is None else self.file.parent, self._packages)
+
+    def _far_loader(self, name: str) -> FarLoader:
+        first = self.scenarios[0]
+        make = self._make[first]
+        assert isinstance(make, str)
+        return FarLoader(name, lambda: self._interpreter, make, lambda: self.spaces(first))
 
     def make(self, scenario: str, *arguments: Any) -> Any:
         """What the function of a scenario makes."""
