@@ -54,10 +54,10 @@ class Listed:
 
 
 def foraging() -> Listed:
-    """A team of two and three foods: some are picked up by one, some only by both together."""
+    """A team of two and two foods: one alone picks up the light ones, both together the others."""
     import lbforaging  # noqa: F401  # makes its environments known
 
-    return Listed(gymnasium.make("Foraging-8x8-2p-3f-v3", disable_env_checker=True))
+    return Listed(gymnasium.make("Foraging-5x5-2p-2f-v3", disable_env_checker=True))
 
 
 world = PettingZooWorld(

@@ -7,12 +7,13 @@ OLD_GYM=$PWD/old/bin/python nathlon evaluate runs/slime-1 --world examples/world
 """
 
 import os
+from pathlib import Path
 from typing import Any
 
 from nathlon import PettingZooWorld
 
 world = PettingZooWorld(
-    {"volley": "slime_game.py:Volley"},
+    {"volley": f"{Path(__file__).with_name('slime_game.py')}:Volley"},
     python=os.environ.get("OLD_GYM", "old/bin/python"),
     packages=("slimevolleygym", "gym"),
     episode="game",

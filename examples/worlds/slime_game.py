@@ -1,7 +1,6 @@
 """What the other interpreter imports: the game, which knows one player, with two.
 
-Who lets the ball fall on their own side loses a point, and after five of them the game. Both see the court as if
-they stood on the right.
+Whose side the ball falls on loses a point, and after five of them the game. Both see it from their side.
 """
 
 from __future__ import annotations
