@@ -7,13 +7,10 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy as np
+from typing import Any
 
 from nathlon.arena.world import (
     KNOWN,
@@ -31,6 +28,7 @@ from nathlon.arena.worlds.far_loader import FarLoader
 from nathlon.arena.worlds.foreign import Foreign, Interpreter
 from nathlon.arena.worlds.host import hashes, is_in_turn, parallel
 from nathlon.arena.worlds.loaded import Named, by_ending
+from nathlon.arena.worlds.seat_record import Declared, SeatRecord, Source
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
@@ -38,43 +36,6 @@ Factory = Callable[..., Any] | str
 """A function that makes an environment; for another interpreter its name."""
 SEEDS = 2**31
 """Environments want seeds below."""
-
-
-@dataclass
-class SeatRecord:
-    """What has been seen of a seat in an episode.
-
-    Attributes:
-        total: sum of its rewards.
-        steps: that it has made.
-        terminated: whether the environment ended it, and not a time limit.
-        info: its last one; what is in it stays when the seat leaves.
-        infos: sums over its steps of the numbers in its infos.
-    """
-
-    total: float = 0.0
-    steps: int = 0
-    terminated: bool = False
-    info: dict[str, Any] = field(default_factory=dict)
-    infos: dict[str, float] = field(default_factory=dict)
-
-
-Source = str | Callable[[SeatRecord], float]
-"""Where a number of a seat comes from: a key of its last info, or a function of what was seen of it."""
-
-
-@dataclass(frozen=True)
-class Declared:
-    """A measure that a world declares.
-
-    Attributes:
-        source: where it comes from.
-        unit, goal: as of `Measure`; taken from `KNOWN` where the name is known there.
-    """
-
-    source: Source
-    unit: str = "1"
-    goal: Literal["min", "max"] = "max"
 
 
 class PettingZooWorld(EpisodeWorld):
@@ -265,7 +226,7 @@ class PettingZooWorld(EpisodeWorld):
                     if name not in rewards:
                         raise WorldError(f"seat {name!r}: no reward, expected that of its last step")
                     ended = bool(ends.get(name, False))
-                    note(seats[name], float(rewards[name]), ended, infos.get(name, {}))
+                    seats[name].note(float(rewards[name]), ended, infos.get(name, {}))
                 over = not environment.agents or step + 1 == self.most_steps
                 onlooker((step + 1) * self._step_s, draw, over)
         return [self.outcome(name, seats[name]) for name in names]
@@ -273,10 +234,10 @@ class PettingZooWorld(EpisodeWorld):
     def outcome(self, name: str, seat: SeatRecord) -> Outcome:
         """What came of an episode for a seat."""
         return Outcome(
-            score=_number(name, "score", self._score, seat),
+            score=seat.number(name, "score", self._score),
             finished=seat.terminated,
             measures={
-                measure: _number(name, measure, declared.source, seat)
+                measure: seat.number(name, measure, declared.source)
                 for measure, declared in self._declared.items()
             },
         )
@@ -375,24 +336,6 @@ def _source(make: Any) -> Path | None:
             path = Path(inspect.getfile(one))
             return path if path.is_file() else None
     return None
-
-
-def note(seat: SeatRecord, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:
-    """Note what a step has told of a seat."""
-    seat.total += reward
-    seat.terminated = terminated
-    seat.info |= info
-    for key, value in info.items():
-        if isinstance(value, bool | int | float | np.number | np.bool_):
-            seat.infos[key] = seat.infos.get(key, 0.0) + float(value)
-
-
-def _number(name: str, measure: str, source: Source, seat: SeatRecord) -> float:
-    if not isinstance(source, str):
-        return float(source(seat))
-    if source not in seat.info:
-        raise WorldError(f"seat {name!r}: {measure} is to come from infos, where there is no {source!r}")
-    return float(seat.info[source])
 
 
 def _mask(environment: Any, info: Mapping[str, Any]) -> Any:
