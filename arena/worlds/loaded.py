@@ -44,9 +44,11 @@ def by_ending(
     Raises:
         ValueError: if an ending is none, or what stands for it cannot be called.
     """
-    given = dict(load) if isinstance(load, Mapping) else dict.fromkeys(WEIGHTS, load) if load else {}
-    named = {one: by_name(one) for one in given.values() if by_name and isinstance(one, str)}
-    found: dict[str, Any] = {ending: named.get(one, one) for ending, one in given.items()}
+    found: dict[str, Any] = (
+        dict(load) if isinstance(load, Mapping) else dict.fromkeys(WEIGHTS, load) if load else {}
+    )
+    named = {one: by_name(one) for one in found.values() if by_name and isinstance(one, str)}
+    found = {ending: named.get(one, one) for ending, one in found.items()}
     for ending, loader in found.items():
         if not isinstance(ending, str) or not ending or not callable(loader):
             raise ValueError(f"load has {ending!r}: {loader!r}, expected an ending of files and a function")

@@ -11,7 +11,6 @@ import pytest
 
 from nathlon.arena.match import Match, Race, Seat
 from nathlon.arena.pool import Pool
-from nathlon.arena.world import World
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.environment import PettingZooWorld
 from nathlon.arena.worlds.far_loader import FarError, FarLoader
@@ -75,24 +74,26 @@ def ends(path, observation_space, action_space):
 '''
 
 
-def far(folder: Path, load: str) -> World:
+def far(folder: Path, load: str) -> PettingZooWorld:
     """A world in another process of this interpreter, with a loader of LOADERS or THERE."""
     (folder / "envs.py").write_text(ENVIRONMENTS)
     (folder / "loaders.py").write_text(f"from pathlib import Path\n{LOADERS}\n{THERE}")
     made = f"PettingZooWorld({{'duel': 'envs.py:duel'}}, python=sys.executable, load={load})"
     (folder / "worlds.py").write_text(f"import sys\nfrom nathlon import PettingZooWorld\nworld = {made}\n")
-    return load_world(f"{folder / 'worlds.py'}:world")
+    world = load_world(f"{folder / 'worlds.py'}:world")
+    assert isinstance(world, PettingZooWorld)
+    return world
 
 
 @pytest.fixture(scope="module")
-def playing(tmp_path_factory: pytest.TempPathFactory) -> World:
+def playing(tmp_path_factory: pytest.TempPathFactory) -> PettingZooWorld:
     """Endings for several loaders, which share what each costs to start."""
     loaders = ("there", "counts", "counts_itself", "drawn", "broken", "nothing", "wrong", "scored")
     return far(tmp_path_factory.mktemp("far"), str({f".{one}": f"loaders.py:{one}" for one in loaders}))
 
 
 @pytest.mark.parametrize("load", ["there", "scored"])
-def test_it_plays_as_a_loader_here_does(playing: World, tmp_path: Path, load: str) -> None:
+def test_it_plays_as_a_loader_here_does(playing: PettingZooWorld, tmp_path: Path, load: str) -> None:
     best, worst = (
         playing.policy(names(tmp_path, 3, f".{load}")),
         playing.policy(names(tmp_path, 0, ".there")),
@@ -101,7 +102,7 @@ def test_it_plays_as_a_loader_here_does(playing: World, tmp_path: Path, load: st
 
 
 @pytest.mark.parametrize("load", ["counts", "counts_itself"])
-def test_a_memory_is_kept_there_by_seat_and_episode(playing: World, tmp_path: Path, load: str) -> None:
+def test_a_memory_is_kept_by_seat_and_episode(playing: PettingZooWorld, tmp_path: Path, load: str) -> None:
     """Right in every second step: two seats that shared a count would be right in all, or in none."""
     policy = playing.policy(names(tmp_path, 1, f".{load}"))
     best = playing.policy(names(tmp_path, 3, ".there"))
@@ -109,7 +110,7 @@ def test_a_memory_is_kept_there_by_seat_and_episode(playing: World, tmp_path: Pa
     assert scores(playing, [policy], (0, 0), seeds=2) == [0.0] * 4
 
 
-def test_each_has_random_generators_of_its_own(playing: World, tmp_path: Path) -> None:
+def test_each_has_random_generators_of_its_own(playing: PettingZooWorld, tmp_path: Path) -> None:
     policies = [playing.policy(names(tmp_path, 1, ending)) for ending in (".drawn", ".there")]
     assert scores(playing, [policies[0], policies[0]], (0, 1)) == [0.0, 0.0]
     worst = playing.policy(names(tmp_path, 0, ".there"))
@@ -125,7 +126,7 @@ def test_each_has_random_generators_of_its_own(playing: World, tmp_path: Path) -
     ],
 )
 def test_what_gives_no_policy_is_refused_by_its_file(
-    playing: World, tmp_path: Path, load: str, said: str
+    playing: PettingZooWorld, tmp_path: Path, load: str, said: str
 ) -> None:
     source = names(tmp_path, 3, f".{load}")
     with refused(f"{source}: {said}"):
@@ -145,7 +146,7 @@ def test_the_loader_s_file_decides_episodes(tmp_path: Path) -> None:
     assert set(told) == {"envs.py", "loaders.py", "worlds.py"}
 
 
-def test_what_is_not_needed_any_more_is_given_up_there(playing: World, tmp_path: Path) -> None:
+def test_what_is_not_needed_any_more_is_given_up_there(playing: PettingZooWorld, tmp_path: Path) -> None:
     loader = playing.loaders[".there"]
     assert isinstance(loader, FarLoader)
     [observed, done] = playing.spaces("duel")[0]
