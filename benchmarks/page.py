@@ -104,9 +104,9 @@ def verdicts(kind: Figures) -> str:
     return f"{percent(kind['coverage'], 1)} | {false} | {percent(kind['best_kept'], 1)}"
 
 
-def less(compared: Figures) -> str:
+def less(compared: Figures | None) -> str:
     """A difference of means with its interval, and the other's steps; nothing where it is the same one."""
-    if compared["verdict"] == "same":
+    if compared is None or compared["verdict"] == "same":
         return ""
     low, high = compared["low"], compared["high"]
     return f"{compared['difference']:+.2f} ({low:+.2f} to {high:+.2f}), step {compared['steps']:,}"
@@ -114,7 +114,7 @@ def less(compared: Figures) -> str:
 
 def tally(worlds: Figures, name: str) -> str:
     """How often each verdict came, over all worlds and runs."""
-    verdicts = [run[name]["verdict"] for runs in worlds.values() for run in runs.values()]
+    verdicts = [run[name]["verdict"] for runs in worlds.values() for run in runs.values() if run[name]]
     told = {"win": "won", "tie": "tied", "loss": "lost", "same": "the same checkpoint"}
     return ", ".join(f"{verdicts.count(verdict)} {word}" for verdict, word in told.items())
 

@@ -1,16 +1,17 @@
 """Whether a selection in other worlds sends a better checkpoint than one would take without it.
 
 Run as `python -m benchmarks.worlds DIR... [--config NAME=FILE] [--json FILE]` on folders that
-`examples.worlds.train` has filled, called WORLD-SEED. Of each run it compares the checkpoint that
-`nathlon.select` sends with the last one, and with the one of the highest training return, in the last
-scenario of the world: against each other where that has two sides, else each with the baseline on the same
-seeds. None of the seeds is one of the selection's. Prints one JSON object: by world and run
+`examples.worlds.train`, or an example that trains itself, has filled, called WORLD-SEED. Of each run it
+compares the checkpoint that `nathlon.select` sends with the last one and, if returns.json is there, with the
+one of the highest training return, in the last scenario of the world: against each other where that has two
+sides, else each with the baseline on the same seeds. None of the seeds is one of the selection's. Prints one
+JSON object: by world and run
 
 - `checkpoints`: how many there are; `sent`: the training steps of the one that is sent;
 - `episodes`: fresh ones of each comparison;
-- `last`, `best_return`: `steps` of the other; `scores`, the means of the one sent and of the other;
-  `difference` of the means with its interval `low`, `high`; `verdict`: win, tie or loss, as far as that
-  interval leaves out 0, or same.
+- `last`, `best_return` (None without returns.json): `steps` of the other; `scores`, the means of the one
+  sent and of the other; `difference` of the means with its interval `low`, `high`; `verdict`: win, tie or
+  loss, as far as that interval leaves out 0, or same.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ from nathlon.arena.entrant import Entrant
 from nathlon.arena.match import TESTED, Match, Race, Seat
 from nathlon.arena.pool import Pool
 from nathlon.arena.world_registry import load_world
+from nathlon.policies.sources.finding import find_sources
 from nathlon.selection.trials import against, draw_seeds
 
 FRESH = np.random.SeedSequence(2029)
 CONFIDENCE = 0.95
-PACKAGES = ("gymnasium", "highway-env", "mpe2", "pettingzoo", "stable-baselines3")
 
 
 def compare(one: Entrant, other: Entrant, episodes: int, pool: Pool) -> dict[str, Any]:
@@ -96,23 +97,36 @@ def _steps(entrant: Entrant) -> int:
     return int(entrant.name.rpartition("_")[2])
 
 
+def _name(world: str) -> str:
+    """By which an example world is loaded."""
+    return f"examples/worlds/{world}.py:world"
+
+
+def _packages(world: str) -> dict[str, str]:
+    """Versions of the packages that a world names, in its own interpreter where it has one."""
+    [*_, scenario] = load_world(_name(world)).scenarios
+    told = load_world(_name(world)).facts(scenario)["world_files"]["packages"]
+    return {name: number for name, number in told.items() if name not in ("numpy", "python")}
+
+
 def judge(folder: Path, config: Path | None, episodes: int, workers: int) -> dict[str, Any]:
     """Select among the checkpoints of a training run, and compare the one that is sent."""
-    name = f"examples/worlds/{folder.name.partition('-')[0]}.py:world"
+    name = _name(folder.name.partition("-")[0])
     out = folder.with_name(f"{folder.name}-selected")
     sent = nathlon.select(folder, out, config=config, world=name, workers=workers, progress=False).sent
     world = load_world(name)
-    entrants = [world.enter(str(path)) for path in sorted(folder.glob("*.zip"))]
+    entrants = [world.enter(source) for source in find_sources([folder], endings=world.loaders)]
     chosen = next(entrant for entrant in entrants if entrant.name == sent[0])
-    returns: Mapping[str, float] = json.loads((folder / "returns.json").read_text("utf-8"))
-    best = max(entrants, key=lambda entrant: returns[entrant.name])
+    told = folder / "returns.json"
+    returns: Mapping[str, float] = json.loads(told.read_text("utf-8")) if told.exists() else {}
+    best = max(entrants, key=lambda entrant: returns[entrant.name]) if returns else None
     with Pool(workers) as pool:
         return {
             "checkpoints": len(entrants),
             "sent": _steps(chosen),
             "episodes": episodes,
             "last": compare(chosen, entrants[-1], episodes, pool),
-            "best_return": compare(chosen, best, episodes, pool),
+            "best_return": None if best is None else compare(chosen, best, episodes, pool),
         }
 
 
@@ -128,13 +142,15 @@ def main() -> None:
     configs = {world: Path(file) for world, file in (text.split("=") for text in given.config)}
     counts = {world: int(number) for world, number in (text.split("=") for text in given.episodes)}
     figures: dict[str, dict[str, Any]] = {}
+    packages: dict[str, str] = {"stable-baselines3": version("stable-baselines3")}
     for folder in given.folders:
         world, _, seed = folder.name.partition("-")
         judged = judge(folder, configs.get(world), counts.get(world, 200), given.workers)
         figures.setdefault(world, {})[seed] = judged
+        packages |= _packages(world)
         print(json.dumps({folder.name: judged}), flush=True)
     if given.json:
-        write_result(given.json, figures, {name: version(name) for name in PACKAGES})
+        write_result(given.json, figures, packages)
 
 
 if __name__ == "__main__":

@@ -46,8 +46,9 @@ if TYPE_CHECKING:
     from nathlon.api.train import TrainingResult, train
     from nathlon.api.twin import TwinResult, twin
     from nathlon.api.worker import work
-    from nathlon.arena.worlds.environment import Declared, GymnasiumWorld, PettingZooWorld
+    from nathlon.arena.worlds.environment import GymnasiumWorld, PettingZooWorld
     from nathlon.arena.worlds.formula import Formula
+    from nathlon.arena.worlds.seat_record import Declared
     from nathlon.arena.worlds.vector import VectorWorld
     from nathlon.lab.siblings.run import TrainingRun
     from nathlon.lab.siblings.sb3 import NathlonCallback
@@ -85,8 +86,9 @@ _NAMES = {
     "nathlon.api.train": ("TrainingResult", "train"),
     "nathlon.api.twin": ("TwinResult", "twin"),
     "nathlon.api.worker": ("work",),
-    "nathlon.arena.worlds.environment": ("Declared", "GymnasiumWorld", "PettingZooWorld"),
+    "nathlon.arena.worlds.environment": ("GymnasiumWorld", "PettingZooWorld"),
     "nathlon.arena.worlds.formula": ("Formula",),
+    "nathlon.arena.worlds.seat_record": ("Declared",),
     "nathlon.arena.worlds.vector": ("VectorWorld",),
     "nathlon.lab.siblings.run": ("TrainingRun",),
     "nathlon.lab.siblings.sb3": ("NathlonCallback",),

@@ -7,17 +7,13 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy as np
+from typing import Any
 
 from nathlon.arena.world import (
     KNOWN,
-    Loader,
     Measure,
     Onlooker,
     Outcome,
@@ -28,9 +24,11 @@ from nathlon.arena.world import (
     WorldError,
 )
 from nathlon.arena.worlds.episodes import EpisodeWorld
-from nathlon.arena.worlds.foreign import Foreign
+from nathlon.arena.worlds.far_loader import FarLoader
+from nathlon.arena.worlds.foreign import Foreign, Interpreter
 from nathlon.arena.worlds.host import hashes, is_in_turn, parallel
-from nathlon.arena.worlds.loaded import by_ending
+from nathlon.arena.worlds.loaded import Named, by_ending
+from nathlon.arena.worlds.seat_record import Declared, SeatRecord, Source
 from nathlon.policies.patience import WORLD_ANSWER_S, WORLD_OPENS_S
 from nathlon.sim.errors import InputError
 
@@ -38,43 +36,6 @@ Factory = Callable[..., Any] | str
 """A function that makes an environment; for another interpreter its name."""
 SEEDS = 2**31
 """Environments want seeds below."""
-
-
-@dataclass
-class SeatRecord:
-    """What has been seen of a seat in an episode.
-
-    Attributes:
-        total: sum of its rewards.
-        steps: that it has made.
-        terminated: whether the environment ended it, and not a time limit.
-        info: its last one; what is in it stays when the seat leaves.
-        infos: sums over its steps of the numbers in its infos.
-    """
-
-    total: float = 0.0
-    steps: int = 0
-    terminated: bool = False
-    info: dict[str, Any] = field(default_factory=dict)
-    infos: dict[str, float] = field(default_factory=dict)
-
-
-Source = str | Callable[[SeatRecord], float]
-"""Where a number of a seat comes from: a key of its last info, or a function of what was seen of it."""
-
-
-@dataclass(frozen=True)
-class Declared:
-    """A measure that a world declares.
-
-    Attributes:
-        source: where it comes from.
-        unit, goal: as of `Measure`; taken from `KNOWN` where the name is known there.
-    """
-
-    source: Source
-    unit: str = "1"
-    goal: Literal["min", "max"] = "max"
 
 
 class PettingZooWorld(EpisodeWorld):
@@ -90,7 +51,7 @@ class PettingZooWorld(EpisodeWorld):
         score: Source = lambda seat: seat.total,
         measures: Mapping[str, Declared] | None = None,
         baseline: str = "random",
-        load: Loader | Mapping[str, Loader] | None = None,
+        load: Named | Mapping[str, Named] | None = None,
         episode: str = "episode",
         packages: Sequence[str] = (),
         most_steps: int = 10_000,
@@ -114,6 +75,7 @@ class PettingZooWorld(EpisodeWorld):
             baseline: source of the policy that takes the other seats and sets the marks of tests.
             load: a function that makes policies of files which nathlon cannot read, see
                 `nathlon.arena.worlds.loaded`; of those with the endings `WEIGHTS`, or of others by ending.
+                `PATH.py:FUNCTION` runs in the other interpreter.
             episode: what its users call one, for reports: `"game"`.
             packages: whose versions decide how episodes go, besides this module's file.
             most_steps: of an episode; then it is cut off.
@@ -134,12 +96,13 @@ class PettingZooWorld(EpisodeWorld):
             name: KNOWN.get(name, Measure(declared.unit, declared.goal))
             for name, declared in (measures or {}).items()
         }
-        self.baseline, self.episode, self.loaders = baseline, episode, by_ending(load)
+        self.baseline, self.episode = baseline, episode
         self._make, self._sides, self._points = dict(scenarios), sides, points
         self._roles = {seat: role for role, named in (roles or {}).items() for seat in named}
         self._score, self._declared = score, dict(measures or {})
         self._packages, self.most_steps, self._step_s = tuple(packages), most_steps, step_s
         self._python, self._answer_s = python, answer_s
+        self.loaders = by_ending(load, None if python is None else self._far_loader)
         # A process of its own is ended first, which voids the episode alone.
         self.answer_s = answer_s if python is None else 3 * max(WORLD_OPENS_S, answer_s)
         self._environments: dict[str, Any] = {}
@@ -176,8 +139,8 @@ class PettingZooWorld(EpisodeWorld):
 
     @cached_property
     def _identity(self) -> dict[str, Any]:
-        made = (*self._make.values(), *self.loaders.values())
-        own = {path for path in (self.file, *map(_source, made)) if path}
+        loaders = [one.file if isinstance(one, FarLoader) else _source(one) for one in self.loaders.values()]
+        own = {path for path in (self.file, *map(_source, self._make.values()), *loaders) if path}
         files: dict[str, str] = {}
         for path in own:
             files |= hashes(str(path))
@@ -263,7 +226,7 @@ class PettingZooWorld(EpisodeWorld):
                     if name not in rewards:
                         raise WorldError(f"seat {name!r}: no reward, expected that of its last step")
                     ended = bool(ends.get(name, False))
-                    note(seats[name], float(rewards[name]), ended, infos.get(name, {}))
+                    seats[name].note(float(rewards[name]), ended, infos.get(name, {}))
                 over = not environment.agents or step + 1 == self.most_steps
                 onlooker((step + 1) * self._step_s, draw, over)
         return [self.outcome(name, seats[name]) for name in names]
@@ -271,10 +234,10 @@ class PettingZooWorld(EpisodeWorld):
     def outcome(self, name: str, seat: SeatRecord) -> Outcome:
         """What came of an episode for a seat."""
         return Outcome(
-            score=_number(name, "score", self._score, seat),
+            score=seat.number(name, "score", self._score),
             finished=seat.terminated,
             measures={
-                measure: _number(name, measure, declared.source, seat)
+                measure: seat.number(name, measure, declared.source)
                 for measure, declared in self._declared.items()
             },
         )
@@ -320,10 +283,19 @@ class PettingZooWorld(EpisodeWorld):
         """A new environment of a scenario."""
         make = self._make[scenario]
         if isinstance(make, str):
-            assert self._python is not None
-            folder = Path() if self.file is None else self.file.parent
-            return Foreign(self._python, make, folder, self._packages, self._answer_s)
+            return Foreign(self._interpreter, make, self._answer_s)
         return parallel(self.make(scenario))
+
+    @property
+    def _interpreter(self) -> Interpreter:
+        assert self._python is not None
+        return Interpreter(self._python, Path() if self.file is None else self.file.parent, self._packages)
+
+    def _far_loader(self, name: str) -> FarLoader:
+        first = self.scenarios[0]
+        make = self._make[first]
+        assert isinstance(make, str)
+        return FarLoader(name, lambda: self._interpreter, make, lambda: self.spaces(first))
 
     def make(self, scenario: str, *arguments: Any) -> Any:
         """What the function of a scenario makes."""
@@ -364,24 +336,6 @@ def _source(make: Any) -> Path | None:
             path = Path(inspect.getfile(one))
             return path if path.is_file() else None
     return None
-
-
-def note(seat: SeatRecord, reward: float, terminated: bool, info: Mapping[str, Any]) -> None:
-    """Note what a step has told of a seat."""
-    seat.total += reward
-    seat.terminated = terminated
-    seat.info |= info
-    for key, value in info.items():
-        if isinstance(value, bool | int | float | np.number | np.bool_):
-            seat.infos[key] = seat.infos.get(key, 0.0) + float(value)
-
-
-def _number(name: str, measure: str, source: Source, seat: SeatRecord) -> float:
-    if not isinstance(source, str):
-        return float(source(seat))
-    if source not in seat.info:
-        raise WorldError(f"seat {name!r}: {measure} is to come from infos, where there is no {source!r}")
-    return float(seat.info[source])
 
 
 def _mask(environment: Any, info: Mapping[str, Any]) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,47 @@ if TYPE_CHECKING:
 HOST = Path(__file__).with_name("host.py")
 
 
+@dataclass(frozen=True)
+class Interpreter:
+    """Another interpreter of Python.
+
+    Attributes:
+        python: its path.
+        folder: from which paths start and modules are imported first.
+        packages: whose versions decide how episodes go.
+    """
+
+    python: str
+    folder: Path
+    packages: Sequence[str]
+
+    def started(
+        self, factory: str, limit_s: float, **more: str
+    ) -> tuple[Child, dict[str, Any], dict[str, NDArray[Any]]]:
+        """A process of it, see `nathlon.arena.worlds.host`, and what it answers at first.
+
+        Args:
+            factory: of an environment, `MODULE:FUNCTION` or `PATH.py:FUNCTION`, a function without arguments.
+            limit_s: time that it has.
+            more: what else it is asked for.
+
+        Raises:
+            WorldError: if it cannot be started, or not in time.
+        """
+        try:
+            child = Child([self.python, str(HOST), "{pipe}", str(wire.__file__)])
+        except OSError as error:
+            raise WorldError(f"{self.python}: {error.strerror}, expected an interpreter of Python") from None
+        folder, packages = str(self.folder.absolute()), list(self.packages)
+        wanted = {"factory": self.found(factory), "folder": folder, "packages": packages, **more}
+        return child, *_asked(child, wanted, None, limit_s)
+
+    def found(self, function: str) -> str:
+        """A function by the absolute path of its file, if it goes by a path."""
+        place, colon, name = function.rpartition(":")
+        return f"{(self.folder / place).absolute()}{colon}{name}" if place.endswith(".py") else function
+
+
 class Foreign:
     """An environment in a process of another interpreter; see `nathlon.arena.worlds.host`.
 
@@ -34,30 +76,18 @@ class Foreign:
         identity: hash of the file that makes it, and versions of Python, numpy and the named packages.
     """
 
-    def __init__(
-        self, python: str, factory: str, folder: Path, packages: Sequence[str], answer_s: float
-    ) -> None:
+    def __init__(self, interpreter: Interpreter, factory: str, answer_s: float) -> None:
         """Start the process and have it make the environment.
 
         Args:
-            python: the interpreter.
-            factory: `MODULE:FUNCTION` or `PATH.py:FUNCTION`, a function without arguments.
-            folder: from which paths start and modules are imported first.
-            packages: whose versions decide how episodes go.
+            interpreter: whose process it is.
+            factory: as of `Interpreter.host`.
             answer_s: time that it has for a step.
 
         Raises:
             WorldError: if it cannot be made, or not in time.
         """
-        place, colon, function = factory.rpartition(":")
-        if place.endswith(".py"):
-            factory = f"{(folder / place).absolute()}{colon}{function}"
-        try:
-            self._child = Child([python, str(HOST), "{pipe}", str(wire.__file__)])
-        except OSError as error:
-            raise WorldError(f"{python}: {error.strerror}, expected an interpreter of Python") from None
-        wanted = {"factory": factory, "folder": str(folder.absolute()), "packages": list(packages)}
-        told, arrays = self._ask(wanted, limit_s=max(WORLD_OPENS_S, answer_s))
+        self._child, told, arrays = interpreter.started(factory, max(WORLD_OPENS_S, answer_s))
         self._answer_s = answer_s
         self._spaces = {
             str(seat): (_space(seen, arrays), _space(done, arrays)) for seat, seen, done in told["seats"]
@@ -77,35 +107,23 @@ class Foreign:
 
     def reset(self, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """As of `ParallelEnv`; so is the following."""
-        told, arrays = self._ask({"seed": seed}, limit_s=max(WORLD_OPENS_S, self._answer_s))
+        told, arrays = _asked(self._child, {"seed": seed}, None, max(WORLD_OPENS_S, self._answer_s))
         return self._seen(told, arrays), self._by_name(told["infos"])
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
         numbers = {str(self.possible_agents.index(seat)): np.asarray(done) for seat, done in actions.items()}
-        told, arrays = self._ask({}, numbers, limit_s=self._answer_s)
+        told, arrays = _asked(self._child, {}, numbers, self._answer_s)
         rest = (self._by_name(told[what]) for what in ("rewards", "terminations", "truncations", "infos"))
         return self._seen(told, arrays), *rest
 
     def render(self) -> NDArray[Any]:
         """As of `ParallelEnv`."""
-        _, arrays = self._ask({"render": True}, limit_s=self._answer_s)
+        _, arrays = _asked(self._child, {"render": True}, None, self._answer_s)
         return arrays["picture"]
 
     def close(self) -> None:
         """End the process."""
         self._child.end()
-
-    def _ask(
-        self, message: dict[str, Any], arrays: Arrays | None = None, *, limit_s: float
-    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        try:
-            told, brought = self._child.ask(message, arrays, limit_s=limit_s)
-        except ChildError as error:
-            raise WorldError(str(error)) from None
-        if "raised" in told:
-            self.close()
-            raise WorldError(f"raised {told['raised']}")
-        return told, brought
 
     def _seen(self, told: Mapping[str, Any], arrays: Arrays) -> dict[str, Any]:
         self.agents = [self.possible_agents[number] for number in told["agents"]]
@@ -117,6 +135,24 @@ class Foreign:
 
     def _by_name(self, values: Mapping[str, Any]) -> dict[str, Any]:
         return {self.possible_agents[int(number)]: value for number, value in values.items()}
+
+
+def _asked(
+    child: Child, message: dict[str, Any], arrays: Arrays | None, limit_s: float
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What a process answers.
+
+    Raises:
+        WorldError: if it does not, or what is asked for raises there; it is ended then.
+    """
+    try:
+        told, brought = child.ask(message, arrays, limit_s=limit_s)
+    except ChildError as error:
+        raise WorldError(str(error)) from None
+    if "raised" in told:
+        child.end()
+        raise WorldError(f"raised {told['raised']}")
+    return told, brought
 
 
 def _space(told: Mapping[str, Any], arrays: Arrays) -> Space:

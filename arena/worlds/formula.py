@@ -11,7 +11,7 @@ from nathlon.arena.world import WorldError
 from nathlon.sim.expressions import Quantity, read_expression
 
 if TYPE_CHECKING:
-    from nathlon.arena.worlds.environment import SeatRecord
+    from nathlon.arena.worlds.seat_record import SeatRecord
 
 EVERY_SEAT: Mapping[str, Quantity] = {
     "total": Quantity("1", -1e6, 1e6, "sum of its rewards"),

@@ -1,7 +1,8 @@
 """The process in which another interpreter plays a world's scenario: `PYTHON host.py DESCRIPTOR WIRE`.
 
 It is run by path and needs the standard library and numpy alone, in Python 3.7 or newer. The file WIRE is
-`nathlon/sim/wire.py`. Environments of PettingZoo, those in turns too, of Gymnasium and the Gym before it are
+`nathlon/sim/wire.py`. Where a loader is asked for as well, it is policies that play, see `policies_host.py`
+beside this file. Environments of PettingZoo, those in turns too, of Gymnasium and the Gym before it are
 all made to answer as a PettingZoo `ParallelEnv` does; seats go by their numbers.
 """
 
@@ -44,17 +45,22 @@ class Host:
         self._file = _source(factory)
         self._packages = wanted["packages"]
 
+    def spaces(self, number: int) -> tuple[Any, Any]:
+        """Of the observations and actions of a seat."""
+        name = self._names[number]
+        return (
+            _of(self._environment, "observation_space", name),
+            _of(self._environment, "action_space", name),
+        )
+
     def described(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Seats with their spaces, and what decides how episodes go."""
         arrays: dict[str, Any] = {}
-        seats = [
-            [
-                str(name),
-                _space(name, "observation", _of(self._environment, "observation_space", name), arrays),
-                _space(name, "action", _of(self._environment, "action_space", name), arrays),
-            ]
-            for name in self._names
-        ]
+        seats = []
+        for number, name in enumerate(self._names):
+            seen, done = self.spaces(number)
+            told_of = _space(name, "observation", seen, arrays), _space(name, "action", done, arrays)
+            seats.append([str(name), *told_of])
         versions = {name: _version(name) for name in self._packages}
         versions.update(python=platform.python_version(), numpy=np.__version__)
         files = {} if self._file is None else hashes(self._file)
@@ -270,7 +276,10 @@ def main() -> None:
     sys.path[:] = [folder for folder in sys.path if folder != os.path.dirname(os.path.abspath(__file__))]
     sys.path.insert(0, wanted["folder"])
     try:
-        host = Host(wanted)
+        host: Any = Host(wanted)
+        if "loader" in wanted:
+            beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "policies_host.py")
+            host = _from_file(beside, "nathlon_policies").Policies(host.spaces, _factory(wanted["loader"]))
         answer = wire.pack(*host.described())
     except BaseException as error:
         pipe.send_bytes(wire.pack({"raised": _said(error)}))

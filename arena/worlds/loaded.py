@@ -7,7 +7,7 @@ a world's mapping names them, and they run in the processes in which matches do.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +18,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from nathlon.arena.world import Loader, Space
+from nathlon.arena.worlds.far_loader import EndedError, FarError, FarPolicy
 from nathlon.policies.checkpoint import checkpoint_id
 from nathlon.policies.general.outputs import IllegalActionError, Outputs
 from nathlon.policies.sources import WEIGHTS
@@ -27,13 +28,27 @@ _FLAT = (spaces.Box, spaces.Discrete, spaces.MultiDiscrete)
 """Action spaces whose actions are rows of numbers."""
 
 
-def by_ending(load: Loader | Mapping[str, Loader] | None) -> dict[str, Loader]:
+Named = Loader | str
+"""A loader, or the name of one in another interpreter."""
+
+
+def by_ending(
+    load: Named | Mapping[str, Named] | None, by_name: Callable[[str], Loader] | None = None
+) -> dict[str, Loader]:
     """Loaders by the endings of files, in small letters; one without any is for those of `WEIGHTS`.
+
+    Args:
+        load: one loader, or several by endings.
+        by_name: gives the loader of a name; None where there are no names.
 
     Raises:
         ValueError: if an ending is none, or what stands for it cannot be called.
     """
-    found = dict(load) if isinstance(load, Mapping) else dict.fromkeys(WEIGHTS, load) if load else {}
+    found: dict[str, Any] = (
+        dict(load) if isinstance(load, Mapping) else dict.fromkeys(WEIGHTS, load) if load else {}
+    )
+    named = {one: by_name(one) for one in found.values() if by_name and isinstance(one, str)}
+    found = {ending: named.get(one, one) for ending, one in found.items()}
     for ending, loader in found.items():
         if not isinstance(ending, str) or not ending or not callable(loader):
             raise ValueError(f"load has {ending!r}: {loader!r}, expected an ending of files and a function")
@@ -93,6 +108,8 @@ class LoadedPolicy:
             try:
                 with_state.reset(0)
                 with_state.act(own.sample(), done, np.random.default_rng(0))
+            except EndedError as error:
+                raise InputError(str(error)) from None
             except MemoryError:
                 raise
             # It is the user's own code: whatever it raises, they want to know where.
@@ -204,7 +221,8 @@ class Seated:
         return hasattr(self._made, "act")
 
     def _action(self, row: NDArray[Any], done: Space, rng: np.random.Generator) -> Any:
-        outputs = Outputs("clip", "argmax" if self.batches else "choice")
+        scores = self.batches or (isinstance(self._made, FarPolicy) and self._made.gives_scores)
+        outputs = Outputs("clip", "argmax" if scores else "choice")
         try:
             return outputs.decode(self._source, row, done, rng)
         except InputError as error:
@@ -258,6 +276,6 @@ def _row(answer: Any) -> NDArray[Any]:
 
 
 def _said(error: BaseException) -> str:
-    if isinstance(error, IllegalActionError):
+    if isinstance(error, IllegalActionError | FarError):
         return str(error)
     return f"raised {type(error).__name__} ({error})"

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from nathlon.arena.results import RESULTS
 from nathlon.arena.watch import Watch
 from nathlon.arena.world import LineUp, Onlooker, Outcome, Player, Space, WorldError
-from nathlon.arena.worlds.environment import SEEDS, PettingZooWorld, SeatRecord, during, note
+from nathlon.arena.worlds.environment import SEEDS, PettingZooWorld, during
 from nathlon.arena.worlds.host import ONLY
 from nathlon.arena.worlds.player import idle
+from nathlon.arena.worlds.seat_record import SeatRecord
 from nathlon.policies.isolation import Apart
 
 log = logging.getLogger(__name__)
@@ -141,7 +142,7 @@ class VectorWorld(PettingZooWorld):
                     gained, ended, cut = (self._each(name, one[name]) for one in (rewards, ends, cuts))
                     for row in np.flatnonzero(playing[:, seat]).tolist():
                         seats[row][name].steps += 1
-                        note(seats[row][name], float(gained[row]), bool(ended[row]), _row(infos[name], row))
+                        seats[row][name].note(float(gained[row]), bool(ended[row]), _row(infos[name], row))
                     playing[:, seat] &= ~(ended | cut)[:count]
         return [[self.outcome(name, records[name]) for name in names] for records in seats]
 

@@ -1,6 +1,7 @@
 """Level-based foraging, whose environments hand on lists: a seat is a place in the list.
 
 pip install lbforaging
+python -m examples.worlds.train foraging runs/foraging-1
 nathlon evaluate runs/foraging-1 --world examples/worlds/foraging.py:world --out runs/foraging-1-selected
 
 `Listed` fits other simulators of this kind as well, such as rware: `Tuple` spaces, and a list of observations
@@ -53,10 +54,15 @@ class Listed:
 
 
 def foraging() -> Listed:
-    """Two players, three foods: each has what it has picked up, alone or with the other."""
+    """A team of two and two foods: one alone picks up the light ones, both together the others."""
     import lbforaging  # noqa: F401  # makes its environments known
 
-    return Listed(gymnasium.make("Foraging-8x8-2p-3f-v3", disable_env_checker=True))
+    return Listed(gymnasium.make("Foraging-5x5-2p-2f-v3", disable_env_checker=True))
 
 
-world = PettingZooWorld({"foraging": foraging}, packages=("lbforaging", "gymnasium"), most_steps=50)
+world = PettingZooWorld(
+    {"foraging": foraging},
+    sides=[["player_0", "player_1"]],
+    packages=("lbforaging", "gymnasium"),
+    most_steps=50,
+)

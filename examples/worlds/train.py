@@ -36,8 +36,10 @@ TASKS = {
     "pursuit": Task("pursuit", 24_000, roles=("chaser", "prey")),
     "walkers": Task("walk", 30_000, ("walker_0", "walker_1", "walker_2")),
     "four": Task("Four", 24_000, ("player_0", "player_1")),
+    "foraging": Task("foraging", 12_000, ("player_0", "player_1")),
     "circuit": Task("Circuit", 8_000, ("car_0",)),
     "carracing": Task("drive", 4_000),
+    "slime": Task("volley", 24_000, ("left", "right")),
     "old_gym": Task("pole", 12_000),
 }
 CHECKPOINTS = 12

@@ -9,6 +9,7 @@ import polars as pl
 
 from nathlon.api.candidates import Candidate, one_source
 from nathlon.api.selection import at_home, configured
+from nathlon.arena.entrance import endings_of
 from nathlon.arena.pool import Pool
 from nathlon.arena.world_registry import load_world
 from nathlon.judge.matrix.cells import plan_cells
@@ -81,12 +82,13 @@ def matrix(
             the folder cannot be written.
     """
     settings = configured(config, seed, workers=workers, world=world, loader=loader)
-    driver = one_source(policy)
     check_output(Path(out))
     with Pool(worker_count(settings.workers)) as pool:
+        endings = endings_of(pool, settings.world)
+        driver = one_source(policy, endings=endings)
         settings = at_home(pool, [driver], settings)
         where = settings.world, settings.circuit, settings.car
-        other = load_world(*where).baseline if baseline is None else one_source(baseline)
+        other = load_world(*where).baseline if baseline is None else one_source(baseline, endings=endings)
         output = OutputFolder(Path(out))
         plan = plan_cells(pool, driver, other, settings)
         pair = next(iter(plan.pairs.values()))

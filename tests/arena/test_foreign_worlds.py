@@ -177,7 +177,7 @@ def test_scalars_stay_scalars_between_processes() -> None:
     assert arrays["none"].shape == (0, 2)
 
 
-@pytest.mark.parametrize("file", [HOST, Path(wire.__file__)])
+@pytest.mark.parametrize("file", [HOST, HOST.with_name("policies_host.py"), Path(wire.__file__)])
 def test_what_runs_there_needs_numpy_alone_and_an_old_python(file: Path) -> None:
     tree = ast.parse(file.read_text(), feature_version=(3, 7))
     wanted = {

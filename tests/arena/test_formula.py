@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from nathlon.arena.world import WorldError
-from nathlon.arena.worlds.environment import SeatRecord
 from nathlon.arena.worlds.formula import Formula
+from nathlon.arena.worlds.seat_record import SeatRecord
 from nathlon.sim.errors import InputError
 from nathlon.sim.expressions import Quantity
 

@@ -23,6 +23,8 @@ from nathlon.arena.world import World
 from nathlon.arena.world_registry import load_world
 from nathlon.arena.worlds.loaded import LoadedPolicy, by_ending, loader_of
 from nathlon.policies.sources.finding import find_sources
+from nathlon.selection.config import Config
+from nathlon.selection.matrix_settings import MatrixSettings
 from nathlon.selection.nightly.watching import watch
 from nathlon.sim.errors import InputError
 from nathlon.sim.process import has_ended
@@ -232,6 +234,11 @@ def test_folders_hold_what_the_world_s_code_reads(tmp_path: Path) -> None:
         find_sources([folder])
     watched = watch([str(folder)], world.loaders)
     assert len(watched.digests) == 3
+    (tmp_path / "one").mkdir()
+    own = Path(names(tmp_path / "one", 1))
+    with refused(f"{own}: is the baseline, expected another policy"):
+        settings = Config(world=world.name, matrix=MatrixSettings(scenarios=("duel",)))
+        nathlon.matrix(own.parent, baseline=own.parent, config=settings, workers=1, progress=False)
 
 
 HOSTILE = '''

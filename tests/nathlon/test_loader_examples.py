@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,13 @@ def test_what_an_example_has_trained_plays(tmp_path: Path, name: str, needs: str
     files = [path for path in sorted(tmp_path.rglob("*")) if loader_of(example.world.loaders, str(path))]
     [score], [fault] = played(example.world, str(files[0]))
     assert (score > 5, fault) == (True, "")
+
+
+@pytest.mark.skipif("OLD_GYM" not in os.environ, reason="no interpreter with slimevolleygym")
+def test_an_old_game_of_two_plays_in_its_own_interpreter() -> None:
+    example = import_module("examples.worlds.slime")
+    (left, right), faults = played(example.world, "random")
+    assert (left + right, abs(left - right) > 0, faults) == (0, True, ["", ""])
 
 
 def test_a_simulator_of_lists_plays() -> None:

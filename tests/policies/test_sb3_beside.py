@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.spaces import Box, Dict, Discrete, Space, flatten
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
@@ -62,6 +64,16 @@ def saved(path: Path, environments: Any, policy: str = "MlpPolicy") -> Any:
         parameter.data *= 60.0 if "action_net" in name else 4.0 if "cnn" in name else 1.0
     model.save(path)
     return model
+
+
+def normalised_module() -> Any:
+    """What the page says how statistics come into a graph."""
+    page = Path(__file__).parent.parent.parent / "docs" / "bring-your-own-policy.md"
+    recipes = re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    (recipe,) = (text for text in recipes if "class Normalised" in text)
+    made: dict[str, Any] = {}
+    exec(compile(recipe, page.name, "exec"), made)
+    return made["Normalised"]
 
 
 def lived_in(environments: Any) -> None:
@@ -125,6 +137,9 @@ def test_statistics_are_applied_as_there(tmp_path: Path) -> None:
     loaded = VecNormalize.load(str(statistics), environments.venv)
     loaded.training = False
     agree(tmp_path / "rl_model_8_steps.zip", model, loaded, NUMBERS, 1000)
+    rows = shown()  # type: ignore[no-untyped-call]
+    folded = normalised_module()(torch.nn.Identity(), loaded)(torch.tensor(rows, dtype=torch.float32))
+    np.testing.assert_allclose(folded, loaded.normalize_obs(rows), atol=1e-5)
 
     policy = load_general(str(tmp_path / "rl_model_8_steps.zip"), NUMBERS, Discrete(4))
     assert policy.id == plain
